@@ -1,0 +1,373 @@
+//! The covariance and its kernels.
+//!
+//! P is stored whole, row by row, rows padded to a multiple of eight doubles. It is kept exactly
+//! symmetric: every kernel computes one triangle's meaning and writes both.
+//!
+//! Letters: P covariance (n×n), Φ transition (n×n), Q process noise, H Jacobian (m×n),
+//! S innovation covariance (m×m), K gain (n×m), R measurement noise (m×m).
+//!
+//! The inner loops run along padded rows of a length known at compile time; the portable code
+//! has no fused multiply-add, so that every machine gives the same bits.
+
+use crate::linear::{BlockMatrix, Jacobian, NoiseBlocks, Transition, padded};
+
+/// A symmetric covariance.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Covariance {
+    n: usize,
+    ld: usize,
+    p: Vec<f64>,
+}
+
+/// How an update keeps P positive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Form {
+    /// (I − KH)P(I − KH)ᵀ + KRKᵀ: positive for any gain.
+    #[default]
+    Joseph,
+    /// (I − KH)P, the textbook form: exact for the optimal gain only.
+    Standard,
+}
+
+/// Working memory of the kernels, sized once.
+#[derive(Clone, Debug)]
+pub struct Scratch {
+    a: Vec<f64>,
+    b: Vec<f64>,
+    /// H P, m × ld.
+    pub(crate) hp: Vec<f64>,
+    /// H P Hᵀ, m × m.
+    pub(crate) hph: Vec<f64>,
+    /// S, m × m.
+    pub(crate) s: Vec<f64>,
+    /// Cholesky factor of S, lower, m × m.
+    pub(crate) l: Vec<f64>,
+    /// Kᵀ, m × ld.
+    pub(crate) kt: Vec<f64>,
+}
+
+impl Scratch {
+    /// Memory for `n` states and measurements of up to `m` rows.
+    #[must_use]
+    pub fn new(n: usize, m: usize) -> Self {
+        let ld = padded(n);
+        Self {
+            a: vec![0.0; n * ld],
+            b: vec![0.0; n * ld],
+            hp: vec![0.0; m * ld],
+            hph: vec![0.0; m * m],
+            s: vec![0.0; m * m],
+            l: vec![0.0; m * m],
+            kt: vec![0.0; m * ld],
+        }
+    }
+}
+
+impl Covariance {
+    /// The zero covariance of dimension `n`.
+    #[must_use]
+    pub fn zeros(n: usize) -> Self {
+        let ld = padded(n);
+        Self { n, ld, p: vec![0.0; n * ld] }
+    }
+
+    /// Dimension.
+    #[must_use]
+    pub const fn dim(&self) -> usize {
+        self.n
+    }
+
+    /// One element.
+    #[must_use]
+    pub fn get(&self, i: usize, j: usize) -> f64 {
+        self.p[i * self.ld + j]
+    }
+
+    /// Standard deviation of tangent coordinate `i`; zero where rounding left a variance below it.
+    #[must_use]
+    pub fn sigma(&self, i: usize) -> f64 {
+        self.get(i, i).max(0.0).sqrt()
+    }
+
+    /// Sets one element and its mirror.
+    pub fn set(&mut self, i: usize, j: usize, value: f64) {
+        self.p[i * self.ld + j] = value;
+        self.p[j * self.ld + i] = value;
+    }
+
+    /// Forgets what `range` knows of everything else and sets its variances: a reset block.
+    pub fn reset_block(&mut self, range: core::ops::Range<usize>, sigma: &[f64]) {
+        for (k, i) in range.enumerate() {
+            for j in 0..self.n {
+                self.set(i, j, 0.0);
+            }
+            self.set(i, i, sigma[k] * sigma[k]);
+        }
+    }
+
+    fn row(&self, i: usize) -> &[f64] {
+        &self.p[i * self.ld..(i + 1) * self.ld]
+    }
+
+    /// P ← Φ(P + Q_before)Φᵀ + Q_after.
+    pub fn predict(&mut self, t: &Transition, w: &mut Scratch) {
+        self.add_noise(&t.before);
+        self.congruence(&t.phi, w);
+        self.add_noise(&t.after);
+    }
+
+    fn add_noise(&mut self, q: &NoiseBlocks) {
+        for &(i, j, value) in &q.entries {
+            self.p[i as usize * self.ld + j as usize] += value;
+        }
+    }
+
+    /// P ← Φ P Φᵀ, as Φ(ΦP)ᵀ: two passes along rows and a transposition between them.
+    pub fn congruence(&mut self, phi: &BlockMatrix, w: &mut Scratch) {
+        match self.ld {
+            8 => self.congruence_padded::<8>(phi, w),
+            16 => self.congruence_padded::<16>(phi, w),
+            24 => self.congruence_padded::<24>(phi, w),
+            32 => self.congruence_padded::<32>(phi, w),
+            40 => self.congruence_padded::<40>(phi, w),
+            48 => self.congruence_padded::<48>(phi, w),
+            _ => self.congruence_any(phi, w),
+        }
+    }
+
+    fn congruence_padded<const LD: usize>(&mut self, phi: &BlockMatrix, w: &mut Scratch) {
+        let (p, _) = self.p.as_chunks_mut::<LD>();
+        let (a, _) = w.a.as_chunks_mut::<LD>();
+        let (b, _) = w.b.as_chunks_mut::<LD>();
+        rows_padded(phi, p, a);
+        for i in 0..self.n {
+            for j in 0..self.n {
+                b[j][i] = a[i][j];
+            }
+        }
+        rows_padded(phi, b, p);
+        for i in 0..self.n {
+            for j in 0..i {
+                p[i][j] = p[j][i];
+            }
+        }
+    }
+
+    fn congruence_any(&mut self, phi: &BlockMatrix, w: &mut Scratch) {
+        let (n, ld) = (self.n, self.ld);
+        rows_any(phi, &self.p, &mut w.a, n, ld);
+        for i in 0..n {
+            for j in 0..n {
+                w.b[j * ld + i] = w.a[i * ld + j];
+            }
+        }
+        rows_any(phi, &w.b, &mut self.p, n, ld);
+        for i in 0..n {
+            for j in 0..i {
+                self.p[i * ld + j] = self.p[j * ld + i];
+            }
+        }
+    }
+
+    /// Fills `w.hp` with HP and `w.hph` with HPHᵀ.
+    pub(crate) fn project(&self, h: &Jacobian, w: &mut Scratch) {
+        let (m, ld) = (h.rows(), self.ld);
+        for i in 0..m {
+            let out = &mut w.hp[i * ld..(i + 1) * ld];
+            out.fill(0.0);
+            let hi = h.row(i);
+            for &(start, end) in h.columns() {
+                for (k, &factor) in hi[start..end].iter().enumerate() {
+                    if factor != 0.0 {
+                        axpy(factor, self.row(start + k), out);
+                    }
+                }
+            }
+        }
+        for i in 0..m {
+            for j in 0..=i {
+                let hj = h.row(j);
+                let hp = &w.hp[i * ld..(i + 1) * ld];
+                let mut sum = 0.0;
+                for &(start, end) in h.columns() {
+                    for k in start..end {
+                        sum += hp[k] * hj[k];
+                    }
+                }
+                w.hph[i * m + j] = sum;
+                w.hph[j * m + i] = sum;
+            }
+        }
+    }
+
+    /// Conditions P on a measurement already projected: `w.hp`, and `w.kt` = Kᵀ.
+    pub(crate) fn update(&mut self, form: Form, h: &Jacobian, r: &[f64], w: &mut Scratch) {
+        let (n, ld, m) = (self.n, self.ld, h.rows());
+        // A = P − K(HP)
+        for i in 0..n {
+            let row = &mut self.p[i * ld..(i + 1) * ld];
+            for j in 0..m {
+                axpy(-w.kt[j * ld + i], &w.hp[j * ld..(j + 1) * ld], row);
+            }
+        }
+        if form == Form::Joseph {
+            // P⁺ = A − (A Hᵀ − K R) Kᵀ
+            for i in 0..n {
+                let row = &mut self.p[i * ld..(i + 1) * ld];
+                let coefficients = &mut w.a[..m];
+                for (j, c) in coefficients.iter_mut().enumerate() {
+                    let hj = h.row(j);
+                    let mut sum = 0.0;
+                    for &(start, end) in h.columns() {
+                        for k in start..end {
+                            sum += row[k] * hj[k];
+                        }
+                    }
+                    for l in 0..m {
+                        sum -= w.kt[l * ld + i] * r[l * m + j];
+                    }
+                    *c = sum;
+                }
+                for (j, c) in coefficients.iter().enumerate() {
+                    axpy(-c, &w.kt[j * ld..(j + 1) * ld], row);
+                }
+            }
+        }
+        self.symmetrise();
+    }
+
+    /// P ← P + Σ_ab G_a M_ab G_bᵀ for the rows of Gᵀ (m × ld) in `gt` and M symmetric (m × m).
+    pub(crate) fn inflate(&mut self, gt: &[f64], m_matrix: &[f64], m: usize) {
+        let ld = self.ld;
+        for i in 0..self.n {
+            for a in 0..m {
+                let mut c = 0.0;
+                for b in 0..m {
+                    c += gt[b * ld + i] * m_matrix[b * m + a];
+                }
+                axpy(c, &gt[a * ld..(a + 1) * ld], &mut self.p[i * ld..(i + 1) * ld]);
+            }
+        }
+        self.symmetrise();
+    }
+
+    fn symmetrise(&mut self) {
+        let ld = self.ld;
+        for i in 0..self.n {
+            for j in 0..i {
+                let mean = 0.5 * (self.p[i * ld + j] + self.p[j * ld + i]);
+                self.p[i * ld + j] = mean;
+                self.p[j * ld + i] = mean;
+            }
+        }
+    }
+}
+
+fn axpy(factor: f64, x: &[f64], y: &mut [f64]) {
+    for (y, x) in y.iter_mut().zip(x) {
+        *y += factor * x;
+    }
+}
+
+fn rows_padded<const LD: usize>(phi: &BlockMatrix, input: &[[f64; LD]], out: &mut [[f64; LD]]) {
+    for (i, out) in out.iter_mut().enumerate().take(phi.dim()) {
+        let (row, ranges) = phi.row(i);
+        if ranges.is_empty() {
+            *out = input[i];
+            continue;
+        }
+        let mut sum = [0.0; LD];
+        let mut diagonal = false;
+        for &(start, end) in ranges {
+            let (start, end) = (start as usize, end as usize);
+            diagonal |= (start..end).contains(&i);
+            for k in start..end {
+                let factor = row[k];
+                for (s, x) in sum.iter_mut().zip(&input[k]) {
+                    *s += factor * x;
+                }
+            }
+        }
+        if !diagonal {
+            for (s, x) in sum.iter_mut().zip(&input[i]) {
+                *s += x;
+            }
+        }
+        *out = sum;
+    }
+}
+
+fn rows_any(phi: &BlockMatrix, input: &[f64], out: &mut [f64], n: usize, ld: usize) {
+    for i in 0..n {
+        let (row, ranges) = phi.row(i);
+        let out = &mut out[i * ld..(i + 1) * ld];
+        out.fill(0.0);
+        let mut diagonal = false;
+        for &(start, end) in ranges {
+            let (start, end) = (start as usize, end as usize);
+            diagonal |= (start..end).contains(&i);
+            for k in start..end {
+                axpy(row[k], &input[k * ld..(k + 1) * ld], out);
+            }
+        }
+        if !diagonal {
+            axpy(1.0, &input[i * ld..(i + 1) * ld], out);
+        }
+    }
+}
+
+/// Lower Cholesky factor of the symmetric m×m matrix `s` into `l`; false if it is not positive
+/// definite.
+pub(crate) fn cholesky(s: &[f64], l: &mut [f64], m: usize) -> bool {
+    for i in 0..m {
+        for j in 0..=i {
+            let mut sum = s[i * m + j];
+            for k in 0..j {
+                sum -= l[i * m + k] * l[j * m + k];
+            }
+            if i == j {
+                if !(sum > 0.0 && sum.is_finite()) {
+                    return false;
+                }
+                l[i * m + i] = sum.sqrt();
+            } else {
+                l[i * m + j] = sum / l[j * m + j];
+            }
+        }
+        l[i * m + i + 1..(i + 1) * m].fill(0.0);
+    }
+    true
+}
+
+/// Solves L y = b in place.
+pub(crate) fn solve_lower(l: &[f64], b: &mut [f64], m: usize) {
+    for i in 0..m {
+        let mut sum = b[i];
+        for k in 0..i {
+            sum -= l[i * m + k] * b[k];
+        }
+        b[i] = sum / l[i * m + i];
+    }
+}
+
+/// Solves (L Lᵀ) X = B in place for B of `m` rows of length `ld`.
+pub(crate) fn solve_rows(l: &[f64], b: &mut [f64], m: usize, ld: usize) {
+    for i in 0..m {
+        let (done, rest) = b.split_at_mut(i * ld);
+        let row = &mut rest[..ld];
+        for k in 0..i {
+            axpy(-l[i * m + k], &done[k * ld..(k + 1) * ld], row);
+        }
+        let inverse = 1.0 / l[i * m + i];
+        row.iter_mut().for_each(|v| *v *= inverse);
+    }
+    for i in (0..m).rev() {
+        let (head, tail) = b.split_at_mut((i + 1) * ld);
+        let row = &mut head[i * ld..];
+        for k in i + 1..m {
+            axpy(-l[k * m + i], &tail[(k - i - 1) * ld..(k - i) * ld], row);
+        }
+        let inverse = 1.0 / l[i * m + i];
+        row.iter_mut().for_each(|v| *v *= inverse);
+    }
+}

@@ -1,0 +1,4 @@
+//! Rotations and the ellipsoid: the geometry that states live on.
+
+pub mod so3;
+pub mod wgs84;

@@ -1,0 +1,221 @@
+//! The WGS-84 ellipsoid and geodetic position as a manifold.
+//!
+//! Position    latitude φ, longitude λ \[rad\], height h above the ellipsoid \[m\]
+//! Tangent     `δr_n = [δN, δE, δD]` \[m\] at the point, north-east-down
+//! ⊞           `φ + δN/(RM+h)`, `λ + δE/((RN+h) cos φ)`, `h − δD`, scales taken at the base point
+//! ⊟           the inverse of ⊞ about the base point, exact up to rounding of φ and λ
+//!             (an ulp of λ near π is 3e-9 m)
+//! Valid       a chart, not a geodesic: metres are true to first order, which a filter's error
+//!             needs. For exact local coordinates go through Earth-centred axes.
+//! Poles       cos φ is held at or above 1e-6 in size (a ring of 6 m), so every result is finite.
+//!             A latitude pushed past ±90° is left there: it still names the right point.
+//! Source      NIMA TR8350.2; Groves 2013, eqs. 2.105, 2.106, 2.111
+
+use nalgebra::Vector3;
+
+use super::so3::wrap_angle;
+
+/// Semi-major axis a \[m\].
+pub const SEMI_MAJOR_AXIS: f64 = 6_378_137.0;
+/// Flattening f.
+pub const FLATTENING: f64 = 1.0 / 298.257_223_563;
+/// Semi-minor axis b = a(1 − f) \[m\].
+pub const SEMI_MINOR_AXIS: f64 = SEMI_MAJOR_AXIS * (1.0 - FLATTENING);
+/// First eccentricity squared e² = f(2 − f).
+pub const ECCENTRICITY_SQUARED: f64 = FLATTENING * (2.0 - FLATTENING);
+/// Earth's rotation rate Ω \[rad/s\].
+pub const EARTH_RATE: f64 = 7.292_115e-5;
+/// Gravitational constant times Earth's mass, GM \[m³/s²\].
+pub const GM: f64 = 3.986_004_418e14;
+
+/// The least |cos φ| used in a divisor.
+const COS_LATITUDE_FLOOR: f64 = 1e-6;
+
+/// Radii of curvature \[m\], or their derivatives with latitude \[m/rad\].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Radii {
+    /// Along the meridian, RM (north-south).
+    pub meridian: f64,
+    /// Along the prime vertical, RN (east-west).
+    pub normal: f64,
+}
+
+impl Radii {
+    /// RM and RN from sin²φ.
+    #[inline]
+    #[must_use]
+    pub fn of_sin_squared(sin2: f64) -> Self {
+        let w2 = 1.0 - ECCENTRICITY_SQUARED * sin2;
+        let normal = SEMI_MAJOR_AXIS / w2.sqrt();
+        Self { meridian: normal * (1.0 - ECCENTRICITY_SQUARED) / w2, normal }
+    }
+}
+
+/// RM and RN at a latitude \[rad\]:
+/// `RM = a(1−e²)/(1−e²sin²φ)^{3/2}`, `RN = a/(1−e²sin²φ)^{1/2}`.
+#[inline]
+#[must_use]
+pub fn radii(lat: f64) -> Radii {
+    let s = lat.sin();
+    Radii::of_sin_squared(s * s)
+}
+
+/// dRM/dφ and dRN/dφ \[m/rad\]: `3 RM e² sc/(1−e²s²)` and `RN e² sc/(1−e²s²)`.
+#[inline]
+#[must_use]
+pub fn radii_derivative(lat: f64) -> Radii {
+    let (s, c) = lat.sin_cos();
+    let r = Radii::of_sin_squared(s * s);
+    let k = ECCENTRICITY_SQUARED * s * c / (1.0 - ECCENTRICITY_SQUARED * s * s);
+    Radii { meridian: 3.0 * r.meridian * k, normal: r.normal * k }
+}
+
+/// cos φ for use in a divisor: the sign is kept, the size is at least 1e-6.
+#[inline]
+#[must_use]
+pub fn divisible_cos(cos_lat: f64) -> f64 {
+    cos_lat.abs().max(COS_LATITUDE_FLOOR).copysign(cos_lat)
+}
+
+/// A geodetic position on WGS-84.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Geodetic {
+    /// Geodetic latitude φ \[rad\], north positive.
+    pub lat: f64,
+    /// Longitude λ \[rad\], east positive.
+    pub lon: f64,
+    /// Height above the ellipsoid h \[m\], up positive.
+    pub height: f64,
+}
+
+impl Geodetic {
+    /// From latitude and longitude \[rad\] and height \[m\].
+    #[inline]
+    #[must_use]
+    pub const fn new(lat: f64, lon: f64, height: f64) -> Self {
+        Self { lat, lon, height }
+    }
+
+    /// Metres per radian of latitude and of longitude at this point:
+    /// `RM + h` and `(RN + h) cos φ`, with cos φ held off zero.
+    #[inline]
+    #[must_use]
+    pub fn metres_per_radian(&self) -> (f64, f64) {
+        let (s, c) = self.lat.sin_cos();
+        let r = Radii::of_sin_squared(s * s);
+        (r.meridian + self.height, (r.normal + self.height) * divisible_cos(c))
+    }
+
+    /// `self ⊞ δr`: the point displaced by `d_ned` = \[δN, δE, δD\] \[m\] in the chart of this
+    /// point. Longitude comes back in (−π, π].
+    #[inline]
+    #[must_use]
+    pub fn offset(&self, d_ned: &Vector3<f64>) -> Self {
+        let (north, east) = self.metres_per_radian();
+        Self {
+            lat: self.lat + d_ned.x / north,
+            lon: wrap_angle(self.lon + d_ned.y / east),
+            height: self.height - d_ned.z,
+        }
+    }
+
+    /// `self ⊟ other` = \[δN, δE, δD\] \[m\] in the chart of `other`, so that
+    /// `other.offset(&self.difference(other)) == self` up to rounding. The shorter way round
+    /// in longitude.
+    #[inline]
+    #[must_use]
+    pub fn difference(&self, other: &Self) -> Vector3<f64> {
+        let (north, east) = other.metres_per_radian();
+        Vector3::new(
+            (self.lat - other.lat) * north,
+            wrap_angle(self.lon - other.lon) * east,
+            other.height - self.height,
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::f64::consts::{FRAC_PI_2, PI};
+
+    #[test]
+    fn radii_match_the_tabulated_values() {
+        let table = [
+            (0.0, 6_335_439.3273, 6_378_137.0),
+            (30.0, 6_351_377.1037, 6_383_480.9177),
+            (36.098_277_778, 6_357_586.8804, 6_385_560.6283),
+            (45.0, 6_367_381.8156, 6_388_838.2901),
+            (60.0, 6_383_453.8572, 6_394_209.1738),
+            (90.0, 6_399_593.6258, 6_399_593.6258),
+        ];
+        for (lat, meridian, normal) in table {
+            let r = radii(f64::to_radians(lat));
+            // 6e-5 m: the table has four decimals.
+            assert!((r.meridian - meridian).abs() < 6e-5, "{lat} {}", r.meridian);
+            assert!((r.normal - normal).abs() < 6e-5, "{lat} {}", r.normal);
+        }
+        assert!((ECCENTRICITY_SQUARED - 0.006_694_379_990_14).abs() < 5e-15); // its digits
+    }
+
+    #[test]
+    fn metres_per_degree_match_the_tabulated_site() {
+        let (north, east) = Geodetic::new(36.098_277_778_f64.to_radians(), 2.26, 0.0).metres_per_radian();
+        // 6e-5 m: the table has four decimals.
+        assert!((north.to_radians() - 110_960.8235).abs() < 6e-5);
+        assert!((east.to_radians() - 90_051.6848).abs() < 6e-5);
+    }
+
+    #[test]
+    fn radii_derivative_matches_central_differences() {
+        let h = 1e-5;
+        for lat in [-1.2, -0.3, 0.0, 0.63, 1.5] {
+            let (d, p, m) = (radii_derivative(lat), radii(lat + h), radii(lat - h));
+            // 1e-3 m/rad of up to 1e5: rounding of 6e6 m (1e-9) over 2h.
+            assert!((d.meridian - (p.meridian - m.meridian) / (2.0 * h)).abs() < 1e-3, "{lat}");
+            assert!((d.normal - (p.normal - m.normal) / (2.0 * h)).abs() < 1e-3, "{lat}");
+        }
+    }
+
+    #[test]
+    fn difference_inverts_offset_everywhere_including_the_date_line_and_the_poles() {
+        let d = Vector3::new(1.5, -2.5, 30.0);
+        for lat in [-FRAC_PI_2, -1.0, 0.0, 0.63, 1.55, FRAC_PI_2] {
+            for lon in [-PI, -3.141_592_6, 0.0, 2.259, PI] {
+                let p = Geodetic::new(lat, lon, -23.0);
+                let q = p.offset(&d);
+                assert!(q.lon > -PI && q.lon <= PI);
+                // 1e-8 m: a few ulps of an angle near π, 3e-9 m each.
+                assert!((q.difference(&p) - d).amax() < 1e-8, "{lat} {lon} {}", q.difference(&p));
+            }
+        }
+    }
+
+    #[test]
+    fn offset_inverts_difference() {
+        let p = Geodetic::new(0.63, 3.14, 100.0);
+        let q = Geodetic::new(0.6301, -3.1415, -50.0);
+        let back = p.offset(&q.difference(&p));
+        // 4 ulps of each coordinate.
+        assert!((back.lat - q.lat).abs() < 5e-16 && (back.lon - q.lon).abs() < 2e-15);
+        assert!((back.height - q.height).abs() < 1e-13);
+        assert!(q.difference(&p).y > 0.0, "the short way goes east across the date line");
+    }
+
+    #[test]
+    fn offset_north_and_east_match_meridian_and_parallel_arcs() {
+        // Oracle: rectifying series of the meridian arc from the equator to 1°, 110 574.3886 m.
+        let steps = 1000;
+        let mut p = Geodetic::new(0.0, 0.0, 0.0);
+        for _ in 0..steps {
+            p = p.offset(&Vector3::new(110_574.3886 / f64::from(steps), 0.0, 0.0));
+        }
+        // 2e-9 rad = 1 cm: a first-order chart applied in steps of 110 m.
+        assert!((p.lat - 1_f64.to_radians()).abs() < 2e-9, "{}", p.lat.to_degrees());
+        // A full parallel closes: 2π RN cos φ metres east.
+        let start = Geodetic::new(0.8, 1.0, 0.0);
+        let circle = core::f64::consts::TAU * radii(0.8).normal * 0.8_f64.cos();
+        let end = start.offset(&Vector3::new(0.0, circle, 0.0));
+        assert!((end.lon - 1.0).abs() < 1e-14); // rounding of 2π
+    }
+}

@@ -1,0 +1,341 @@
+//! Sparse linear maps on the tangent space: Φ, chart changes, Jacobians H.
+//!
+//! Models write small dense blocks; the pattern of blocks is learnt from what they write and
+//! then stays, so that later calls allocate nothing and the kernels touch only what is there.
+
+use crate::state::{Layout, Manifold, Quantity, Signal, Slot, Tangent};
+use nalgebra::SMatrix;
+
+/// Row length of a padded matrix of `n` columns: the next multiple of 8 doubles.
+#[must_use]
+pub const fn padded(n: usize) -> usize {
+    n.div_ceil(8) * 8
+}
+
+/// A square block-sparse map, identity where nothing is written.
+#[derive(Clone, Debug)]
+pub struct BlockMatrix {
+    n: usize,
+    ld: usize,
+    data: Vec<f64>,
+    /// Per row, the ranges of columns that may be non-zero besides the identity.
+    rows: Vec<Vec<(u16, u16)>>,
+}
+
+impl BlockMatrix {
+    /// The identity on `n` dimensions.
+    #[must_use]
+    pub fn identity(n: usize) -> Self {
+        let ld = padded(n);
+        let mut m = Self { n, ld, data: vec![0.0; n * ld], rows: vec![Vec::new(); n] };
+        m.reset();
+        m
+    }
+
+    /// Dimension.
+    #[must_use]
+    pub const fn dim(&self) -> usize {
+        self.n
+    }
+
+    /// Back to the identity, the learnt pattern kept.
+    pub fn reset(&mut self) {
+        for (i, ranges) in self.rows.iter().enumerate() {
+            let row = &mut self.data[i * self.ld..(i + 1) * self.ld];
+            for &(start, end) in ranges {
+                row[start as usize..end as usize].fill(0.0);
+            }
+            row[i] = 1.0;
+        }
+    }
+
+    /// Sets the block at (`row`, `col`), identity included: a diagonal block of I + FΔt is given
+    /// whole.
+    pub fn set<A, B, const R: usize, const C: usize>(&mut self, row: Slot<A>, col: Slot<B>, block: &SMatrix<f64, R, C>)
+    where
+        A: Tangent<R>,
+        B: Tangent<C>,
+    {
+        self.set_at(row.tangent, col.tangent, block);
+    }
+
+    /// Sets the block whose first element is at (`row`, `col`) of the tangent space.
+    pub(crate) fn set_at<const R: usize, const C: usize>(&mut self, row: usize, col: usize, block: &SMatrix<f64, R, C>) {
+        for i in 0..R {
+            self.mark(row + i, col, C);
+            let at = (row + i) * self.ld + col;
+            for j in 0..C {
+                self.data[at + j] = block[(i, j)];
+            }
+        }
+    }
+
+    /// Sets one element.
+    pub(crate) fn set_element(&mut self, row: usize, col: usize, value: f64) {
+        self.mark(row, col, 1);
+        self.data[row * self.ld + col] = value;
+    }
+
+    fn mark(&mut self, row: usize, col: usize, len: usize) {
+        let ranges = &mut self.rows[row];
+        let (start, end) = (col as u16, (col + len) as u16);
+        if ranges.iter().any(|&(s, e)| s <= start && end <= e) {
+            return;
+        }
+        ranges.push((start, end));
+        ranges.sort_unstable();
+        // Merge neighbours and overlaps: one pass of contiguous columns per run.
+        let mut merged: Vec<(u16, u16)> = Vec::with_capacity(ranges.len());
+        for &(s, e) in ranges.iter() {
+            match merged.last_mut() {
+                Some(last) if s <= last.1 => last.1 = last.1.max(e),
+                _ => merged.push((s, e)),
+            }
+        }
+        *ranges = merged;
+    }
+
+    /// One element.
+    #[must_use]
+    pub fn get(&self, row: usize, col: usize) -> f64 {
+        self.data[row * self.ld + col]
+    }
+
+    pub(crate) fn row(&self, i: usize) -> (&[f64], &[(u16, u16)]) {
+        (&self.data[i * self.ld..(i + 1) * self.ld], &self.rows[i])
+    }
+}
+
+/// The discrete transition over one step: Φ and the process noise, in the canonical chart.
+#[derive(Clone, Debug)]
+pub struct Transition {
+    /// Φ = ∂(x⁺ ⊟ x̂⁺)/∂(x ⊟ x̂).
+    pub phi: BlockMatrix,
+    /// Noise added before Φ: P⁺ = Φ(P + Q_before)Φᵀ + Q_after.
+    pub(crate) before: NoiseBlocks,
+    /// Noise added after Φ.
+    pub(crate) after: NoiseBlocks,
+}
+
+impl Transition {
+    /// The identity without noise.
+    #[must_use]
+    pub fn new(layout: &Layout) -> Self {
+        let n = layout.dim();
+        Self { phi: BlockMatrix::identity(n), before: NoiseBlocks::default(), after: NoiseBlocks::default() }
+    }
+
+    /// Back to the identity without noise; the learnt pattern is kept.
+    pub fn reset(&mut self) {
+        self.phi.reset();
+        self.before.entries.clear();
+        self.after.entries.clear();
+    }
+
+    /// Sets the block ∂row/∂col of Φ (whole, with its identity on the diagonal).
+    pub fn set<A, B, const R: usize, const C: usize>(&mut self, row: Slot<A>, col: Slot<B>, block: &SMatrix<f64, R, C>)
+    where
+        A: Tangent<R>,
+        B: Tangent<C>,
+    {
+        self.phi.set(row, col, block);
+    }
+
+    /// Adds `block` to the discrete process noise at (`row`, `col`), both triangles, after Φ.
+    pub fn noise<A, B, const R: usize, const C: usize>(&mut self, row: Slot<A>, col: Slot<B>, block: &SMatrix<f64, R, C>)
+    where
+        A: Tangent<R>,
+        B: Tangent<C>,
+    {
+        self.after.add(row.tangent, col.tangent, block, 1.0);
+    }
+
+    /// Adds half of `block` before Φ and half after it: the trapezoidal rule
+    /// Q_d = ½(ΦQΦᵀ + Q) for Q = G Q_c Gᵀ Δt (spec: ½(ΦGQ_cGᵀΦᵀ + GQ_cGᵀ)Δt).
+    pub fn noise_trapezoid<A, B, const R: usize, const C: usize>(&mut self, row: Slot<A>, col: Slot<B>, block: &SMatrix<f64, R, C>)
+    where
+        A: Tangent<R>,
+        B: Tangent<C>,
+    {
+        self.before.add(row.tangent, col.tangent, block, 0.5);
+        self.after.add(row.tangent, col.tangent, block, 0.5);
+    }
+}
+
+/// Noise as a list of elements of the symmetric Q.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct NoiseBlocks {
+    pub(crate) entries: Vec<(u16, u16, f64)>,
+}
+
+impl NoiseBlocks {
+    pub(crate) fn diagonal(&mut self, i: usize, value: f64) {
+        self.entries.push((i as u16, i as u16, value));
+    }
+
+    fn add<const R: usize, const C: usize>(&mut self, row: usize, col: usize, block: &SMatrix<f64, R, C>, scale: f64) {
+        for i in 0..R {
+            for j in 0..C {
+                let value = block[(i, j)] * scale;
+                if value != 0.0 {
+                    self.entries.push(((row + i) as u16, (col + j) as u16, value));
+                    if row != col {
+                        self.entries.push(((col + j) as u16, (row + i) as u16, value));
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The Jacobian of a measurement (or of the process's signals), written in blocks.
+#[derive(Clone, Debug)]
+pub struct Jacobian {
+    rows: usize,
+    ld: usize,
+    signal_dim: usize,
+    h: Vec<f64>,
+    by_signal: Vec<f64>,
+    columns: Vec<(usize, usize)>,
+    signals_used: bool,
+}
+
+impl Jacobian {
+    /// Room for up to `max_rows` rows over the tangent space of `layout`.
+    #[must_use]
+    pub fn new(layout: &Layout, max_rows: usize) -> Self {
+        let ld = padded(layout.dim());
+        let signal_dim = layout.signal_dim();
+        Self {
+            rows: max_rows,
+            ld,
+            signal_dim,
+            h: vec![0.0; max_rows * ld],
+            by_signal: vec![0.0; max_rows * signal_dim],
+            columns: Vec::with_capacity(layout.blocks().len()),
+            signals_used: false,
+        }
+    }
+
+    /// Empties it for a model of `rows` rows (at most what it was made for).
+    pub fn reset(&mut self, rows: usize) {
+        debug_assert!(rows * self.ld <= self.h.len());
+        self.rows = rows;
+        self.h[..rows * self.ld].fill(0.0);
+        self.by_signal[..rows * self.signal_dim].fill(0.0);
+        self.columns.clear();
+        self.signals_used = false;
+    }
+
+    /// Adds ∂h/∂`quantity`, its first row at `row`: a no-op where the quantity is fixed.
+    pub fn add<M, const R: usize, const C: usize>(&mut self, row: usize, quantity: &Quantity<M>, block: &SMatrix<f64, R, C>)
+    where
+        M: Tangent<C>,
+    {
+        match quantity {
+            Quantity::Fixed(_) => {}
+            Quantity::State(slot) => self.add_state(row, slot.tangent, block),
+            Quantity::Signal(signal) => self.add_signal(row, signal, block),
+        }
+    }
+
+    /// Adds ∂h/∂`slot`, its first row at `row`.
+    pub fn add_slot<M, const R: usize, const C: usize>(&mut self, row: usize, slot: Slot<M>, block: &SMatrix<f64, R, C>)
+    where
+        M: Tangent<C>,
+    {
+        self.add_state(row, slot.tangent, block);
+    }
+
+    fn add_signal<M: Manifold, const R: usize, const C: usize>(&mut self, row: usize, signal: &Signal<M>, block: &SMatrix<f64, R, C>) {
+        self.signals_used = true;
+        for i in 0..R {
+            for j in 0..C {
+                self.by_signal[(row + i) * self.signal_dim + signal.tangent + j] += block[(i, j)];
+            }
+        }
+    }
+
+    fn add_state<const R: usize, const C: usize>(&mut self, row: usize, col: usize, block: &SMatrix<f64, R, C>) {
+        self.touch(col, C);
+        for i in 0..R {
+            let at = (row + i) * self.ld + col;
+            for j in 0..C {
+                self.h[at + j] += block[(i, j)];
+            }
+        }
+    }
+
+    pub(crate) fn add_element(&mut self, row: usize, col: usize, value: f64) {
+        self.touch(col, 1);
+        self.h[row * self.ld + col] += value;
+    }
+
+    pub(crate) fn add_signal_element(&mut self, row: usize, col: usize, value: f64) {
+        self.signals_used = true;
+        self.by_signal[row * self.signal_dim + col] += value;
+    }
+
+    fn touch(&mut self, col: usize, len: usize) {
+        let end = col + len;
+        if !self.columns.iter().any(|&(s, e)| s <= col && end <= e) {
+            // Ranges are blocks or elements of blocks: where two meet, one contains the other.
+            self.columns.retain(|&(s, e)| !(col <= s && e <= end));
+            self.columns.push((col, end));
+        }
+    }
+
+    /// Whether a signal's Jacobian is needed to complete this one.
+    #[must_use]
+    pub const fn needs_signals(&self) -> bool {
+        self.signals_used
+    }
+
+    /// Applies the chain rule: H += ∂h/∂s · ∂s/∂x.
+    pub fn chain(&mut self, signals: &Self) {
+        if !self.signals_used {
+            return;
+        }
+        for &(start, end) in &signals.columns {
+            self.touch(start, end - start);
+        }
+        for i in 0..self.rows {
+            for s in 0..self.signal_dim {
+                let factor = self.by_signal[i * self.signal_dim + s];
+                if factor == 0.0 {
+                    continue;
+                }
+                for &(start, end) in &signals.columns {
+                    for j in start..end {
+                        self.h[i * self.ld + j] += factor * signals.h[s * self.ld + j];
+                    }
+                }
+            }
+        }
+        self.signals_used = false;
+    }
+
+    /// Rows in use.
+    #[must_use]
+    pub const fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// One element of H.
+    #[must_use]
+    pub fn get(&self, row: usize, col: usize) -> f64 {
+        self.h[row * self.ld + col]
+    }
+
+    /// One row of H, padded.
+    #[must_use]
+    pub fn row(&self, i: usize) -> &[f64] {
+        &self.h[i * self.ld..(i + 1) * self.ld]
+    }
+
+    /// Ranges of columns that may be non-zero; they do not overlap.
+    #[must_use]
+    pub fn columns(&self) -> &[(usize, usize)] {
+        &self.columns
+    }
+}

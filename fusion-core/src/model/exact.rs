@@ -1,0 +1,191 @@
+//! Exact derivatives for models that write only h.
+//!
+//! An author implements [`ExactModel::h`] once, generic over the number type, and wraps the
+//! model in [`Exact`]. Dual numbers carry the derivative along one tangent direction at a time;
+//! only the directions of the quantities that h reads are evaluated.
+
+use super::measurement::{Measurement, Size, Undefined};
+use crate::geometry::wgs84;
+use crate::linear::Jacobian;
+use crate::state::{Angle, Attitude, Geodetic, Manifold, Position, Quantity, Scalar, Vector, Velocity, View};
+use core::cell::Cell;
+use core::fmt::Debug;
+use nalgebra::{SVector, Vector3};
+use num_dual::{Dual64, DualNum};
+
+/// A real or dual number over `f64`: what h is generic in.
+pub trait Real: DualNum<Primitive = f64> + Copy {}
+impl<D: DualNum<Primitive = f64> + Copy> Real for D {}
+
+/// Numbers of the largest residual an [`ExactModel`] may have.
+pub const MAX_RESIDUAL: usize = 16;
+
+/// A measurement model given by h alone.
+pub trait ExactModel: Debug + Send + Sync {
+    /// Numbers in h.
+    fn dim(&self) -> usize;
+
+    /// h(x) into `z`, for real and dual numbers alike.
+    ///
+    /// # Errors
+    /// [`Undefined`] where h has no value or derivative.
+    fn h<D: Real>(&self, x: &ExactView<'_, D>, z: &mut [D]) -> Result<(), Undefined>;
+}
+
+/// The state in dual numbers, perturbed along one tangent direction.
+#[derive(Debug)]
+pub struct ExactView<'a, D> {
+    at: &'a View<'a>,
+    seed: Option<(Source, usize, D)>,
+    read: Cell<Option<Next>>,
+    cursor: Cell<usize>,
+    wanted: usize,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Source {
+    State,
+    Signal,
+}
+
+/// One quantity read by h: where its tangent starts and how long it is.
+#[derive(Clone, Copy, Debug)]
+struct Next {
+    source: Source,
+    tangent: usize,
+    dim: usize,
+}
+
+impl<'a, D: Real> ExactView<'a, D> {
+    fn new(at: &'a View<'a>, seed: Option<(Source, usize, D)>, wanted: usize) -> Self {
+        Self { at, seed, read: Cell::new(None), cursor: Cell::new(0), wanted }
+    }
+
+    /// Notes the reading of a quantity and returns its perturbation along tangent axis `i`.
+    fn note<M: Manifold>(&self, q: &Quantity<M>) -> Option<(Source, usize)> {
+        let (source, tangent) = match q {
+            Quantity::Fixed(_) => return None,
+            Quantity::State(s) => (Source::State, s.tangent),
+            Quantity::Signal(s) => (Source::Signal, s.tangent),
+        };
+        if self.cursor.get() == self.wanted {
+            self.read.set(Some(Next { source, tangent, dim: M::KIND.dim() }));
+        }
+        self.cursor.set(self.cursor.get() + 1);
+        Some((source, tangent))
+    }
+
+    fn delta(&self, place: Option<(Source, usize)>, i: usize) -> D {
+        match (place, &self.seed) {
+            (Some((source, tangent)), Some((s, k, d))) if source == *s && tangent + i == *k => *d,
+            _ => D::from(0.0),
+        }
+    }
+
+    fn additive<M: Manifold, const N: usize>(&self, q: &Quantity<M>, value: SVector<f64, N>) -> SVector<D, N> {
+        let place = self.note(q);
+        SVector::from_fn(|i, _| self.delta(place, i) + value[i])
+    }
+
+    /// A scalar quantity.
+    pub fn scalar(&self, q: &Quantity<Scalar>) -> D {
+        self.additive(q, SVector::from([self.at.get(q)]))[0]
+    }
+
+    /// An angle [rad].
+    pub fn angle(&self, q: &Quantity<Angle>) -> D {
+        self.additive(q, SVector::from([self.at.get(q)]))[0]
+    }
+
+    /// A velocity [m/s].
+    pub fn velocity(&self, q: &Quantity<Velocity>) -> Vector3<D> {
+        self.additive(q, self.at.get(q))
+    }
+
+    /// A Cartesian position [m].
+    pub fn position(&self, q: &Quantity<Position>) -> Vector3<D> {
+        self.additive(q, self.at.get(q))
+    }
+
+    /// A vector of N numbers.
+    pub fn vector<const N: usize>(&self, q: &Quantity<Vector<N>>) -> SVector<D, N> {
+        self.additive(q, self.at.get(q))
+    }
+
+    /// A geodetic position as latitude, longitude [rad] and height [m].
+    pub fn geodetic(&self, q: &Quantity<Geodetic>) -> [D; 3] {
+        let p = self.at.get(q);
+        let place = self.note(q);
+        let r = wgs84::radii(p.lat);
+        [
+            self.delta(place, 0) * (1.0 / (r.meridian + p.height)) + p.lat,
+            self.delta(place, 1) * (1.0 / ((r.normal + p.height) * p.lat.cos())) + p.lon,
+            -self.delta(place, 2) + p.height,
+        ]
+    }
+
+    /// Rotates `v` from body to navigation by an attitude: C_nb v.
+    pub fn rotate(&self, q: &Quantity<Attitude>, v: &Vector3<D>) -> Vector3<D> {
+        self.matrix(q) * v
+    }
+
+    /// C_nb of an attitude.
+    pub fn matrix(&self, q: &Quantity<Attitude>) -> nalgebra::Matrix3<D> {
+        let c = self.at.get(q).to_rotation_matrix().into_inner();
+        let place = self.note(q);
+        let d = Vector3::from_fn(|i, _| self.delta(place, i));
+        let one = D::from(1.0);
+        // Exp(δ) to first order is all a derivative needs, and δ = 0 in value.
+        #[rustfmt::skip]
+        let exp = nalgebra::Matrix3::new(
+            one, -d[2], d[1],
+            d[2], one, -d[0],
+            -d[1], d[0], one,
+        );
+        nalgebra::Matrix3::from_fn(|i, j| exp[(0, j)] * c[(i, 0)] + exp[(1, j)] * c[(i, 1)] + exp[(2, j)] * c[(i, 2)])
+    }
+}
+
+/// The adapter: an [`ExactModel`] as a [`Measurement`] with exact Jacobians.
+#[derive(Clone, Debug)]
+pub struct Exact<M>(pub M);
+
+impl<M: ExactModel> Measurement for Exact<M> {
+    fn size(&self) -> Size {
+        Size::same(self.0.dim())
+    }
+
+    fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {
+        let n = self.0.dim();
+        self.0.h(&ExactView::new(at, None, usize::MAX), &mut value[..n])
+    }
+
+    fn jacobian(&self, at: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined> {
+        let n = self.0.dim().min(MAX_RESIDUAL);
+        let mut z = [Dual64::from_re(0.0); MAX_RESIDUAL];
+        let mut seen = [None::<Next>; 32];
+        // The k-th quantity that h reads is found by evaluating it; h reads in a fixed order.
+        for k in 0..seen.len() {
+            let probe = ExactView::<Dual64>::new(at, None, k);
+            self.0.h(&probe, &mut z[..n])?;
+            let Some(next) = probe.read.get() else { break };
+            let known = seen[..k].iter().flatten().any(|s| s.source == next.source && s.tangent == next.tangent);
+            seen[k] = Some(next);
+            if known {
+                continue;
+            }
+            for i in 0..next.dim {
+                let column = next.tangent + i;
+                let seed = Dual64::new(0.0, 1.0);
+                self.0.h(&ExactView::new(at, Some((next.source, column, seed)), usize::MAX), &mut z[..n])?;
+                for (row, z) in z[..n].iter().enumerate() {
+                    match next.source {
+                        Source::State => h.add_element(row, column, z.eps),
+                        Source::Signal => h.add_signal_element(row, column, z.eps),
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,61 @@
+//! The measurement model: h(x), written once and used by estimator, simulator and tests.
+
+use crate::linear::Jacobian;
+use crate::state::View;
+use core::fmt::Debug;
+use thiserror::Error;
+
+/// The sizes of a measurement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size {
+    /// Numbers in a measured value z.
+    pub value: usize,
+    /// Numbers in a residual; rows of H and R.
+    pub residual: usize,
+}
+
+impl Size {
+    /// A measurement whose residual has as many numbers as its value.
+    #[must_use]
+    pub const fn same(n: usize) -> Self {
+        Self { value: n, residual: n }
+    }
+}
+
+/// The model has no value here (a bearing to the own position, a heading straight up).
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[error("undefined here: {0}")]
+pub struct Undefined(pub &'static str);
+
+/// A measurement model: object-safe, immutable, allocation-free. It returns prediction,
+/// residual and Jacobian; gains, gates and corrections are the estimator's.
+pub trait Measurement: Debug + Send + Sync {
+    /// Sizes of value and residual.
+    fn size(&self) -> Size;
+
+    /// h(x) into `value`.
+    ///
+    /// # Errors
+    /// [`Undefined`] where h has no value.
+    fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined>;
+
+    /// H = ∂h/∂x in the canonical chart, by [`Jacobian::add`].
+    ///
+    /// # Errors
+    /// [`Undefined`] where h has no derivative.
+    fn jacobian(&self, at: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined>;
+
+    /// r = z ⊟ h. The default subtracts; angles wrap and geodetic positions give metres here.
+    fn residual(&self, z: &[f64], predicted: &[f64], r: &mut [f64]) {
+        for ((r, z), h) in r.iter_mut().zip(z).zip(predicted) {
+            *r = z - h;
+        }
+    }
+
+    /// z ← z ⊞ e, the inverse of [`Measurement::residual`]: how the simulator adds an error.
+    fn perturb(&self, z: &mut [f64], e: &[f64]) {
+        for (z, e) in z.iter_mut().zip(e) {
+            *z += e;
+        }
+    }
+}

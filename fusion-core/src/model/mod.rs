@@ -1,0 +1,9 @@
+//! The traits a model implements. A model knows no estimator, no covariance and no state index.
+
+mod exact;
+mod measurement;
+mod process;
+
+pub use exact::{Exact, ExactModel, ExactView, MAX_RESIDUAL, Real};
+pub use measurement::{Measurement, Size, Undefined};
+pub use process::{Input, Process, SignalBuffer, SignalsOut};

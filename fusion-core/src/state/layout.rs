@@ -1,0 +1,331 @@
+//! The layout of the state vector: who brings which block, and where it lies.
+
+use super::manifold::{Kind, Manifold};
+use super::quantity::{Quantity, Signal, Slot};
+use thiserror::Error;
+
+/// How a block moves by itself between measurements.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Dynamics {
+    /// The process model moves it.
+    Process,
+    /// ẋ = 0.
+    Constant,
+    /// ẋ = w with the given power spectral density per tangent axis [unit²/s].
+    RandomWalk {
+        /// Power spectral density of w, per tangent axis.
+        psd: Vec<f64>,
+    },
+    /// First-order Gauss-Markov: ẋ = −x/τ + w, stationary 1σ per tangent axis, τ in seconds.
+    /// Discretised exactly: x⁺ = e^{−Δt/τ}x, variance σ²(1 − e^{−2Δt/τ}).
+    GaussMarkov {
+        /// Stationary standard deviation, per tangent axis.
+        sigma: Vec<f64>,
+        /// Correlation time [s].
+        tau: f64,
+    },
+}
+
+/// One named block of the state vector.
+#[derive(Clone, Debug)]
+pub struct Block {
+    /// Unique name, `owner.parameter` or the process's own name for it.
+    pub name: String,
+    /// Its manifold.
+    pub kind: Kind,
+    /// Offset in state storage.
+    pub storage: usize,
+    /// Offset in the tangent space, i.e. in the covariance.
+    pub tangent: usize,
+    /// Its own dynamics.
+    pub dynamics: Dynamics,
+    /// The model that brought it.
+    pub owner: String,
+    /// Unit of a tangent coordinate, for display.
+    pub unit: &'static str,
+    /// Initial 1σ per tangent axis.
+    pub sigma: Vec<f64>,
+}
+
+impl Block {
+    /// The block's range in state storage.
+    #[must_use]
+    pub fn storage_range(&self) -> core::ops::Range<usize> {
+        self.storage..self.storage + self.kind.storage()
+    }
+
+    /// The block's range in tangent coordinates.
+    #[must_use]
+    pub fn tangent_range(&self) -> core::ops::Range<usize> {
+        self.tangent..self.tangent + self.kind.dim()
+    }
+}
+
+/// A block as its owner declares it.
+#[derive(Clone, Debug)]
+pub struct Declaration<V> {
+    /// Unique name.
+    pub name: String,
+    /// The model that brings it.
+    pub owner: String,
+    /// Unit of a tangent coordinate, for display.
+    pub unit: &'static str,
+    /// Initial value.
+    pub initial: V,
+    /// Initial 1σ per tangent axis.
+    pub sigma: Vec<f64>,
+    /// Its own dynamics.
+    pub dynamics: Dynamics,
+}
+
+/// Why a layout could not be built.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum LayoutError {
+    /// Two blocks or signals of one name.
+    #[error("`{name}` is brought by both `{first}` and `{second}`; give one of them another name")]
+    Duplicate {
+        /// The name.
+        name: String,
+        /// Who brought it first.
+        first: String,
+        /// Who brought it again.
+        second: String,
+    },
+    /// A model needs a quantity nobody brings.
+    #[error("no `{name}` here: neither a state nor a signal of the process; available: {available}")]
+    Missing {
+        /// The name asked for.
+        name: String,
+        /// What there is.
+        available: String,
+    },
+    /// The quantity is there but of another kind.
+    #[error("`{name}` is {found}, and {wanted} is needed")]
+    WrongKind {
+        /// The name asked for.
+        name: String,
+        /// Its kind.
+        found: String,
+        /// The kind asked for.
+        wanted: String,
+    },
+    /// Numbers that do not fit the block.
+    #[error("`{name}`: {reason}")]
+    BadDeclaration {
+        /// The block.
+        name: String,
+        /// What is wrong.
+        reason: String,
+    },
+}
+
+#[derive(Clone, Debug)]
+struct SignalInfo {
+    name: String,
+    kind: Kind,
+    storage: usize,
+    tangent: usize,
+}
+
+/// The finished, immutable layout.
+#[derive(Clone, Debug, Default)]
+pub struct Layout {
+    blocks: Vec<Block>,
+    signals: Vec<SignalInfo>,
+    storage: usize,
+    dim: usize,
+    signal_storage: usize,
+    signal_dim: usize,
+    initial: Vec<f64>,
+}
+
+impl Layout {
+    /// The blocks in order.
+    #[must_use]
+    pub fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
+    /// The block of that name.
+    #[must_use]
+    pub fn block(&self, name: &str) -> Option<&Block> {
+        self.blocks.iter().find(|b| b.name == name)
+    }
+
+    /// Numbers in state storage.
+    #[must_use]
+    pub const fn storage(&self) -> usize {
+        self.storage
+    }
+
+    /// Dimension of the tangent space: rows of the covariance.
+    #[must_use]
+    pub const fn dim(&self) -> usize {
+        self.dim
+    }
+
+    /// Numbers in signal storage.
+    #[must_use]
+    pub const fn signal_storage(&self) -> usize {
+        self.signal_storage
+    }
+
+    /// Tangent dimension of all signals.
+    #[must_use]
+    pub const fn signal_dim(&self) -> usize {
+        self.signal_dim
+    }
+
+    /// Names and kinds of the process's signals, with their storage and tangent offsets.
+    pub fn signals(&self) -> impl Iterator<Item = (&str, Kind, usize, usize)> {
+        self.signals.iter().map(|s| (s.name.as_str(), s.kind, s.storage, s.tangent))
+    }
+
+    /// The declared initial state.
+    #[must_use]
+    pub fn initial(&self) -> &[f64] {
+        &self.initial
+    }
+
+    /// x ← x ⊞ δ over all blocks.
+    pub fn plus(&self, x: &mut [f64], delta: &[f64]) {
+        for b in &self.blocks {
+            b.kind.plus(&mut x[b.storage_range()], &delta[b.tangent_range()]);
+        }
+    }
+
+    /// out ← a ⊟ b over all blocks.
+    pub fn minus(&self, a: &[f64], b: &[f64], out: &mut [f64]) {
+        for block in &self.blocks {
+            let s = block.storage_range();
+            block.kind.minus(&a[s.clone()], &b[s], &mut out[block.tangent_range()]);
+        }
+    }
+
+    /// A typed handle to the state block `name`.
+    ///
+    /// # Errors
+    /// [`LayoutError::Missing`] or [`LayoutError::WrongKind`].
+    pub fn slot<M: Manifold>(&self, name: &str) -> Result<Slot<M>, LayoutError> {
+        match self.block(name) {
+            Some(b) if b.kind == M::KIND => Ok(Slot::new(b.storage, b.tangent)),
+            Some(b) => Err(wrong_kind(name, b.kind, M::KIND)),
+            None => Err(self.missing(name)),
+        }
+    }
+
+    /// A handle to the state block or, failing that, the signal `name`.
+    ///
+    /// # Errors
+    /// [`LayoutError::Missing`] or [`LayoutError::WrongKind`].
+    pub fn quantity<M: Manifold>(&self, name: &str) -> Result<Quantity<M>, LayoutError> {
+        if self.block(name).is_some() {
+            return self.slot(name).map(Quantity::State);
+        }
+        match self.signals.iter().find(|s| s.name == name) {
+            Some(s) if s.kind == M::KIND => Ok(Quantity::Signal(Signal::new(s.storage, s.tangent))),
+            Some(s) => Err(wrong_kind(name, s.kind, M::KIND)),
+            None => Err(self.missing(name)),
+        }
+    }
+
+    fn missing(&self, name: &str) -> LayoutError {
+        let names = self.blocks.iter().map(|b| &b.name).chain(self.signals.iter().map(|s| &s.name));
+        let available = names.map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");
+        LayoutError::Missing { name: name.to_owned(), available }
+    }
+}
+
+fn wrong_kind(name: &str, found: Kind, wanted: Kind) -> LayoutError {
+    LayoutError::WrongKind { name: name.to_owned(), found: format!("{found:?}"), wanted: format!("{wanted:?}") }
+}
+
+/// Collects declarations; [`LayoutBuilder::finish`] makes the layout.
+///
+/// Handles are valid as soon as they are given out: blocks are laid out in order of declaration.
+#[derive(Clone, Debug, Default)]
+pub struct LayoutBuilder {
+    layout: Layout,
+}
+
+impl LayoutBuilder {
+    /// An empty layout.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// What has been declared so far.
+    #[must_use]
+    pub const fn so_far(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Adds a block to the state.
+    ///
+    /// # Errors
+    /// A duplicate name, or numbers whose count or range does not fit the block.
+    pub fn declare<M: Manifold>(&mut self, d: Declaration<M::Value>) -> Result<Slot<M>, LayoutError> {
+        let l = &mut self.layout;
+        if let Some(first) = l.block(&d.name) {
+            return Err(LayoutError::Duplicate { name: d.name.clone(), first: first.owner.clone(), second: d.owner });
+        }
+        let dim = M::KIND.dim();
+        let fits = |v: &[f64]| v.len() == dim && v.iter().all(|s| s.is_finite() && *s >= 0.0);
+        let bad = |reason: &str| LayoutError::BadDeclaration { name: d.name.clone(), reason: reason.to_owned() };
+        if !fits(&d.sigma) {
+            return Err(bad("sigma needs one finite, non-negative number per axis"));
+        }
+        match &d.dynamics {
+            Dynamics::RandomWalk { psd } if !fits(psd) => return Err(bad("psd needs one finite, non-negative number per axis")),
+            Dynamics::GaussMarkov { sigma, tau } if !fits(sigma) || !(tau.is_finite() && *tau > 0.0) => {
+                return Err(bad("a Gauss-Markov block needs a non-negative sigma per axis and a positive tau"));
+            }
+            _ => {}
+        }
+        let slot = Slot::new(l.storage, l.dim);
+        l.initial.resize(l.storage + M::KIND.storage(), 0.0);
+        M::write(&d.initial, &mut l.initial[l.storage..]);
+        if l.initial[l.storage..].iter().any(|v| !v.is_finite()) {
+            l.initial.truncate(l.storage);
+            return Err(bad("the initial value must be finite"));
+        }
+        l.blocks.push(Block {
+            name: d.name,
+            kind: M::KIND,
+            storage: l.storage,
+            tangent: l.dim,
+            dynamics: d.dynamics,
+            owner: d.owner,
+            unit: d.unit,
+            sigma: d.sigma,
+        });
+        l.storage += M::KIND.storage();
+        l.dim += dim;
+        Ok(slot)
+    }
+
+    /// Adds a signal of the process model.
+    ///
+    /// # Errors
+    /// A duplicate name.
+    pub fn signal<M: Manifold>(&mut self, name: &str) -> Result<Signal<M>, LayoutError> {
+        let l = &mut self.layout;
+        if l.signals.iter().any(|s| s.name == name) || l.block(name).is_some() {
+            let process = "process".to_owned();
+            return Err(LayoutError::Duplicate { name: name.to_owned(), first: process.clone(), second: process });
+        }
+        let signal = Signal::new(l.signal_storage, l.signal_dim);
+        l.signals.push(SignalInfo { name: name.to_owned(), kind: M::KIND, storage: l.signal_storage, tangent: l.signal_dim });
+        l.signal_storage += M::KIND.storage();
+        l.signal_dim += M::KIND.dim();
+        Ok(signal)
+    }
+
+    /// The finished layout.
+    #[must_use]
+    pub fn finish(self) -> Layout {
+        self.layout
+    }
+}

@@ -1,0 +1,240 @@
+//! The kinds of state block: storage, tangent space, ⊞ and ⊟.
+//!
+//! The tangent coordinates below are the *canonical chart*: every model gives its Jacobians in
+//! them, whatever backend runs.
+//!
+//! | kind | storage | tangent | x ⊞ δ |
+//! |---|---|---|---|
+//! | [`Geodetic`] | latitude, longitude [rad], height [m] | δr NED at x [m] | radii of curvature, spec of WGS-84 |
+//! | [`Position`] | Cartesian, 3 [m] | 3 [m] | x + δ |
+//! | [`Velocity`] | 3 [m/s] | 3 [m/s] | x + δ |
+//! | [`Attitude`] | quaternion w x y z (`q_nb`) | δφ_b [rad] | q ⊗ Exp(δφ_b) |
+//! | [`Scalar`] | 1 | 1 | x + δ |
+//! | [`Angle`] | 1 [rad] | 1 [rad] | wrap(x + δ) to (−π, π] |
+//! | [`Vector`] | N | N | x + δ |
+
+use crate::geometry::{so3, wgs84};
+use nalgebra::{Quaternion, SVector, UnitQuaternion, Vector3};
+
+/// The run-time name of a manifold; what the estimator knows of a block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Geodetic position with its error in metres north, east, down.
+    Geodetic,
+    /// Cartesian position in metres.
+    Position,
+    /// Velocity in metres per second.
+    Velocity,
+    /// Attitude quaternion, body to navigation.
+    Attitude,
+    /// One real number.
+    Scalar,
+    /// One angle, wrapped to (−π, π].
+    Angle,
+    /// `n` real numbers.
+    Vector(usize),
+}
+
+impl Kind {
+    /// Numbers stored.
+    #[must_use]
+    pub const fn storage(self) -> usize {
+        match self {
+            Self::Geodetic | Self::Position | Self::Velocity => 3,
+            Self::Attitude => 4,
+            Self::Scalar | Self::Angle => 1,
+            Self::Vector(n) => n,
+        }
+    }
+
+    /// Dimension of the tangent space: the block's share of the covariance.
+    #[must_use]
+    pub const fn dim(self) -> usize {
+        match self {
+            Self::Attitude => 3,
+            other => other.storage(),
+        }
+    }
+
+    /// x ← x ⊞ δ, `x` in storage and `delta` in tangent coordinates.
+    pub fn plus(self, x: &mut [f64], delta: &[f64]) {
+        match self {
+            Self::Geodetic => {
+                let moved = Geodetic::read(x).offset(&Vector3::from_column_slice(&delta[..3]));
+                Geodetic::write(&moved, x);
+            }
+            Self::Attitude => {
+                let mut q = Attitude::read(x) * so3::exp(&Vector3::from_column_slice(&delta[..3]));
+                q.renormalize();
+                Attitude::write(&q, x);
+            }
+            Self::Angle => x[0] = wrap(x[0] + delta[0]),
+            _ => x.iter_mut().zip(delta).for_each(|(x, d)| *x += d),
+        }
+    }
+
+    /// out ← a ⊟ b, so that b ⊞ out = a.
+    pub fn minus(self, a: &[f64], b: &[f64], out: &mut [f64]) {
+        match self {
+            Self::Geodetic => {
+                let d = Geodetic::read(a).difference(&Geodetic::read(b));
+                out[..3].copy_from_slice(d.as_slice());
+            }
+            Self::Attitude => {
+                let d = so3::log(&(Attitude::read(b).inverse() * Attitude::read(a)));
+                out[..3].copy_from_slice(d.as_slice());
+            }
+            Self::Angle => out[0] = wrap(a[0] - b[0]),
+            _ => {
+                for ((o, a), b) in out.iter_mut().zip(a).zip(b) {
+                    *o = a - b;
+                }
+            }
+        }
+    }
+}
+
+/// `angle` wrapped to (−π, π].
+#[must_use]
+pub fn wrap(angle: f64) -> f64 {
+    use core::f64::consts::{PI, TAU};
+    if angle > -PI && angle <= PI {
+        return angle;
+    }
+    let wrapped = angle - TAU * ((angle + PI) / TAU).floor();
+    if wrapped <= -PI { wrapped + TAU } else { wrapped }
+}
+
+/// A kind of block at compile time: what a [`crate::Slot`] is typed by.
+pub trait Manifold: Sized + 'static {
+    /// The value a model reads.
+    type Value: Clone + core::fmt::Debug + Send + Sync;
+    /// Its run-time name.
+    const KIND: Kind;
+    /// The value in `storage`.
+    fn read(storage: &[f64]) -> Self::Value;
+    /// Writes the value into `storage`.
+    fn write(value: &Self::Value, storage: &mut [f64]);
+}
+
+/// States at compile time that the tangent space of a [`Manifold`] has `D` dimensions.
+pub trait Tangent<const D: usize>: Manifold {}
+
+pub use wgs84::Geodetic;
+
+impl Manifold for Geodetic {
+    type Value = Self;
+    const KIND: Kind = Kind::Geodetic;
+    fn read(s: &[f64]) -> Self {
+        Self { lat: s[0], lon: s[1], height: s[2] }
+    }
+    fn write(v: &Self, s: &mut [f64]) {
+        s[..3].copy_from_slice(&[v.lat, v.lon, v.height]);
+    }
+}
+impl Tangent<3> for Geodetic {}
+
+macro_rules! vector_kind {
+    ($(#[$doc:meta])* $name:ident, $kind:expr) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug)]
+        pub enum $name {}
+        impl Manifold for $name {
+            type Value = Vector3<f64>;
+            const KIND: Kind = $kind;
+            fn read(s: &[f64]) -> Vector3<f64> {
+                Vector3::new(s[0], s[1], s[2])
+            }
+            fn write(v: &Vector3<f64>, s: &mut [f64]) {
+                s[..3].copy_from_slice(v.as_slice());
+            }
+        }
+        impl Tangent<3> for $name {}
+    };
+}
+vector_kind!(
+    /// Cartesian position [m].
+    Position,
+    Kind::Position
+);
+vector_kind!(
+    /// Velocity [m/s].
+    Velocity,
+    Kind::Velocity
+);
+
+/// Attitude: the unit quaternion `q_nb`, body to navigation.
+#[derive(Clone, Copy, Debug)]
+pub enum Attitude {}
+
+impl Manifold for Attitude {
+    type Value = UnitQuaternion<f64>;
+    const KIND: Kind = Kind::Attitude;
+    fn read(s: &[f64]) -> UnitQuaternion<f64> {
+        UnitQuaternion::new_unchecked(Quaternion::new(s[0], s[1], s[2], s[3]))
+    }
+    fn write(q: &UnitQuaternion<f64>, s: &mut [f64]) {
+        s[..4].copy_from_slice(&[q.w, q.i, q.j, q.k]);
+    }
+}
+impl Tangent<3> for Attitude {}
+
+macro_rules! scalar_kind {
+    ($(#[$doc:meta])* $name:ident, $kind:expr) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug)]
+        pub enum $name {}
+        impl Manifold for $name {
+            type Value = f64;
+            const KIND: Kind = $kind;
+            fn read(s: &[f64]) -> f64 {
+                s[0]
+            }
+            fn write(v: &f64, s: &mut [f64]) {
+                s[0] = *v;
+            }
+        }
+        impl Tangent<1> for $name {}
+    };
+}
+scalar_kind!(
+    /// One real number.
+    Scalar,
+    Kind::Scalar
+);
+scalar_kind!(
+    /// One angle [rad].
+    Angle,
+    Kind::Angle
+);
+
+/// `N` real numbers.
+#[derive(Clone, Copy, Debug)]
+pub enum Vector<const N: usize> {}
+
+impl<const N: usize> Manifold for Vector<N> {
+    type Value = SVector<f64, N>;
+    const KIND: Kind = Kind::Vector(N);
+    fn read(s: &[f64]) -> SVector<f64, N> {
+        SVector::from_column_slice(&s[..N])
+    }
+    fn write(v: &SVector<f64, N>, s: &mut [f64]) {
+        s[..N].copy_from_slice(v.as_slice());
+    }
+}
+impl<const N: usize> Tangent<N> for Vector<N> {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::f64::consts::PI;
+
+    #[test]
+    fn wrapping_keeps_plus_pi_and_folds_minus_pi() {
+        assert_eq!(wrap(PI), PI);
+        assert_eq!(wrap(-PI), PI);
+        // 4 ε·8π: one subtraction of a multiple of 2π
+        assert!((wrap(7.5 * PI) + 0.5 * PI).abs() < 1e-14);
+        assert!((wrap(-7.5 * PI) - 0.5 * PI).abs() < 1e-14);
+    }
+}

@@ -1,0 +1,11 @@
+//! State: named blocks on manifolds, typed handles to them, and the belief about them.
+
+mod belief;
+mod layout;
+mod manifold;
+mod quantity;
+
+pub use belief::Belief;
+pub use layout::{Block, Declaration, Dynamics, Layout, LayoutBuilder, LayoutError};
+pub use manifold::{Angle, Attitude, Geodetic, Kind, Manifold, Position, Scalar, Tangent, Vector, Velocity, wrap};
+pub use quantity::{Param, Quantity, Signal, Slot, View};

@@ -1,0 +1,127 @@
+//! Typed handles: what a model holds instead of indices.
+//!
+//! A model asks for a [`Quantity`] and never learns where it lives. It may be *fixed* by the
+//! configuration, an *estimated* block of the state, or a *signal* that the process derives from
+//! state and input (the bias-corrected angular rate, say). Its Jacobian goes the same way: a
+//! no-op for a fixed quantity, a block of H for a state, the chain rule for a signal.
+
+use super::manifold::Manifold;
+use core::{fmt, marker::PhantomData};
+
+/// A typed handle to a block of the state vector.
+pub struct Slot<M> {
+    pub(crate) storage: usize,
+    pub(crate) tangent: usize,
+    kind: PhantomData<fn() -> M>,
+}
+
+/// A typed handle to a signal of the process model.
+pub struct Signal<M> {
+    pub(crate) storage: usize,
+    pub(crate) tangent: usize,
+    kind: PhantomData<fn() -> M>,
+}
+
+macro_rules! handle {
+    ($name:ident) => {
+        impl<M> $name<M> {
+            pub(crate) fn new(storage: usize, tangent: usize) -> Self {
+                Self { storage, tangent, kind: PhantomData }
+            }
+        }
+        impl<M> Clone for $name<M> {
+            fn clone(&self) -> Self {
+                *self
+            }
+        }
+        impl<M> Copy for $name<M> {}
+        impl<M> fmt::Debug for $name<M> {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(f, concat!(stringify!($name), "({})"), self.tangent)
+            }
+        }
+    };
+}
+handle!(Slot);
+handle!(Signal);
+
+/// Something a model reads: fixed, estimated, or derived by the process.
+pub enum Quantity<M: Manifold> {
+    /// A constant of the configuration.
+    Fixed(M::Value),
+    /// A block of the state vector.
+    State(Slot<M>),
+    /// A quantity that the process model derives from state and input.
+    Signal(Signal<M>),
+}
+
+/// A calibration quantity: fixed or estimated, as the configuration says.
+pub type Param<M> = Quantity<M>;
+
+impl<M: Manifold> Clone for Quantity<M> {
+    fn clone(&self) -> Self {
+        match self {
+            Self::Fixed(v) => Self::Fixed(v.clone()),
+            Self::State(s) => Self::State(*s),
+            Self::Signal(s) => Self::Signal(*s),
+        }
+    }
+}
+
+impl<M: Manifold> fmt::Debug for Quantity<M> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Fixed(v) => write!(f, "Fixed({v:?})"),
+            Self::State(s) => write!(f, "{s:?}"),
+            Self::Signal(s) => write!(f, "{s:?}"),
+        }
+    }
+}
+
+impl<M: Manifold> From<Slot<M>> for Quantity<M> {
+    fn from(slot: Slot<M>) -> Self {
+        Self::State(slot)
+    }
+}
+
+/// The point at which a model is evaluated: state storage and the process's signals.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a> {
+    x: &'a [f64],
+    signals: &'a [f64],
+}
+
+impl<'a> View<'a> {
+    /// A view of state storage `x` and signal storage `signals`.
+    #[must_use]
+    pub const fn new(x: &'a [f64], signals: &'a [f64]) -> Self {
+        Self { x, signals }
+    }
+
+    /// The value of a quantity.
+    pub fn get<M: Manifold>(&self, quantity: &Quantity<M>) -> M::Value {
+        match quantity {
+            Quantity::Fixed(value) => value.clone(),
+            Quantity::State(slot) => self.state(*slot),
+            Quantity::Signal(signal) => M::read(&self.signals[signal.storage..]),
+        }
+    }
+
+    /// The value of a state block.
+    pub fn state<M: Manifold>(&self, slot: Slot<M>) -> M::Value {
+        M::read(&self.x[slot.storage..])
+    }
+}
+
+impl<M: Manifold> Slot<M> {
+    /// Reads the block from state storage.
+    #[must_use]
+    pub fn read(self, x: &[f64]) -> M::Value {
+        M::read(&x[self.storage..])
+    }
+
+    /// Writes the block into state storage.
+    pub fn write(self, value: &M::Value, x: &mut [f64]) {
+        M::write(value, &mut x[self.storage..]);
+    }
+}
