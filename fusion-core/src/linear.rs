@@ -228,6 +228,9 @@ impl Jacobian {
     }
 
     /// Adds ∂h/∂`quantity`, its first row at `row`: a no-op where the quantity is fixed.
+    ///
+    /// Rows of `block` beyond the measurement's are left out: a model that uses the first two of
+    /// three rows gives the whole block.
     pub fn add<M, const R: usize, const C: usize>(&mut self, row: usize, quantity: &Quantity<M>, block: &SMatrix<f64, R, C>)
     where
         M: Tangent<C>,
@@ -249,7 +252,7 @@ impl Jacobian {
 
     fn add_signal<M: Manifold, const R: usize, const C: usize>(&mut self, row: usize, signal: &Signal<M>, block: &SMatrix<f64, R, C>) {
         self.signals_used = true;
-        for i in 0..R {
+        for i in 0..R.min(self.rows - row) {
             for j in 0..C {
                 self.by_signal[(row + i) * self.signal_dim + signal.tangent + j] += block[(i, j)];
             }
@@ -258,7 +261,7 @@ impl Jacobian {
 
     fn add_state<const R: usize, const C: usize>(&mut self, row: usize, col: usize, block: &SMatrix<f64, R, C>) {
         self.touch(col, C);
-        for i in 0..R {
+        for i in 0..R.min(self.rows - row) {
             let at = (row + i) * self.ld + col;
             for j in 0..C {
                 self.h[at + j] += block[(i, j)];

@@ -1,0 +1,297 @@
+//! What a block declares and how it is built.
+//!
+//! A *spec* is plain data read from TOML. [`SensorSpec::build`] and its siblings turn it into the
+//! runtime object of `fusion-core`, resolving the quantities it reads through [`Build`].
+
+use crate::earth::Gravity;
+use crate::param::{ParamSpec, ParamValue};
+use crate::units::{Dimension, UnitError};
+use core::fmt::Debug;
+use fusion_core::gate::Gate;
+use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::loss::Loss;
+use fusion_core::model::{Measurement, Process};
+use fusion_core::runner::{Initialiser, Stage};
+use fusion_core::state::{Declaration, Dynamics, LayoutBuilder, LayoutError, Manifold, Param, Quantity, Signal, Slot};
+use std::borrow::Cow;
+use thiserror::Error;
+
+/// Why a block could not be built. `field` names the culprit within the block's table.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("{message}")]
+pub struct BuildError {
+    /// Path of the field inside the block, empty for the block as a whole.
+    pub field: String,
+    /// What is wrong.
+    pub message: String,
+    /// What to do about it.
+    pub help: Option<String>,
+}
+
+impl BuildError {
+    /// About the block as a whole.
+    pub fn new(message: impl Into<String>) -> Self {
+        Self { field: String::new(), message: message.into(), help: None }
+    }
+
+    /// About one field.
+    pub fn at(field: impl Into<String>, message: impl Into<String>) -> Self {
+        Self { field: field.into(), message: message.into(), help: None }
+    }
+
+    /// With advice.
+    #[must_use]
+    pub fn help(mut self, help: impl Into<String>) -> Self {
+        self.help = Some(help.into());
+        self
+    }
+}
+
+impl From<LayoutError> for BuildError {
+    fn from(error: LayoutError) -> Self {
+        Self::new(error.to_string())
+    }
+}
+
+impl From<UnitError> for BuildError {
+    fn from(error: UnitError) -> Self {
+        Self::new(error.to_string())
+    }
+}
+
+/// What the numbers of a channel are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// Numbers of one dimension.
+    Vector,
+    /// Angles that wrap.
+    Angle,
+    /// Latitude, longitude [rad] and height [m].
+    Geodetic,
+    /// Unit quaternion w x y z, body to navigation.
+    Quaternion,
+}
+
+/// A named group of numbers in the rows of a stream.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Channel {
+    /// Its name; consumers find it by this.
+    pub name: Cow<'static, str>,
+    /// How many numbers.
+    pub width: usize,
+    /// Their dimension; of no meaning for geodetic positions and quaternions.
+    pub dimension: Dimension,
+    /// What they are.
+    pub shape: Shape,
+}
+
+impl Channel {
+    /// `width` numbers of `dimension`.
+    #[must_use]
+    pub const fn vector(name: &'static str, width: usize, dimension: Dimension) -> Self {
+        Self { name: Cow::Borrowed(name), width, dimension, shape: Shape::Vector }
+    }
+
+    /// A geodetic position.
+    #[must_use]
+    pub const fn geodetic(name: &'static str) -> Self {
+        Self { name: Cow::Borrowed(name), width: 3, dimension: Dimension::NONE, shape: Shape::Geodetic }
+    }
+}
+
+/// What a sensor reads from its stream.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Reading {
+    /// A channel of the source's rows.
+    Channel(Channel),
+    /// Nothing: a pseudo-measurement of this constant value, timed by the rows.
+    Constant(Vec<f64>),
+}
+
+/// A channel that a stage or an initialiser listens to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Listen {
+    /// Name of the source or stage.
+    pub source: String,
+    /// The channels wanted, one after the other in the row the block sees.
+    pub channels: Vec<Channel>,
+}
+
+/// A process model as declared.
+#[typetag::deserialize]
+pub trait ProcessSpec: Debug {
+    /// What an input sample consists of; empty for a process driven by time alone.
+    fn input(&self) -> Vec<Channel>;
+
+    /// Declares the states and signals and makes the model.
+    ///
+    /// # Errors
+    /// [`BuildError`] naming the field.
+    fn build(&self, build: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError>;
+}
+
+/// A measurement model as declared. Source, noise, gate and loss are its siblings and are read
+/// by the assembler.
+#[typetag::deserialize]
+pub trait SensorSpec: Debug {
+    /// What it reads.
+    fn reading(&self) -> Reading;
+
+    /// The dimension of each residual row, which is that of the noise's sigma.
+    fn noise(&self) -> Vec<Dimension>;
+
+    /// Seconds by which rows are valid before their stamp: a time offset's fixed or initial value.
+    fn delay(&self) -> f64 {
+        0.0
+    }
+
+    /// Declares the states it brings and makes the model.
+    ///
+    /// # Errors
+    /// [`BuildError`] naming the field.
+    fn build(&self, build: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError>;
+}
+
+/// A stage as declared.
+#[typetag::deserialize]
+pub trait StageSpec: Debug {
+    /// What it listens to: one input each.
+    fn inputs(&self) -> Vec<Listen>;
+
+    /// What its rows consist of.
+    fn output(&self) -> Vec<Channel>;
+
+    /// Makes the stage. The layout is complete by then; quantities may be read, not declared.
+    ///
+    /// # Errors
+    /// [`BuildError`] naming the field.
+    fn build(&self, build: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError>;
+}
+
+/// An initialiser as declared.
+#[typetag::deserialize]
+pub trait InitialiserSpec: Debug {
+    /// What it listens to: one input each.
+    fn inputs(&self) -> Vec<Listen>;
+
+    /// Names of the state blocks it writes.
+    fn writes(&self) -> Vec<&'static str>;
+
+    /// Makes the initialiser. The layout is complete by then.
+    ///
+    /// # Errors
+    /// [`BuildError`] naming the field.
+    fn build(&self, build: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError>;
+}
+
+/// A gate policy as declared.
+#[typetag::deserialize]
+pub trait GateSpec: Debug {
+    /// Makes the gate.
+    ///
+    /// # Errors
+    /// [`BuildError`] naming the field.
+    fn build(&self) -> Result<Box<dyn Gate>, BuildError>;
+}
+
+/// A loss as declared.
+#[typetag::deserialize]
+pub trait LossSpec: Debug {
+    /// Makes the loss.
+    ///
+    /// # Errors
+    /// [`BuildError`] naming the field.
+    fn build(&self) -> Result<Box<dyn Loss>, BuildError>;
+}
+
+/// What a block sees while it is built: its name, the layout so far, the world.
+#[derive(Debug)]
+pub struct Build<'a> {
+    /// The block's own name; its states are called `name.parameter`.
+    pub name: &'a str,
+    /// The layout under construction.
+    pub layout: &'a mut LayoutBuilder,
+    /// The declared origin of local coordinates.
+    pub origin: Option<Geodetic>,
+    /// The gravity model.
+    pub gravity: Gravity,
+}
+
+impl Build<'_> {
+    /// A quantity of the process, by name: a state or a signal.
+    ///
+    /// # Errors
+    /// Where it is missing or of another kind.
+    pub fn quantity<M: Manifold>(&self, name: &str) -> Result<Quantity<M>, BuildError> {
+        self.layout.so_far().quantity(name).map_err(|e| {
+            BuildError::new(e.to_string()).help("add the state to the process, or remove this block")
+        })
+    }
+
+    /// The declared origin.
+    ///
+    /// # Errors
+    /// Where none is declared.
+    pub fn origin(&self) -> Result<Geodetic, BuildError> {
+        let help = "add `origin = { latitude = \"…deg\", longitude = \"…deg\", height = \"…m\" }` under [run]";
+        self.origin.ok_or_else(|| BuildError::new("this block needs an origin of local coordinates").help(help))
+    }
+
+    /// Declares a state block under a name of its own.
+    ///
+    /// # Errors
+    /// A duplicate name, or numbers that do not fit.
+    pub fn declare<M: Manifold>(
+        &mut self,
+        name: &str,
+        unit: &'static str,
+        initial: M::Value,
+        sigma: Vec<f64>,
+        dynamics: Dynamics,
+    ) -> Result<Slot<M>, BuildError> {
+        let (name, owner) = (name.to_owned(), self.name.to_owned());
+        Ok(self.layout.declare::<M>(Declaration { name, owner, unit, initial, sigma, dynamics })?)
+    }
+
+    /// Declares a signal of the process.
+    ///
+    /// # Errors
+    /// A duplicate name.
+    pub fn signal<M: Manifold>(&mut self, name: &str) -> Result<Signal<M>, BuildError> {
+        Ok(self.layout.signal::<M>(name)?)
+    }
+
+    /// A calibration parameter: fixed, estimated as `block.field`, or shared with another block.
+    ///
+    /// # Errors
+    /// A bad declaration, or a shared state that is not there yet.
+    pub fn param<V: ParamValue>(&mut self, field: &str, spec: &ParamSpec<V>) -> Result<Param<V::Manifold>, BuildError> {
+        let name = format!("{}.{field}", self.name);
+        self.param_named(&name, field, spec)
+    }
+
+    /// The same under a full name of its own: for the states of a process.
+    ///
+    /// # Errors
+    /// As [`Build::param`].
+    pub fn param_named<V: ParamValue>(&mut self, name: &str, field: &str, spec: &ParamSpec<V>) -> Result<Param<V::Manifold>, BuildError> {
+        match spec {
+            ParamSpec::Fixed(value) => Ok(Param::Fixed(value.value())),
+            ParamSpec::Shared(other) => {
+                let slot = self.layout.so_far().slot::<V::Manifold>(other);
+                slot.map(Param::State).map_err(|e| {
+                    let help = "a shared state must be estimated by a block declared earlier in the file";
+                    BuildError::at(format!("{field}.shared"), e.to_string()).help(help)
+                })
+            }
+            ParamSpec::Estimated(e) => {
+                let dynamics = e.dynamics().map_err(|(key, why)| BuildError::at(format!("{field}.{key}"), why))?;
+                let (initial, sigma) = (e.initial.value(), V::axes(&e.sigma).to_vec());
+                let (name, owner) = (name.to_owned(), self.name.to_owned());
+                let declared = Declaration { name, owner, unit: V::SYMBOL, initial, sigma, dynamics };
+                let slot = self.layout.declare::<V::Manifold>(declared);
+                slot.map(Param::State).map_err(|e| BuildError::at(field, e.to_string()))
+            }
+        }
+    }
+}

@@ -1,0 +1,12 @@
+//! The Earth: gravity, rotation rates, and the frames a position is written in.
+//!
+//! The ellipsoid and the geodetic manifold themselves live in
+//! [`fusion_core::geometry::wgs84`].
+
+pub mod frames;
+pub mod gravity;
+pub mod rates;
+
+pub use frames::LocalFrame;
+pub use gravity::Gravity;
+pub use rates::LocalEarth;

@@ -1,0 +1,275 @@
+//! Calibration parameters as TOML declares them: fixed or estimated, by the file alone.
+//!
+//! ```toml
+//! lever_arm = ["10 cm", 0, "-1 m"]                                                # fixed
+//! lever_arm = { estimate = true, initial = [0.1, 0, -1], sigma = "20 cm" }        # a constant state
+//! bias = { estimate = true, initial = [0, 0, 0], sigma = "2 m", correlation_time = "60 s" } # Gauss-Markov
+//! bias = { estimate = true, initial = [0, 0, 0], sigma = "1 m", random_walk = "1 cm/sqrt(s)" }
+//! lever_arm = { shared = "gnss_position.lever_arm" }                              # another block's state
+//! ```
+
+use crate::units::{Angle, AnyQuantity, Axes, Dimension, Dimensional, Kind, NonNegative, Positive, Quantity, Vec3Of, dim, range};
+use core::fmt::{self, Debug};
+use core::marker::PhantomData;
+use fusion_core::geometry::so3;
+use fusion_core::state::{Attitude, Dynamics, Manifold, Scalar, Vector};
+use nalgebra::{UnitQuaternion, Vector3};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::Deserialize;
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{DeserializeOwned, Deserializer, Error, IntoDeserializer, MapAccess, SeqAccess, Visitor};
+use std::borrow::Cow;
+
+/// The value of a parameter as written in TOML, and the manifold it lives on.
+pub trait ParamValue: Copy + Debug + DeserializeOwned + JsonSchema {
+    /// The manifold of the state it becomes when estimated.
+    type Manifold: Manifold;
+    /// How its 1σ is written.
+    type Sigma: Copy + Debug + DeserializeOwned + JsonSchema;
+    /// The dimension of a tangent coordinate.
+    const KIND: Kind;
+    /// The unit of a tangent coordinate.
+    const SYMBOL: &'static str = Self::KIND.symbol;
+    /// The value as models read it.
+    fn value(&self) -> <Self::Manifold as Manifold>::Value;
+    /// 1σ per tangent axis.
+    fn axes(sigma: &Self::Sigma) -> Vec<f64>;
+}
+
+impl<D: Dimensional + Debug> ParamValue for Quantity<D> {
+    type Manifold = Scalar;
+    type Sigma = NonNegative<D>;
+    const KIND: Kind = D::KIND;
+    fn value(&self) -> f64 {
+        self.si()
+    }
+    fn axes(sigma: &Self::Sigma) -> Vec<f64> {
+        vec![sigma.si()]
+    }
+}
+
+impl<D: Dimensional + Debug> ParamValue for Vec3Of<D> {
+    type Manifold = Vector<3>;
+    type Sigma = Axes<D, range::NonNegative>;
+    const KIND: Kind = D::KIND;
+    fn value(&self) -> Vector3<f64> {
+        Vector3::from(self.si())
+    }
+    fn axes(sigma: &Self::Sigma) -> Vec<f64> {
+        sigma.si().to_vec()
+    }
+}
+
+/// A rotation written as roll, pitch, yaw; estimated as an attitude block.
+#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
+#[serde(transparent)]
+#[schemars(transparent)]
+pub struct Rpy(Vec3Of<dim::Angle>);
+
+impl Rpy {
+    /// From roll, pitch, yaw in radians.
+    #[must_use]
+    pub fn from_radians(rpy: [f64; 3]) -> Self {
+        Self(rpy.map(Angle::from_si).into())
+    }
+
+    /// The rotation: x_outer = q · x_inner for the ZYX sequence.
+    #[must_use]
+    pub fn rotation(&self) -> UnitQuaternion<f64> {
+        let [roll, pitch, yaw] = self.0.si();
+        so3::from_rpy(roll, pitch, yaw)
+    }
+}
+
+impl ParamValue for Rpy {
+    type Manifold = Attitude;
+    type Sigma = Axes<dim::Angle, range::NonNegative>;
+    const KIND: Kind = dim::Angle::KIND;
+    fn value(&self) -> UnitQuaternion<f64> {
+        self.rotation()
+    }
+    fn axes(sigma: &Self::Sigma) -> Vec<f64> {
+        sigma.si().to_vec()
+    }
+}
+
+/// A scalar parameter of dimension `D`.
+pub type ScalarParam<D> = ParamSpec<Quantity<D>>;
+/// A parameter of three axes of dimension `D`.
+pub type VectorParam<D> = ParamSpec<Vec3Of<D>>;
+/// A rotation as a parameter.
+pub type RotationParam = ParamSpec<Rpy>;
+
+/// A parameter: fixed, estimated, or shared with another block.
+#[derive(Clone, Debug)]
+pub enum ParamSpec<V: ParamValue> {
+    /// A constant.
+    Fixed(V),
+    /// A state of its own.
+    Estimated(Estimated<V>),
+    /// The state of that name, which another block brings.
+    Shared(String),
+}
+
+impl<V: ParamValue + Default> Default for ParamSpec<V> {
+    fn default() -> Self {
+        Self::Fixed(V::default())
+    }
+}
+
+impl<V: ParamValue> ParamSpec<V> {
+    /// The fixed or initial value; `None` for a shared one.
+    #[must_use]
+    pub fn initial(&self) -> Option<<V::Manifold as Manifold>::Value> {
+        match self {
+            Self::Fixed(v) => Some(v.value()),
+            Self::Estimated(e) => Some(e.initial.value()),
+            Self::Shared(_) => None,
+        }
+    }
+
+    /// Whether the parameter is a state.
+    #[must_use]
+    pub const fn is_state(&self) -> bool {
+        !matches!(self, Self::Fixed(_))
+    }
+}
+
+/// An estimated parameter.
+#[derive(Clone, Debug)]
+pub struct Estimated<V: ParamValue> {
+    /// Initial value.
+    pub initial: V,
+    /// Initial 1σ; with a correlation time also the stationary 1σ.
+    pub sigma: V::Sigma,
+    random_walk: Option<AnyQuantity>,
+    correlation_time: Option<Positive<dim::Duration>>,
+}
+
+/// The second exponent halves of 1/√s.
+const PER_ROOT_SECOND: i8 = -1;
+
+impl<V: ParamValue> Estimated<V> {
+    /// Its own dynamics, or the key and reason of what does not fit.
+    pub(crate) fn dynamics(&self) -> Result<Dynamics, (&'static str, String)> {
+        let sigma = V::axes(&self.sigma);
+        match (&self.random_walk, &self.correlation_time) {
+            (None, None) => Ok(Dynamics::Constant),
+            (None, Some(tau)) => Ok(Dynamics::GaussMarkov { sigma, tau: tau.si() }),
+            (Some(walk), None) => {
+                let wanted = per_root_second(V::KIND.dimension);
+                let walk = walk.expect(wanted).map_err(|e| ("random_walk", e.to_string()))?;
+                Ok(Dynamics::RandomWalk { psd: vec![walk * walk; sigma.len()] })
+            }
+            (Some(_), Some(_)) => Err(("random_walk", "a block is a random walk or Gauss-Markov, not both".to_owned())),
+        }
+    }
+}
+
+/// The dimension of the random walk of something of dimension `d`.
+#[must_use]
+pub fn per_root_second(d: Dimension) -> Dimension {
+    let root = dim::Duration::KIND.dimension.power(PER_ROOT_SECOND);
+    root.and_then(|root| d.times(root)).unwrap_or(d)
+}
+
+/// The table form of a parameter.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, bound = "V: ParamValue")]
+#[schemars(bound = "V: ParamValue")]
+struct Table<V: ParamValue> {
+    /// Whether the parameter becomes a state of the filter.
+    estimate: Option<bool>,
+    /// The value the filter starts from, or the constant where `estimate = false`.
+    initial: Option<V>,
+    /// Initial 1σ; with `correlation_time` also the stationary 1σ.
+    sigma: Option<V::Sigma>,
+    /// Makes the state a random walk of this density: the unit of the parameter per sqrt(s).
+    random_walk: Option<AnyQuantity>,
+    /// Makes the state first-order Gauss-Markov with this correlation time.
+    correlation_time: Option<Positive<dim::Duration>>,
+    /// Uses the state of this name, which another block estimates.
+    shared: Option<String>,
+}
+
+impl<V: ParamValue> Table<V> {
+    fn into_spec(self) -> Result<ParamSpec<V>, String> {
+        if let Some(name) = self.shared {
+            if self.estimate.is_some() || self.initial.is_some() || self.sigma.is_some() {
+                return Err("a shared parameter takes everything from its owner; remove the other keys".to_owned());
+            }
+            return Ok(ParamSpec::Shared(name));
+        }
+        let Some(initial) = self.initial else {
+            return Err("missing `initial`: the value the filter starts from".to_owned());
+        };
+        match (self.estimate, self.sigma) {
+            (Some(false), _) => Ok(ParamSpec::Fixed(initial)),
+            (Some(true), Some(sigma)) => Ok(ParamSpec::Estimated(Estimated {
+                initial,
+                sigma,
+                random_walk: self.random_walk,
+                correlation_time: self.correlation_time,
+            })),
+            (Some(true), None) => Err("missing `sigma`: how uncertain the initial value is (1σ)".to_owned()),
+            (None, _) => Err("missing `estimate = true` (a state) or `estimate = false` (a constant)".to_owned()),
+        }
+    }
+}
+
+impl<'de, V: ParamValue> Deserialize<'de> for ParamSpec<V> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(ParamVisitor(PhantomData))
+    }
+}
+
+struct ParamVisitor<V>(PhantomData<V>);
+
+impl<'de, V: ParamValue> Visitor<'de> for ParamVisitor<V> {
+    type Value = ParamSpec<V>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} or {{ estimate = true, initial = …, sigma = … }}", V::KIND)
+    }
+
+    fn visit_f64<E: Error>(self, v: f64) -> Result<Self::Value, E> {
+        V::deserialize(v.into_deserializer()).map(ParamSpec::Fixed)
+    }
+
+    fn visit_i64<E: Error>(self, v: i64) -> Result<Self::Value, E> {
+        V::deserialize(v.into_deserializer()).map(ParamSpec::Fixed)
+    }
+
+    fn visit_u64<E: Error>(self, v: u64) -> Result<Self::Value, E> {
+        V::deserialize(v.into_deserializer()).map(ParamSpec::Fixed)
+    }
+
+    fn visit_str<E: Error>(self, v: &str) -> Result<Self::Value, E> {
+        V::deserialize(v.into_deserializer()).map(ParamSpec::Fixed)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
+        V::deserialize(SeqAccessDeserializer::new(seq)).map(ParamSpec::Fixed)
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+        let table = Table::<V>::deserialize(MapAccessDeserializer::new(map))?;
+        table.into_spec().map_err(A::Error::custom)
+    }
+}
+
+impl<V: ParamValue> JsonSchema for ParamSpec<V> {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> Cow<'static, str> {
+        format!("ParamOf{}", V::schema_name()).into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let fixed = generator.subschema_for::<V>();
+        let table = Table::<V>::json_schema(generator);
+        json_schema!({ "anyOf": [fixed, table] })
+    }
+}

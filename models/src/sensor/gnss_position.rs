@@ -1,0 +1,142 @@
+//! GNSS position with an antenna lever arm, a late stamp and a slow error.
+//!
+//! Measured   z = geodetic position of the antenna a: latitude, longitude [rad], height [m]
+//! Predicted  h(x) = r_eb ⊕ (C_nb l_ba_b − v_eb_n τ + b), ⊕ in metres NED at r_eb
+//! Jacobian   ∂h/∂δr = I₃,  ∂h/∂δφ_b = −C_nb [l_ba_b ×],  ∂h/∂δl = C_nb,
+//!            ∂h/∂δv = −τ I₃,  ∂h/∂δτ = −v_eb_n,  ∂h/∂δb = I₃
+//! Here       τ is the error of the declared time offset: rows are already valid at stamp − τ₀
+//! Valid      rigid mount; metres at the antenna for metres at the body, 1 part in 10⁶ per metre
+//! Not here   multipath (a gate or a loss), the receiver's clock
+//! Source     Groves 2013, §14.3.1
+
+use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+use crate::param::{ScalarParam, VectorParam};
+use crate::units::{Dimension, Dimensional, dim};
+use fusion_core::geometry::so3::skew;
+use fusion_core::linear::Jacobian;
+use fusion_core::model::{Measurement, Size, Undefined};
+use fusion_core::state::{Attitude, Geodetic, Manifold, Param, Quantity, Scalar, Vector, Velocity, View};
+use nalgebra::{Matrix3, Vector3};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// GNSS position with an antenna lever arm, a late stamp and a slowly varying error.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GnssPositionSpec {
+    /// Antenna position in body axes, from the body origin (the IMU).
+    #[serde(default)]
+    lever_arm: VectorParam<dim::Length>,
+    /// How late the receiver stamps its fixes: valid at stamp − offset.
+    #[serde(default)]
+    time_offset: ScalarParam<dim::Duration>,
+    /// Slowly varying position error, north east down; give it a `correlation_time`.
+    #[serde(default)]
+    bias: VectorParam<dim::Length>,
+    /// Use north and east only.
+    #[serde(default)]
+    horizontal: bool,
+}
+
+crate::register!(Sensor, "gnss_position", GnssPositionSpec, r#"
+lever_arm = { estimate = true, initial = [0.1, -0.2, "-1 m"], sigma = "20 cm" }
+time_offset = { estimate = true, initial = "0.1 s", sigma = "50 ms" }
+bias = { estimate = true, initial = [0, 0, 0], sigma = "1 m", correlation_time = "100 s" }
+"#);
+
+#[typetag::deserialize(name = "gnss_position")]
+impl SensorSpec for GnssPositionSpec {
+    fn reading(&self) -> Reading {
+        Reading::Channel(Channel::geodetic("position"))
+    }
+
+    fn noise(&self) -> Vec<Dimension> {
+        vec![dim::Length::KIND.dimension; if self.horizontal { 2 } else { 3 }]
+    }
+
+    fn delay(&self) -> f64 {
+        self.time_offset.initial().unwrap_or(0.0)
+    }
+
+    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+        let lever_arm = b.param("lever_arm", &self.lever_arm)?;
+        let time_offset = b.param("time_offset", &self.time_offset)?;
+        let fixed_at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
+        Ok(Box::new(GnssPosition {
+            position: b.quantity("position")?,
+            // A process without an attitude or velocity serves an antenna at the body origin.
+            attitude: if fixed_at_the_body { None } else { Some(b.quantity("attitude")?) },
+            velocity: if self.time_offset.is_state() { Some(b.quantity("velocity")?) } else { None },
+            delay: self.delay(),
+            lever_arm,
+            time_offset,
+            bias: b.param("bias", &self.bias)?,
+            rows: if self.horizontal { 2 } else { 3 },
+        }))
+    }
+}
+
+/// The runtime model.
+#[derive(Debug)]
+struct GnssPosition {
+    position: Quantity<Geodetic>,
+    attitude: Option<Quantity<Attitude>>,
+    velocity: Option<Quantity<Velocity>>,
+    lever_arm: Param<Vector<3>>,
+    time_offset: Param<Scalar>,
+    bias: Param<Vector<3>>,
+    delay: f64,
+    rows: usize,
+}
+
+impl GnssPosition {
+    fn lateness(&self, at: &View<'_>) -> f64 {
+        at.get(&self.time_offset) - self.delay
+    }
+}
+
+impl Measurement for GnssPosition {
+    fn size(&self) -> Size {
+        Size { value: 3, residual: self.rows }
+    }
+
+    fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {
+        let mut offset = at.get(&self.bias);
+        if let Some(attitude) = &self.attitude {
+            offset += at.get(attitude) * at.get(&self.lever_arm);
+        }
+        if let Some(velocity) = &self.velocity {
+            offset -= at.get(velocity) * self.lateness(at);
+        }
+        Geodetic::write(&at.get(&self.position).offset(&offset), value);
+        Ok(())
+    }
+
+    fn jacobian(&self, at: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined> {
+        h.add(0, &self.position, &Matrix3::identity());
+        h.add(0, &self.bias, &Matrix3::identity());
+        if let Some(attitude) = &self.attitude {
+            let c_nb = at.get(attitude).to_rotation_matrix().into_inner();
+            let lever_arm = at.get(&self.lever_arm);
+            h.add(0, attitude, &(-c_nb * skew(&lever_arm)));
+            h.add(0, &self.lever_arm, &c_nb);
+        }
+        if let Some(velocity) = &self.velocity {
+            let v = at.get(velocity);
+            h.add(0, velocity, &(Matrix3::identity() * -self.lateness(at)));
+            h.add(0, &self.time_offset, &(-v));
+        }
+        Ok(())
+    }
+
+    fn residual(&self, z: &[f64], predicted: &[f64], r: &mut [f64]) {
+        let d = Geodetic::read(z).difference(&Geodetic::read(predicted));
+        r.copy_from_slice(&d.as_slice()[..self.rows]);
+    }
+
+    fn perturb(&self, z: &mut [f64], e: &[f64]) {
+        let mut d = Vector3::zeros();
+        d.as_mut_slice()[..self.rows].copy_from_slice(e);
+        Geodetic::write(&Geodetic::read(z).offset(&d), z);
+    }
+}

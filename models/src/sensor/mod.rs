@@ -1,0 +1,3 @@
+//! Measurement models, one file each.
+
+mod gnss_position;

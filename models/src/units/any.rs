@@ -1,0 +1,189 @@
+//! A quantity whose dimension the block decides once it is built.
+
+use std::borrow::Cow;
+use std::fmt;
+
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::{Deserialize, Deserializer, Error, Visitor};
+use serde::ser::{Serialize, Serializer};
+
+use super::dimension::Dimension;
+use super::error::UnitError;
+use super::expression::parse;
+
+/// A finite quantity of any dimension, such as the sigma of a sensor not yet looked at.
+///
+/// A bare number is SI of whatever dimension is wanted later; text states its own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AnyQuantity {
+    si: f64,
+    /// The text and the dimension it states; `None` for a bare number.
+    stated: Option<(String, Dimension)>,
+}
+
+impl AnyQuantity {
+    /// From a value in SI, its dimension left open.
+    ///
+    /// # Errors
+    /// Where the value is not finite.
+    pub fn from_si(si: f64) -> Result<Self, UnitError> {
+        let not_finite = || UnitError::Number {
+            text: si.to_string(),
+        };
+        si.is_finite()
+            .then_some(Self { si, stated: None })
+            .ok_or_else(not_finite)
+    }
+
+    /// From text with a unit.
+    ///
+    /// # Errors
+    /// Where the text is no quantity.
+    pub fn from_text(text: &str) -> Result<Self, UnitError> {
+        let (si, dimension) = parse(text)?;
+        Ok(Self {
+            si,
+            stated: Some((text.to_owned(), dimension)),
+        })
+    }
+
+    /// The dimension the text states; `None` for a bare number.
+    #[must_use]
+    pub fn dimension(&self) -> Option<Dimension> {
+        self.stated.as_ref().map(|(_, dimension)| *dimension)
+    }
+
+    /// The value in SI, if it can have the dimension `wanted`.
+    ///
+    /// # Errors
+    /// Where the text states another dimension.
+    pub fn expect(&self, wanted: Dimension) -> Result<f64, UnitError> {
+        match &self.stated {
+            Some((text, found)) if *found != wanted => Err(UnitError::WrongDimension {
+                text: text.clone(),
+                found: *found,
+                wanted: wanted.kind(),
+            }),
+            _ => Ok(self.si),
+        }
+    }
+}
+
+/// As it was written: the bare number, or the text.
+impl Serialize for AnyQuantity {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match &self.stated {
+            Some((text, _)) => serializer.serialize_str(text),
+            None => serializer.serialize_f64(self.si),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for AnyQuantity {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct AnyVisitor;
+
+        impl Visitor<'_> for AnyVisitor {
+            type Value = AnyQuantity;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a number in SI, or text with a unit")
+            }
+
+            fn visit_f64<E: Error>(self, si: f64) -> Result<AnyQuantity, E> {
+                AnyQuantity::from_si(si).map_err(E::custom)
+            }
+
+            fn visit_i64<E: Error>(self, si: i64) -> Result<AnyQuantity, E> {
+                self.visit_f64(si as f64)
+            }
+
+            fn visit_u64<E: Error>(self, si: u64) -> Result<AnyQuantity, E> {
+                self.visit_f64(si as f64)
+            }
+
+            fn visit_str<E: Error>(self, text: &str) -> Result<AnyQuantity, E> {
+                AnyQuantity::from_text(text).map_err(E::custom)
+            }
+        }
+
+        deserializer.deserialize_any(AnyVisitor)
+    }
+}
+
+impl JsonSchema for AnyQuantity {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> Cow<'static, str> {
+        "AnyQuantity".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "type": ["number", "string"],
+            "description": "a number in SI, or text with a unit of the right dimension",
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Dimensional, dim};
+    use super::*;
+
+    const LENGTH: Dimension = <dim::Length as Dimensional>::KIND.dimension;
+
+    fn read(json: &str) -> Result<AnyQuantity, String> {
+        serde_json::from_str(json).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_bare_number_has_whatever_dimension_is_wanted() {
+        let sigma = read("3").unwrap();
+        assert_eq!(
+            (sigma.expect(LENGTH), sigma.expect(Dimension::NONE)),
+            (Ok(3.0), Ok(3.0))
+        );
+        assert_eq!(sigma.dimension(), None);
+    }
+
+    #[test]
+    fn text_is_held_to_the_dimension_it_states() {
+        let sigma = read(r#""50 cm""#).unwrap();
+        assert_eq!(sigma.expect(LENGTH), Ok(0.5));
+        let error = read(r#""2 deg""#)
+            .unwrap()
+            .expect(LENGTH)
+            .unwrap_err()
+            .to_string();
+        assert_eq!(
+            error,
+            r#""2 deg" is an angle [rad]; a length [m] is wanted here, e.g. "0.5 m""#
+        );
+        let volume = LENGTH.power(6).unwrap();
+        let error = sigma.expect(volume).unwrap_err().to_string();
+        assert_eq!(
+            error,
+            r#""50 cm" is a length [m]; a quantity [m^3] is wanted here"#
+        );
+    }
+
+    #[test]
+    fn what_is_no_quantity_is_refused_at_once() {
+        assert!(
+            read(r#""5 lenghts""#)
+                .unwrap_err()
+                .starts_with("unknown unit `lenghts`")
+        );
+        assert!(AnyQuantity::from_si(f64::NAN).is_err());
+    }
+
+    #[test]
+    fn it_is_serialised_as_it_was_written() {
+        for json in ["3.0", r#""50 cm""#] {
+            assert_eq!(serde_json::to_string(&read(json).unwrap()).unwrap(), json);
+        }
+    }
+}

@@ -1,0 +1,214 @@
+//! The units that can be written, and what to suggest for those that cannot.
+
+use std::f64::consts::{PI, TAU};
+
+use super::dimension::Dimension;
+
+/// Standard gravity g₀ [m/s²], exact by definition (CGPM 1901).
+pub const STANDARD_GRAVITY: f64 = 9.80665;
+
+/// One unit: symbol, SI factor, dimension, whether it takes prefixes, spellings that suggest it.
+struct Unit {
+    symbol: &'static str,
+    factor: f64,
+    dimension: Dimension,
+    prefixed: bool,
+    also: &'static [&'static str],
+}
+
+const fn unit(
+    symbol: &'static str,
+    factor: f64,
+    halves: [i8; 6],
+    also: &'static [&'static str],
+) -> Unit {
+    Unit {
+        symbol,
+        factor,
+        dimension: Dimension::from_halves(halves),
+        prefixed: false,
+        also,
+    }
+}
+
+const fn prefixed(
+    symbol: &'static str,
+    factor: f64,
+    halves: [i8; 6],
+    also: &'static [&'static str],
+) -> Unit {
+    Unit {
+        prefixed: true,
+        ..unit(symbol, factor, halves, also)
+    }
+}
+
+const NONE: [i8; 6] = [0; 6];
+const LENGTH: [i8; 6] = [2, 0, 0, 0, 0, 0];
+const TIME: [i8; 6] = [0, 0, 2, 0, 0, 0];
+const SPEED: [i8; 6] = [2, 0, -2, 0, 0, 0];
+const ANGLE: [i8; 6] = [0, 0, 0, 0, 0, 2];
+const ANGULAR_RATE: [i8; 6] = [0, 0, -2, 0, 0, 2];
+const PRESSURE: [i8; 6] = [-2, 2, -4, 0, 0, 0];
+const FIELD: [i8; 6] = [0, 2, -4, -2, 0, 0];
+
+static UNITS: &[Unit] = &[
+    unit("%", 1e-2, NONE, &["percent"]),
+    unit("ppm", 1e-6, NONE, &[]),
+    prefixed("m", 1.0, LENGTH, &["meter", "metre", "meters", "metres"]),
+    unit("ft", 0.3048, LENGTH, &["foot", "feet"]),
+    unit("nmi", 1852.0, LENGTH, &["NM"]),
+    prefixed("s", 1.0, TIME, &["sec", "second", "seconds"]),
+    unit("min", 60.0, TIME, &["minute", "minutes"]),
+    unit("h", 3600.0, TIME, &["hr", "hour", "hours"]),
+    unit("day", 86_400.0, TIME, &["d", "days"]),
+    prefixed("Hz", 1.0, [0, 0, -2, 0, 0, 0], &["hertz"]),
+    unit(
+        "kn",
+        1852.0 / 3600.0,
+        SPEED,
+        &["kt", "kts", "knot", "knots"],
+    ),
+    unit("fps", 0.3048, SPEED, &[]),
+    unit("mph", 1609.344 / 3600.0, SPEED, &[]),
+    unit("kph", 1.0 / 3.6, SPEED, &["kmh", "kmph"]),
+    prefixed("g", STANDARD_GRAVITY, [2, 0, -4, 0, 0, 0], &["gee"]),
+    prefixed("Gal", 1e-2, [2, 0, -4, 0, 0, 0], &["gal"]),
+    prefixed("rad", 1.0, ANGLE, &["radian", "radians"]),
+    prefixed("deg", PI / 180.0, ANGLE, &["degree", "degrees"]),
+    unit("°", PI / 180.0, ANGLE, &[]),
+    unit("arcmin", PI / 10_800.0, ANGLE, &["amin"]),
+    unit("arcsec", PI / 648_000.0, ANGLE, &["asec", "as"]),
+    unit("rev", TAU, ANGLE, &["turn", "turns"]),
+    unit("dps", PI / 180.0, ANGULAR_RATE, &[]),
+    unit("rpm", TAU / 60.0, ANGULAR_RATE, &[]),
+    unit("kg", 1.0, [0, 2, 0, 0, 0, 0], &["gram", "kilogram"]),
+    prefixed("N", 1.0, [2, 2, -4, 0, 0, 0], &["newton"]),
+    prefixed("J", 1.0, [4, 2, -4, 0, 0, 0], &["joule"]),
+    prefixed("W", 1.0, [4, 2, -6, 0, 0, 0], &["watt"]),
+    prefixed("Pa", 1.0, PRESSURE, &["pascal"]),
+    prefixed("bar", 1e5, PRESSURE, &[]),
+    unit("atm", 101_325.0, PRESSURE, &[]),
+    prefixed("T", 1.0, FIELD, &["tesla"]),
+    prefixed("gauss", 1e-4, FIELD, &["G", "Gs"]),
+    prefixed("A", 1.0, [0, 0, 0, 2, 0, 0], &["amp", "ampere"]),
+    prefixed("V", 1.0, [4, 2, -6, -2, 0, 0], &["volt"]),
+    prefixed(
+        "K",
+        1.0,
+        [0, 0, 0, 0, 2, 0],
+        &["degC", "°C", "kelvin", "celsius"],
+    ),
+];
+
+const PREFIXES: [(&str, f64); 13] = [
+    ("p", 1e-12),
+    ("n", 1e-9),
+    ("u", 1e-6),
+    ("µ", 1e-6), // U+00B5, micro sign
+    ("μ", 1e-6), // U+03BC, Greek mu
+    ("m", 1e-3),
+    ("c", 1e-2),
+    ("d", 1e-1),
+    ("h", 1e2),
+    ("k", 1e3),
+    ("M", 1e6),
+    ("G", 1e9),
+    ("T", 1e12),
+];
+
+/// SI factor and dimension of one symbol. A unit wins over a prefixed one: `min` is a minute.
+pub(super) fn find(symbol: &str) -> Option<(f64, Dimension)> {
+    if let Some(unit) = UNITS.iter().find(|unit| unit.symbol == symbol) {
+        return Some((unit.factor, unit.dimension));
+    }
+    PREFIXES.iter().find_map(|(prefix, scale)| {
+        let rest = symbol.strip_prefix(prefix)?;
+        let unit = UNITS
+            .iter()
+            .find(|unit| unit.prefixed && unit.symbol == rest)?;
+        Some((scale * unit.factor, unit.dimension))
+    })
+}
+
+/// The known unit that was probably meant.
+pub(super) fn suggest(symbol: &str) -> Option<String> {
+    let wanted = symbol.to_lowercase();
+    let spelt = |unit: &&Unit| unit.also.contains(&symbol) || unit.also.contains(&wanted.as_str());
+    if let Some(unit) = UNITS.iter().find(spelt) {
+        return Some(unit.symbol.to_owned());
+    }
+    let bare = UNITS.iter().map(|unit| unit.symbol.to_owned());
+    let scaled = UNITS.iter().filter(|unit| unit.prefixed).flat_map(|unit| {
+        PREFIXES
+            .iter()
+            .map(|(prefix, _)| format!("{prefix}{}", unit.symbol))
+    });
+    // Case alone is no mistake worth counting; otherwise a third of the letters may differ.
+    bare.chain(scaled)
+        .map(|known| (distance(&wanted, &known.to_lowercase()), known))
+        .filter(|(distance, _)| distance * 3 <= wanted.chars().count())
+        .min_by_key(|(distance, _)| *distance)
+        .map(|(_, known)| known)
+}
+
+/// Levenshtein distance, one row at a time.
+fn distance(from: &str, to: &str) -> usize {
+    let mut row: Vec<usize> = (0..=to.chars().count()).collect();
+    for (i, a) in from.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, b) in to.chars().enumerate() {
+            let replaced = diagonal + usize::from(a != b);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row.last().copied().unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_symbol_means_itself_and_only_kg_hides_a_prefixed_unit() {
+        let mut seen = std::collections::BTreeSet::new();
+        for unit in UNITS {
+            assert_eq!(
+                find(unit.symbol),
+                Some((unit.factor, unit.dimension)),
+                "{}",
+                unit.symbol
+            );
+            assert!(seen.insert(unit.symbol.to_owned()), "{} twice", unit.symbol);
+        }
+        for unit in UNITS.iter().filter(|unit| unit.prefixed) {
+            for (prefix, _) in PREFIXES {
+                let symbol = format!("{prefix}{}", unit.symbol);
+                assert!(
+                    symbol == "kg" || seen.insert(symbol.clone()),
+                    "{symbol} has two meanings"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn spellings_and_slips_lead_to_the_symbol() {
+        let cases = [
+            ("sec", "s"),
+            ("degrees", "deg"),
+            ("hz", "Hz"),
+            ("KM", "km"),
+            ("degs", "deg"),
+            ("arcsecs", "arcsec"),
+            ("knots", "kn"),
+            ("G", "gauss"),
+        ];
+        for (slip, meant) in cases {
+            assert_eq!(suggest(slip).as_deref(), Some(meant), "{slip}");
+        }
+        assert_eq!(suggest("furlong"), None);
+    }
+}

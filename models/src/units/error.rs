@@ -1,0 +1,90 @@
+//! What can be wrong with a quantity, in words for the person who wrote it.
+
+use std::fmt;
+
+use super::dimension::{Dimension, Kind};
+
+/// A quantity or a unit that cannot be read, or is not what is wanted.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum UnitError {
+    /// The text does not begin with a number, or the number is not finite.
+    Number { text: String },
+    /// No unit has this symbol.
+    UnknownUnit {
+        text: String,
+        unit: String,
+        suggestion: Option<String>,
+    },
+    /// The unit expression is malformed.
+    Syntax { text: String, problem: &'static str },
+    /// The quantity has another dimension than the one wanted.
+    WrongDimension {
+        text: String,
+        found: Dimension,
+        wanted: Kind,
+    },
+    /// The value lies outside the range allowed.
+    OutOfRange {
+        text: String,
+        wanted: Kind,
+        range: &'static str,
+    },
+}
+
+impl std::error::Error for UnitError {}
+
+impl fmt::Display for UnitError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number { text } => {
+                write!(f, "{text:?} is not a finite number followed by a unit")
+            }
+            Self::UnknownUnit {
+                text,
+                unit,
+                suggestion,
+            } => {
+                write!(f, "unknown unit `{unit}`")?;
+                if text != unit {
+                    write!(f, " in {text:?}")?;
+                }
+                suggestion
+                    .iter()
+                    .try_for_each(|known| write!(f, "; did you mean `{known}`?"))
+            }
+            Self::Syntax { text, problem } => write!(f, "{text:?} is not a unit: {problem}"),
+            Self::WrongDimension {
+                text,
+                found,
+                wanted,
+            } => {
+                match text.trim().parse::<f64>() {
+                    Ok(_) => write!(f, "{text:?} has no unit")?,
+                    Err(_) => write!(f, "{text:?} is {}", found.kind())?,
+                }
+                write!(f, "; {wanted} is wanted here")?;
+                write_example(f, wanted)
+            }
+            Self::OutOfRange {
+                text,
+                wanted,
+                range,
+            } => {
+                match text.parse::<f64>() {
+                    Ok(_) => write!(f, "{text} is out of range")?,
+                    Err(_) => write!(f, "{text:?} is out of range")?,
+                }
+                write!(f, "; {wanted} {range} is wanted here")?;
+                write_example(f, wanted)
+            }
+        }
+    }
+}
+
+fn write_example(f: &mut fmt::Formatter<'_>, wanted: &Kind) -> fmt::Result {
+    match wanted.example {
+        "" => Ok(()),
+        example => write!(f, ", e.g. {example:?}"),
+    }
+}

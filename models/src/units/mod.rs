@@ -1,0 +1,37 @@
+//! Physical quantities as they are written in TOML.
+//!
+//! A quantity is a bare number, taken as SI, or text that carries its unit:
+//!
+//! ```toml
+//! rate = "100 Hz"
+//! gyro_walk = "0.125 deg/sqrt(h)"
+//! accelerometer_bias = "1 mg"
+//! lever_arm = ["5 cm", 0, "-1 m"]
+//! ```
+//!
+//! Grammar   number, optional blank, unit; units combine by `*`, `/`, `^`, `sqrt( )`, `( )`
+//! Powers    whole or half: `s^2`, `s^-1`, `s^0.5`, `s^(3/2)`
+//! Prefixes  p n u µ m c d h k M G T, on the units that take them
+//! Angle     is a dimension of its own (rad), so `"5 deg"` is no length
+//! g         is standard gravity, 9.80665 m/s²: `mg`, `ug` are milli- and micro-g.
+//!           Grams do not occur; mass is written in `kg`
+//! Not here  temperature scales with an offset (°C), decibels, calendar time
+//!
+//! Three ways in: [`Quantity`] where the dimension is known to the type, [`AnyQuantity`] where it
+//! is known only once the block is built, [`parse_unit`] for the heading of a data column.
+
+mod any;
+mod axes;
+mod catalogue;
+mod dimension;
+mod error;
+mod expression;
+mod quantity;
+
+pub use any::AnyQuantity;
+pub use axes::{Axes, Vec3Of};
+pub use catalogue::STANDARD_GRAVITY;
+pub use dimension::{Dimension, Kind};
+pub use error::UnitError;
+pub use expression::{parse, parse_unit};
+pub use quantity::*;
