@@ -548,9 +548,14 @@ impl Runner {
         if self.value.iter().all(|v| v.is_finite()) {
             u.initialiser.row(input, time, &self.value);
         }
-        // With an input-driven process the start lies on an input sample's stamp or after it.
+        self.start_if_ready(time, observer);
+    }
+
+    /// Starts at `time` once every initialiser can write; an input-driven process also needs the
+    /// sample that opens the first interval.
+    fn start_if_ready(&mut self, time: Time, observer: &mut dyn Observer) {
         let driven = self.process.input_dim() == 0 || self.previous.is_some();
-        if driven && self.initialisers.iter().all(|u| u.initialiser.waits_for().is_none()) {
+        if !self.started && driven && self.initialisers.iter().all(|u| u.initialiser.waits_for().is_none()) {
             self.start(time, observer);
         }
     }
@@ -578,9 +583,7 @@ impl Runner {
         let Some(start) = last_end else {
             // The first sample closes an interval of unknown length: it only opens the next one.
             self.previous = Some(Sample { start: time, end: time, rates: self.value.clone() });
-            if self.initialisers.is_empty() && !self.started {
-                self.start(time, observer);
-            }
+            self.start_if_ready(time, observer);
             return;
         };
         if time <= start {
@@ -600,6 +603,7 @@ impl Runner {
             }
             (false, _) => self.run_over(sample, observer),
         }
+        self.start_if_ready(time, observer);
     }
 
     /// Runs over `sample` with the one before it as its neighbour.
@@ -671,8 +675,8 @@ impl Runner {
     }
 
     fn sensor_row(&mut self, sensor: usize, time: Time, row: usize, observer: &mut dyn Observer) {
-        if !self.started && self.initialisers.is_empty() && self.process.input_dim() == 0 {
-            self.start(time, observer);
+        if self.process.input_dim() == 0 {
+            self.start_if_ready(time, observer);
         }
         // What started the filter is not used a second time.
         if !self.started || time <= self.start_after {

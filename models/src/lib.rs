@@ -7,10 +7,14 @@
 
 pub mod block;
 pub mod earth;
+pub mod gate;
+pub mod initial;
+pub mod loss;
 pub mod param;
 pub mod process;
 pub mod registry;
-mod sensor;
+pub mod sensor;
+pub mod stage;
 pub mod units;
 
 pub use fusion_core;

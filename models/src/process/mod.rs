@@ -1,1 +1,3 @@
-//! Process models.
+//! Process models: how the state moves.
+
+pub mod strapdown;

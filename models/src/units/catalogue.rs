@@ -195,6 +195,40 @@ mod tests {
     }
 
     #[test]
+    fn factors_agree_with_decimals_worked_out_by_hand() {
+        // From the defining ratios: 1 nmi = 1852 m, 1 ft = 0.3048 m, 1 turn = 2π rad
+        let worked_out = [
+            ("kn", 0.514_444_4),
+            ("mph", 0.447_04),
+            ("kph", 0.277_777_8),
+            ("fps", 0.3048),
+            ("nmi", 1852.0),
+            ("arcsec", 4.848_137e-6),
+            ("arcmin", 2.908_882e-4),
+            ("deg", 1.745_329e-2),
+            ("rpm", 0.104_719_8),
+            ("day", 86_400.0),
+            ("mGal", 1e-5),
+            ("mgauss", 1e-7),
+            ("mbar", 100.0),
+            ("atm", 101_325.0),
+            ("g", 9.806_65),
+        ];
+        for (symbol, factor) in worked_out {
+            let (found, _) = find(symbol).unwrap();
+            // 5e-7: written to 7 digits
+            assert!((found / factor - 1.0).abs() < 5e-7, "{symbol}: {found}");
+        }
+    }
+
+    #[test]
+    fn customary_units_take_no_prefix() {
+        for symbol in ["mft", "kmin", "kh", "mkg", "k%", "k"] {
+            assert_eq!(find(symbol), None, "{symbol}");
+        }
+    }
+
+    #[test]
     fn spellings_and_slips_lead_to_the_symbol() {
         let cases = [
             ("sec", "s"),

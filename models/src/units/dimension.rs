@@ -105,6 +105,7 @@ fn write_power(f: &mut fmt::Formatter<'_>, separator: &str, base: &str, halves: 
 /// A dimension with the words that error messages and schemas use for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Kind {
+    /// What the words are for.
     pub dimension: Dimension,
     /// With its article: `a length`.
     pub name: &'static str,

@@ -9,25 +9,42 @@ use super::dimension::{Dimension, Kind};
 #[non_exhaustive]
 pub enum UnitError {
     /// The text does not begin with a number, or the number is not finite.
-    Number { text: String },
+    Number {
+        /// What was written.
+        text: String,
+    },
     /// No unit has this symbol.
     UnknownUnit {
+        /// What was written.
         text: String,
+        /// The part of it that is not known.
         unit: String,
+        /// What was probably meant.
         suggestion: Option<String>,
     },
     /// The unit expression is malformed.
-    Syntax { text: String, problem: &'static str },
+    Syntax {
+        /// What was written.
+        text: String,
+        /// What is wrong with it.
+        problem: &'static str,
+    },
     /// The quantity has another dimension than the one wanted.
     WrongDimension {
+        /// What was written.
         text: String,
+        /// Its dimension.
         found: Dimension,
+        /// The one it should have.
         wanted: Kind,
     },
     /// The value lies outside the range allowed.
     OutOfRange {
+        /// What was written.
         text: String,
+        /// The dimension, which is right.
         wanted: Kind,
+        /// The range, as in `greater than 0`.
         range: &'static str,
     },
 }

@@ -1,0 +1,78 @@
+//! Heading from the GNSS course, once the vehicle moves.
+//!
+//! ψ = atan2(v_E, v_N) − the yaw of the vehicle's forward axis in the body frame. Valid for a
+//! vehicle that drives forward without side slip; a boat in a current needs a compass.
+
+use super::write_yaw;
+use crate::block::{Build, BuildError, Channel, InitialiserSpec, Listen};
+use crate::units::{Angle, Dimensional, NonNegative, Positive, dim};
+use fusion_core::runner::Initialiser;
+use fusion_core::state::{Belief, Layout, wrap};
+use fusion_core::time::Time;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Heading from the GNSS course, once the vehicle moves forward fast enough.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CourseSpec {
+    /// A stream with a `velocity` channel, north east down.
+    source: String,
+    /// Horizontal speed from which the course is believed.
+    min_speed: Positive<dim::Speed>,
+    /// 1σ of the heading that it gives.
+    sigma: NonNegative<dim::Angle>,
+    /// Yaw of the vehicle's forward axis in the body frame.
+    #[serde(default)]
+    mounting_yaw: Angle,
+}
+
+crate::register!(Initialiser, "course", CourseSpec, r#"
+source = "gnss"
+min_speed = "3 m/s"
+sigma = "8 deg"
+mounting_yaw = "0 deg"
+"#);
+
+#[typetag::deserialize(name = "course")]
+impl InitialiserSpec for CourseSpec {
+    fn inputs(&self) -> Vec<Listen> {
+        let velocity = Channel::vector("velocity", 3, dim::Speed::KIND.dimension);
+        vec![Listen { source: self.source.clone(), channels: vec![velocity] }]
+    }
+
+    fn writes(&self) -> Vec<&'static str> {
+        vec!["heading"]
+    }
+
+    fn build(&self, _: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {
+        let (min_speed, sigma) = (self.min_speed.si(), self.sigma.si());
+        Ok(Box::new(Course { min_speed, sigma, mounting_yaw: self.mounting_yaw.si(), yaw: None }))
+    }
+}
+
+#[derive(Debug)]
+struct Course {
+    min_speed: f64,
+    sigma: f64,
+    mounting_yaw: f64,
+    yaw: Option<f64>,
+}
+
+impl Initialiser for Course {
+    fn row(&mut self, _: usize, _: Time, row: &[f64]) {
+        // The latest course counts, and a slow one is none.
+        let fast = row[0].hypot(row[1]) >= self.min_speed;
+        self.yaw = fast.then(|| wrap(row[1].atan2(row[0]) - self.mounting_yaw));
+    }
+
+    fn waits_for(&self) -> Option<String> {
+        self.yaw.is_none().then(|| format!("a GNSS speed of {} m/s, for the course", self.min_speed))
+    }
+
+    fn write(&self, _: Time, layout: &Layout, belief: &mut Belief) {
+        if let Some(yaw) = self.yaw {
+            write_yaw(layout, belief, yaw, self.sigma);
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! Initial values written in the file.
+
+use super::{write_attitude, write_position, write_velocity, write_yaw};
+use crate::block::{Build, BuildError, InitialiserSpec, Listen};
+use crate::param::Rpy;
+use crate::units::{Angle, Axes, Length, NonNegative, Vec3Of, dim, range};
+use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::runner::Initialiser;
+use fusion_core::state::{Belief, Layout};
+use fusion_core::time::Time;
+use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// A geodetic place.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlaceSpec {
+    /// Geodetic latitude, e.g. "36.098 deg".
+    pub latitude: Angle,
+    /// Longitude.
+    pub longitude: Angle,
+    /// Height above the ellipsoid.
+    #[serde(default)]
+    pub height: Length,
+}
+
+impl From<PlaceSpec> for Geodetic {
+    fn from(p: PlaceSpec) -> Self {
+        Self { lat: p.latitude.si(), lon: p.longitude.si(), height: p.height.si() }
+    }
+}
+
+/// Initial values written in the file: any of position, velocity, attitude or heading, each with
+/// its 1σ.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ExplicitSpec {
+    /// Initial position; without it the origin where `position_sigma` is given.
+    position: Option<PlaceSpec>,
+    /// 1σ north, east, down.
+    position_sigma: Option<Axes<dim::Length, range::NonNegative>>,
+    /// Initial velocity north, east, down.
+    velocity: Option<Vec3Of<dim::Speed>>,
+    /// 1σ north, east, down.
+    velocity_sigma: Option<Axes<dim::Speed, range::NonNegative>>,
+    /// Initial roll, pitch, yaw.
+    attitude: Option<Rpy>,
+    /// 1σ about the body axes.
+    attitude_sigma: Option<Axes<dim::Angle, range::NonNegative>>,
+    /// Initial heading alone; roll and pitch as other initialisers find them.
+    heading: Option<Angle>,
+    /// 1σ of the heading.
+    heading_sigma: Option<NonNegative<dim::Angle>>,
+}
+
+crate::register!(Initialiser, "explicit", ExplicitSpec, r#"
+position = { latitude = "36.098 deg", longitude = "129.45 deg", height = "10 m" }
+position_sigma = ["2 m", "2 m", "3 m"]
+velocity = [0, 0, 0]
+velocity_sigma = "0.1 m/s"
+attitude = [0, 0, "30 deg"]
+attitude_sigma = ["0.1 deg", "0.1 deg", "1 deg"]
+"#);
+
+#[typetag::deserialize(name = "explicit")]
+impl InitialiserSpec for ExplicitSpec {
+    fn inputs(&self) -> Vec<Listen> {
+        Vec::new()
+    }
+
+    fn writes(&self) -> Vec<&'static str> {
+        let mut blocks = Vec::new();
+        if self.position_sigma.is_some() {
+            blocks.extend(["position", "local_position"]);
+        }
+        if self.velocity_sigma.is_some() {
+            blocks.extend(["velocity", "speed"]);
+        }
+        if self.attitude_sigma.is_some() {
+            blocks.push("attitude");
+        }
+        if self.heading_sigma.is_some() {
+            blocks.push("heading");
+        }
+        blocks
+    }
+
+    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {
+        let sigma = |what: &str, given: bool, sigma: bool| match (given, sigma) {
+            (true, false) => Err(BuildError::new(format!("`{what}` is given without `{what}_sigma`, its 1σ"))),
+            _ => Ok(()),
+        };
+        sigma("position", self.position.is_some(), self.position_sigma.is_some())?;
+        sigma("velocity", self.velocity.is_some(), self.velocity_sigma.is_some())?;
+        sigma("attitude", self.attitude.is_some(), self.attitude_sigma.is_some())?;
+        sigma("heading", self.heading.is_some(), self.heading_sigma.is_some())?;
+        if self.attitude.is_some() && self.heading.is_some() {
+            return Err(BuildError::at("heading", "`attitude` gives the heading already"));
+        }
+        let place = match (self.position, self.position_sigma) {
+            (Some(p), _) => Some(p.into()),
+            (None, Some(_)) => Some(b.origin()?),
+            (None, None) => None,
+        };
+        Ok(Box::new(Explicit {
+            origin: b.origin,
+            place: place.zip(self.position_sigma.map(Axes::si)),
+            velocity: self.velocity_sigma.map(|s| (self.velocity.map_or([0.0; 3], Vec3Of::si).into(), s.si())),
+            attitude: self.attitude_sigma.map(|s| (self.attitude.unwrap_or_default(), s.si())),
+            heading: self.heading_sigma.map(|s| (self.heading.map_or(0.0, Angle::si), s.si())),
+        }))
+    }
+}
+
+#[derive(Debug)]
+struct Explicit {
+    origin: Option<Geodetic>,
+    place: Option<(Geodetic, [f64; 3])>,
+    velocity: Option<(Vector3<f64>, [f64; 3])>,
+    attitude: Option<(Rpy, [f64; 3])>,
+    heading: Option<(f64, f64)>,
+}
+
+impl Initialiser for Explicit {
+    fn row(&mut self, _: usize, _: Time, _: &[f64]) {}
+
+    fn waits_for(&self) -> Option<String> {
+        None
+    }
+
+    fn write(&self, _: Time, layout: &Layout, belief: &mut Belief) {
+        if let Some((place, sigma)) = &self.place {
+            write_position(layout, belief, self.origin, place, sigma);
+        }
+        if let Some((v, sigma)) = &self.velocity {
+            write_velocity(layout, belief, v, sigma);
+        }
+        if let Some((rpy, sigma)) = &self.attitude {
+            write_attitude(layout, belief, &rpy.rotation(), sigma);
+        }
+        if let Some((yaw, sigma)) = self.heading {
+            write_yaw(layout, belief, yaw, sigma);
+        }
+    }
+}

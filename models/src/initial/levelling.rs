@@ -1,0 +1,259 @@
+//! Static levelling, and gyrocompassing where the gyros can.
+//!
+//! Levelling  roll = atan2(−f_y, −f_z),  pitch = atan2(f_x, √(f_y² + f_z²)) of the mean f at rest
+//! Gyro bias  the mean rate at rest (less the Earth's where the heading is known)
+//! Compassing ω_x' = ω_x cθ + ω_y sφ sθ + ω_z cφ sθ,  ω_y' = ω_y cφ − ω_z sφ,
+//!            ψ = atan2(−ω_y', ω_x')
+//! Predicted  σ_ψ² = (σ_g² + N_g²/T)/(Ω cos φ)² + ((σ_a/g) tan φ)²
+//! Kept       after the vehicle moves, the gyros carry the attitude to the start
+//! Valid      at rest, |latitude| < 80° for compassing
+//! Source     Groves 2013, §5.6; Titterton and Weston 2004, §10.3
+
+use super::write_attitude;
+use crate::block::{Build, BuildError, InitialiserSpec, Listen};
+use crate::stage::stationarity::imu_channels;
+use crate::stage::still::{StillSpec, StillTest};
+use crate::units::{Axes, NonNegative, Positive, dim, range};
+use fusion_core::geometry::{so3, wgs84};
+use fusion_core::runner::Initialiser;
+use fusion_core::state::{Belief, Layout, Manifold, Vector};
+use fusion_core::time::Time;
+use nalgebra::{UnitQuaternion, Vector3};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Roll and pitch from the specific force at rest, the gyro bias from the rate at rest, and with
+/// `gyrocompass` the heading from the Earth's rotation.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LevellingSpec {
+    /// The IMU stream.
+    source: String,
+    /// How long the vehicle must have stood still.
+    duration: Positive<dim::Duration>,
+    /// The bounds of stillness.
+    still: StillSpec,
+    /// 1σ of roll and pitch: accelerometer bias over gravity.
+    tilt_sigma: NonNegative<dim::Angle>,
+    /// 1σ of the gyro bias found at rest; sets the state `gyro_bias`.
+    gyro_bias_sigma: Option<Axes<dim::AngularRate, range::NonNegative>>,
+    /// Heading from the Earth's rotation, for gyros good enough.
+    gyrocompass: Option<GyrocompassSpec>,
+}
+
+/// Gyrocompassing: refused where its predicted error is too large.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GyrocompassSpec {
+    /// 1σ of the gyro bias, turn-on to turn-on.
+    gyro_bias: NonNegative<dim::AngularRate>,
+    /// Angle random walk of the gyros.
+    gyro_noise: NonNegative<dim::AngleRandomWalk>,
+    /// 1σ of the accelerometer bias.
+    accel_bias: NonNegative<dim::Acceleration>,
+    /// The largest predicted 1σ that is accepted.
+    max_sigma: Positive<dim::Angle>,
+    /// Latitude; by default that of the origin.
+    latitude: Option<crate::units::Angle>,
+}
+
+crate::register!(Initialiser, "levelling", LevellingSpec, r#"
+source = "imu"
+duration = "5 s"
+still = { accel_std = "0.2 m/s^2", gyro_std = "1 deg/s" }
+tilt_sigma = "0.5 deg"
+gyro_bias_sigma = "0.05 deg/s"
+"#);
+
+#[typetag::deserialize(name = "levelling")]
+impl InitialiserSpec for LevellingSpec {
+    fn inputs(&self) -> Vec<Listen> {
+        vec![Listen { source: self.source.clone(), channels: imu_channels() }]
+    }
+
+    fn writes(&self) -> Vec<&'static str> {
+        let mut blocks = vec!["attitude"];
+        if self.gyro_bias_sigma.is_some() {
+            blocks.push("gyro_bias");
+        }
+        blocks
+    }
+
+    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {
+        let compass = match &self.gyrocompass {
+            None => None,
+            Some(g) => Some(self.compass(g, b)?),
+        };
+        Ok(Box::new(Levelling {
+            test: StillTest::new(&self.still),
+            duration: self.duration.si(),
+            tilt_sigma: self.tilt_sigma.si(),
+            gyro_bias_sigma: self.gyro_bias_sigma.map(Axes::si),
+            compass,
+            rest: Rest::default(),
+            found: None,
+            last: None,
+        }))
+    }
+}
+
+impl LevellingSpec {
+    fn compass(&self, g: &GyrocompassSpec, b: &Build<'_>) -> Result<Compass, BuildError> {
+        let lat = match g.latitude {
+            Some(lat) => lat.si(),
+            None => b.origin()?.lat,
+        };
+        if lat.abs() > 80_f64.to_radians() {
+            let message = "gyrocompassing fails within 10° of a pole: the Earth's rotation is vertical there";
+            return Err(BuildError::at("gyrocompass", message).help("take the heading from a compass or from a GNSS course"));
+        }
+        let sigma = predicted_heading_sigma(g.gyro_bias.si(), g.gyro_noise.si(), g.accel_bias.si(), self.duration.si(), lat);
+        if sigma > g.max_sigma.si() {
+            let message = format!(
+                "gyrocompassing would have a 1σ of {:.2}° here, more than the {:.2}° allowed",
+                sigma.to_degrees(),
+                g.max_sigma.si().to_degrees()
+            );
+            let help = "level for longer, take the heading from a compass or a GNSS course, or allow more";
+            return Err(BuildError::at("gyrocompass.max_sigma", message).help(help));
+        }
+        Ok(Compass { sigma, lat })
+    }
+}
+
+/// Roll and pitch [rad] from a specific force at rest.
+#[must_use]
+pub fn level(f: &Vector3<f64>) -> (f64, f64) {
+    ((-f.y).atan2(-f.z), f.x.atan2(f.y.hypot(f.z)))
+}
+
+/// Heading [rad] from the mean angular rate at rest, given roll and pitch.
+#[must_use]
+pub fn gyrocompass(w: &Vector3<f64>, roll: f64, pitch: f64) -> f64 {
+    let (sr, cr) = roll.sin_cos();
+    let (sp, cp) = pitch.sin_cos();
+    let x = w.x * cp + w.y * sr * sp + w.z * cr * sp;
+    let y = w.y * cr - w.z * sr;
+    (-y).atan2(x)
+}
+
+/// 1σ of gyrocompassing [rad] over `duration` [s] at latitude `lat` [rad].
+#[must_use]
+pub fn predicted_heading_sigma(gyro_bias: f64, gyro_noise: f64, accel_bias: f64, duration: f64, lat: f64) -> f64 {
+    let horizontal = wgs84::EARTH_RATE * lat.cos();
+    let gyro = (gyro_bias * gyro_bias + gyro_noise * gyro_noise / duration).sqrt() / horizontal;
+    gyro.hypot(accel_bias / 9.81 * lat.tan())
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Compass {
+    sigma: f64,
+    lat: f64,
+}
+
+/// Sums over one spell of rest.
+#[derive(Clone, Copy, Debug, Default)]
+struct Rest {
+    since: Option<Time>,
+    count: f64,
+    w: Vector3<f64>,
+    f: Vector3<f64>,
+}
+
+#[derive(Debug)]
+struct Levelling {
+    test: StillTest,
+    duration: f64,
+    tilt_sigma: f64,
+    gyro_bias_sigma: Option<[f64; 3]>,
+    compass: Option<Compass>,
+    rest: Rest,
+    found: Option<(UnitQuaternion<f64>, Vector3<f64>)>,
+    last: Option<Time>,
+}
+
+impl Levelling {
+    fn solve(&mut self) {
+        let (w, f) = (self.rest.w / self.rest.count, self.rest.f / self.rest.count);
+        let (roll, pitch) = level(&f);
+        let yaw = self.compass.map_or(0.0, |_| gyrocompass(&w, roll, pitch));
+        let q = so3::from_rpy(roll, pitch, yaw);
+        let earth = self.compass.map_or_else(Vector3::zeros, |c| {
+            q.inverse() * Vector3::new(c.lat.cos(), 0.0, -c.lat.sin()) * wgs84::EARTH_RATE
+        });
+        self.found = Some((q, w - earth));
+    }
+}
+
+impl Initialiser for Levelling {
+    fn row(&mut self, _: usize, time: Time, row: &[f64]) {
+        let (w, f) = (Vector3::new(row[0], row[1], row[2]), Vector3::new(row[3], row[4], row[5]));
+        self.test.push(time.seconds(), w, f);
+        let dt = self.last.map_or(0.0, |last| time.seconds_since(last));
+        self.last = Some(time);
+        // Nothing is known of the bias before the first rest, and little changes after it.
+        let bias = self.found.map_or_else(Vector3::zeros, |(_, bias)| bias);
+        if self.test.is_still(&bias) {
+            if self.rest.since.is_none() {
+                self.rest = Rest { since: Some(time), ..Rest::default() };
+            }
+            self.rest.count += 1.0;
+            self.rest.w += w;
+            self.rest.f += f;
+            if self.rest.since.is_some_and(|since| time.seconds_since(since) >= self.duration) {
+                self.solve();
+                return;
+            }
+        } else {
+            self.rest.since = None;
+        }
+        if let Some((q, bias)) = &mut self.found {
+            *q *= so3::exp(&((w - *bias) * dt));
+        }
+    }
+
+    fn waits_for(&self) -> Option<String> {
+        self.found.is_none().then(|| format!("{} s at rest, to level", self.duration))
+    }
+
+    fn write(&self, _: Time, layout: &Layout, belief: &mut Belief) {
+        let Some((q, bias)) = &self.found else { return };
+        let yaw = self.compass.map_or(core::f64::consts::PI, |c| c.sigma);
+        write_attitude(layout, belief, q, &[self.tilt_sigma, self.tilt_sigma, yaw]);
+        if let (Some(sigma), Some(b)) = (&self.gyro_bias_sigma, layout.block("gyro_bias")) {
+            Vector::<3>::write(bias, &mut belief.x[b.storage_range()]);
+            belief.covariance.reset_block(b.tangent_range(), sigma);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_inputs_return_the_attitude() {
+        let (roll, pitch, yaw, lat) = (0.1, -0.2, 2.0, 0.63_f64);
+        let q = so3::from_rpy(roll, pitch, yaw);
+        let f = q.inverse() * Vector3::new(0.0, 0.0, -9.8);
+        let w = q.inverse() * Vector3::new(lat.cos(), 0.0, -lat.sin()) * wgs84::EARTH_RATE;
+        let (r, p) = level(&f);
+        // 1e-12: the arithmetic of a few trigonometric functions, as the specification asks.
+        assert!((r - roll).abs() < 1e-12 && (p - pitch).abs() < 1e-12);
+        assert!((gyrocompass(&w, r, p) - yaw).abs() < 1e-12);
+    }
+
+    #[test]
+    fn sensitivities_match_titterton_and_weston() {
+        let lat = 36.1_f64.to_radians();
+        let per_hour = (1.0_f64 / 3600.0).to_radians();
+        let degrees = |gyro: f64, noise: f64, t: f64| predicted_heading_sigma(gyro, noise, 0.0, t, lat).to_degrees();
+        // Printed to two or three figures: 0.047° and 4.71°, and 3.2° of angle random walk.
+        assert!((degrees(0.01 * per_hour, 0.0, 120.0) - 0.047).abs() < 5e-4);
+        assert!((degrees(per_hour, 0.0, 120.0) - 4.71).abs() < 1e-2);
+        assert!((degrees(0.0, 0.125 * per_hour * 60.0, 120.0) - 3.2).abs() < 0.05);
+        // 1 mg of accelerometer bias levels to 0.057°.
+        let (_, pitch) = level(&Vector3::new(9.80665e-3, 0.0, -9.80665));
+        assert!((pitch.to_degrees() - 0.0573).abs() < 1e-4);
+    }
+}

@@ -1,0 +1,67 @@
+//! Initialisers: how a filter starts by itself.
+//!
+//! Each writes part of the initial belief; they write in the order of the file, so that a course
+//! may turn the attitude that levelling has found.
+
+pub mod course;
+pub mod explicit;
+pub mod first_fix;
+pub mod levelling;
+
+use crate::earth::LocalFrame;
+use fusion_core::geometry::{so3, wgs84};
+use fusion_core::state::{Angle, Attitude, Belief, Geodetic, Kind, Layout, Manifold, Position, Velocity};
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// Writes a geodetic position to the block `position`, or `local_position` about `origin`.
+fn write_position(layout: &Layout, belief: &mut Belief, origin: Option<wgs84::Geodetic>, place: &wgs84::Geodetic, sigma: &[f64]) {
+    if let Some(b) = layout.block("position").filter(|b| b.kind == Kind::Geodetic) {
+        Geodetic::write(place, &mut belief.x[b.storage_range()]);
+        belief.covariance.reset_block(b.tangent_range(), sigma);
+    } else if let (Some(b), Some(origin)) = (layout.block("local_position"), origin) {
+        Position::write(&LocalFrame::new(origin).to_ned(place), &mut belief.x[b.storage_range()]);
+        belief.covariance.reset_block(b.tangent_range(), sigma);
+    }
+}
+
+/// Writes a velocity to the block `velocity`, or its horizontal magnitude to `speed`.
+fn write_velocity(layout: &Layout, belief: &mut Belief, v: &Vector3<f64>, sigma: &[f64]) {
+    if let Some(b) = layout.block("velocity") {
+        Velocity::write(v, &mut belief.x[b.storage_range()]);
+        belief.covariance.reset_block(b.tangent_range(), sigma);
+    } else if let Some(b) = layout.block("speed") {
+        belief.x[b.storage] = v.x.hypot(v.y);
+        belief.covariance.reset_block(b.tangent_range(), &sigma[..1]);
+    }
+}
+
+fn write_attitude(layout: &Layout, belief: &mut Belief, q: &UnitQuaternion<f64>, sigma: &[f64]) {
+    if let Some(b) = layout.block("attitude") {
+        Attitude::write(q, &mut belief.x[b.storage_range()]);
+        belief.covariance.reset_block(b.tangent_range(), sigma);
+    }
+}
+
+/// Turns the attitude block to `yaw`, keeping roll and pitch, or writes the angle `heading`.
+///
+/// The yaw variance is laid about the vertical: P_b = Cᵀ diag(tilt², tilt², σ²) C.
+fn write_yaw(layout: &Layout, belief: &mut Belief, yaw: f64, sigma: f64) {
+    if let Some(b) = layout.block("attitude") {
+        let range = b.storage_range();
+        let rpy = so3::to_rpy(&Attitude::read(&belief.x[range.clone()]));
+        let q = so3::from_rpy(rpy.x, rpy.y, yaw);
+        Attitude::write(&q, &mut belief.x[range]);
+        let c = q.to_rotation_matrix().into_inner();
+        let t = b.tangent;
+        let tilt = 0.5 * (belief.covariance.get(t, t) + belief.covariance.get(t + 1, t + 1));
+        let p = c.transpose() * nalgebra::Matrix3::from_diagonal(&Vector3::new(tilt, tilt, sigma * sigma)) * c;
+        for i in 0..3 {
+            for j in 0..=i {
+                belief.covariance.set(t + i, t + j, p[(i, j)]);
+            }
+        }
+    } else if let Some(b) = layout.block("heading") {
+        Angle::write(&yaw, &mut belief.x[b.storage_range()]);
+        belief.covariance.reset_block(b.tangent_range(), &[sigma]);
+    }
+}

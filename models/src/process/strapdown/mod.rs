@@ -1,0 +1,362 @@
+//! Strapdown inertial navigation on the ellipsoid, NED, as a process model.
+//!
+//! Input      mean angular rate w_m [rad/s] and specific force f_m [m/s²] over a sample, body axes
+//! Corrected  w = (w_m − b_g)/(1 + s_g),  f = (f_m − b_a)/(1 + s_a), per axis
+//! States     `position` (geodetic), `velocity` v_eb_n, `attitude` q_nb; where estimated
+//!            `gyro_bias`, `accel_bias`, `gyro_scale`, `accel_scale`
+//! Signals    `angular_rate` w_ib_b [rad/s], `acceleration` dv_eb_n/dt [m/s²]
+//! Φ          I + FΔt, or + ½F²Δt², F from [`error_model`]
+//! Q          trapezoid of white accelerometer noise on velocity and gyro noise on attitude
+//! Source     spec of the mechanisation: Savage 1998; Titterton and Weston 2004, ch. 12
+
+pub mod error_model;
+pub mod increments;
+pub mod mechanisation;
+
+use crate::block::{Build, BuildError, Channel, ProcessSpec};
+use crate::earth::Gravity;
+use crate::param::VectorParam;
+use crate::units::{Axes, Dimensional, dim, range};
+use error_model::Blocks;
+use fusion_core::geometry::wgs84::Geodetic as Place;
+use fusion_core::linear::Transition;
+use fusion_core::model::{Input, Process, SignalsOut};
+use fusion_core::state::{Attitude, Dynamics, Geodetic, Param, Signal, Slot, Vector, Velocity};
+use mechanisation::Nav;
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// How an input sample becomes a step of the navigation state.
+#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
+#[serde(rename_all = "snake_case")]
+pub enum Integrator {
+    /// Coning and sculling corrected with the sample before: no added delay.
+    #[default]
+    OneSample,
+    /// Coning and sculling corrected within pairs of samples: one sample later, more exact.
+    TwoSample,
+    /// First-order Euler integration, as a paper prints it: for comparison.
+    FirstOrder,
+}
+
+/// How Φ is made from F.
+#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
+#[serde(rename_all = "snake_case")]
+pub enum Discretisation {
+    /// Φ = I + FΔt.
+    #[default]
+    FirstOrder,
+    /// Φ = I + FΔt + ½F²Δt².
+    SecondOrder,
+}
+
+/// Which formula gives the magnitude of gravity.
+#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
+#[serde(rename_all = "snake_case")]
+pub enum GravitySpec {
+    /// WGS-84 normal gravity with height (Somigliana): the default.
+    #[default]
+    Somigliana,
+    /// The series of Titterton and Weston 2004.
+    TittertonWeston,
+    /// The series of Noureldin et al. 2013.
+    Noureldin,
+}
+
+impl From<GravitySpec> for Gravity {
+    fn from(spec: GravitySpec) -> Self {
+        match spec {
+            GravitySpec::Somigliana => Self::Somigliana,
+            GravitySpec::TittertonWeston => Self::TittertonWeston,
+            GravitySpec::Noureldin => Self::Noureldin,
+        }
+    }
+}
+
+/// The gyros.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GyroSpec {
+    /// White noise of the rate: the angle random walk, e.g. "0.125 deg/sqrt(h)".
+    noise: Axes<dim::AngleRandomWalk, range::NonNegative>,
+    /// Bias; estimated as the state `gyro_bias`.
+    #[serde(default)]
+    bias: VectorParam<dim::AngularRate>,
+    /// Scale factor error; estimated as the state `gyro_scale`.
+    #[serde(default)]
+    scale: VectorParam<dim::Ratio>,
+}
+
+/// The accelerometers.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AccelerometerSpec {
+    /// White noise of the specific force: the velocity random walk, e.g. "70 ug/sqrt(Hz)".
+    noise: Axes<dim::VelocityRandomWalk, range::NonNegative>,
+    /// Bias; estimated as the state `accel_bias`.
+    #[serde(default)]
+    bias: VectorParam<dim::Acceleration>,
+    /// Scale factor error; estimated as the state `accel_scale`.
+    #[serde(default)]
+    scale: VectorParam<dim::Ratio>,
+}
+
+/// Strapdown inertial navigation on the ellipsoid: states position, velocity, attitude and, where
+/// declared, biases and scale factors; driven by the channels `angular_rate` and
+/// `specific_force` of its source.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StrapdownSpec {
+    /// The gyros: noise, bias, scale.
+    gyro: GyroSpec,
+    /// The accelerometers: noise, bias, scale.
+    accelerometer: AccelerometerSpec,
+    /// How samples are integrated.
+    #[serde(default)]
+    integrator: Integrator,
+    /// How Φ is made from F.
+    #[serde(default)]
+    discretisation: Discretisation,
+    /// The gravity model.
+    #[serde(default)]
+    gravity: GravitySpec,
+}
+
+crate::register!(Process, "strapdown", StrapdownSpec, r#"
+integrator = "one_sample"
+discretisation = "second_order"
+gravity = "somigliana"
+gyro = { noise = "0.2 deg/sqrt(h)", bias = { estimate = true, initial = [0.01, 0, 0], sigma = "0.1 deg/s", random_walk = "1e-5 rad/s/sqrt(s)" }, scale = { estimate = true, initial = [0, 0.02, 0], sigma = "1 %" } }
+accelerometer = { noise = "70 ug/sqrt(Hz)", bias = { estimate = true, initial = [0, 0.1, 0], sigma = "10 mg", correlation_time = "1000 s" }, scale = { estimate = true, initial = [0, 0, 0.01], sigma = "1 %" } }
+"#);
+
+#[typetag::deserialize(name = "strapdown")]
+impl ProcessSpec for StrapdownSpec {
+    fn input(&self) -> Vec<Channel> {
+        vec![
+            Channel::vector("angular_rate", 3, dim::AngularRate::KIND.dimension),
+            Channel::vector("specific_force", 3, dim::Acceleration::KIND.dimension),
+        ]
+    }
+
+    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
+        let gravity = self.gravity.into();
+        b.gravity = gravity;
+        // Initialisers write these three and their variances.
+        let place = b.origin.unwrap_or(Place { lat: 0.0, lon: 0.0, height: 0.0 });
+        let unset = vec![0.0; 3];
+        let position = b.declare::<Geodetic>("position", "m", place, unset.clone(), Dynamics::Process)?;
+        let velocity = b.declare::<Velocity>("velocity", "m/s", Vector3::zeros(), unset.clone(), Dynamics::Process)?;
+        let attitude = b.declare::<Attitude>("attitude", "rad", UnitQuaternion::identity(), unset, Dynamics::Process)?;
+        let square = |n: [f64; 3]| Matrix3::from_diagonal(&Vector3::from(n.map(|n| n * n)));
+        Ok(Box::new(Strapdown {
+            position,
+            velocity,
+            attitude,
+            gyro_bias: b.param_named("gyro_bias", "gyro.bias", &self.gyro.bias)?,
+            accel_bias: b.param_named("accel_bias", "accelerometer.bias", &self.accelerometer.bias)?,
+            gyro_scale: b.param_named("gyro_scale", "gyro.scale", &self.gyro.scale)?,
+            accel_scale: b.param_named("accel_scale", "accelerometer.scale", &self.accelerometer.scale)?,
+            angular_rate: b.signal("angular_rate")?,
+            acceleration: b.signal("acceleration")?,
+            gyro_psd: square(self.gyro.noise.si()),
+            accel_psd: square(self.accelerometer.noise.si()),
+            integrator: self.integrator,
+            discretisation: self.discretisation,
+            gravity,
+        }))
+    }
+}
+
+/// The runtime model.
+#[derive(Debug)]
+struct Strapdown {
+    position: Slot<Geodetic>,
+    velocity: Slot<Velocity>,
+    attitude: Slot<Attitude>,
+    gyro_bias: Param<Vector<3>>,
+    accel_bias: Param<Vector<3>>,
+    gyro_scale: Param<Vector<3>>,
+    accel_scale: Param<Vector<3>>,
+    angular_rate: Signal<Vector<3>>,
+    acceleration: Signal<Vector<3>>,
+    gyro_psd: Matrix3<f64>,
+    accel_psd: Matrix3<f64>,
+    integrator: Integrator,
+    discretisation: Discretisation,
+    gravity: Gravity,
+}
+
+/// Corrected rates, with ∂/∂bias = −`gain` and ∂/∂scale = −`rate`·`gain` per axis.
+struct Corrected {
+    rate: Vector3<f64>,
+    gain: Vector3<f64>,
+}
+
+impl Corrected {
+    fn by_bias(&self) -> Matrix3<f64> {
+        Matrix3::from_diagonal(&-self.gain)
+    }
+
+    fn by_scale(&self) -> Matrix3<f64> {
+        Matrix3::from_diagonal(&-self.rate.component_mul(&self.gain))
+    }
+}
+
+fn read(q: &Param<Vector<3>>, x: &[f64]) -> Vector3<f64> {
+    match q {
+        Param::State(slot) => slot.read(x),
+        Param::Fixed(v) => *v,
+        // A process's parameters are never its own signals.
+        Param::Signal(_) => Vector3::zeros(),
+    }
+}
+
+impl Strapdown {
+    fn nav(&self, x: &[f64]) -> Nav {
+        Nav { position: self.position.read(x), v_eb_n: self.velocity.read(x), q_nb: self.attitude.read(x) }
+    }
+
+    fn gyro(&self, x: &[f64], sample: &[f64]) -> Corrected {
+        corrected(&sample[..3], &read(&self.gyro_bias, x), &read(&self.gyro_scale, x))
+    }
+
+    fn accelerometer(&self, x: &[f64], sample: &[f64]) -> Corrected {
+        corrected(&sample[3..6], &read(&self.accel_bias, x), &read(&self.accel_scale, x))
+    }
+}
+
+fn corrected(measured: &[f64], bias: &Vector3<f64>, scale: &Vector3<f64>) -> Corrected {
+    let gain = scale.map(|s| 1.0 / (1.0 + s));
+    let rate = (Vector3::from_column_slice(measured) - bias).component_mul(&gain);
+    Corrected { rate, gain }
+}
+
+impl Process for Strapdown {
+    fn input_dim(&self) -> usize {
+        6
+    }
+
+    fn pairs_samples(&self) -> bool {
+        self.integrator == Integrator::TwoSample
+    }
+
+    fn propagate(&self, x: &mut [f64], input: &Input<'_>, dt: f64) {
+        let mut w = self.gyro(x, input.sample).rate;
+        let mut f = self.accelerometer(x, input.sample).rate;
+        let nav = self.nav(x);
+        let next = if self.integrator == Integrator::FirstOrder {
+            mechanisation::step_first_order(&nav, &w, &f, dt, self.gravity)
+        } else {
+            let (w2, f2) = (self.gyro(x, input.neighbour).rate, self.accelerometer(x, input.neighbour).rate);
+            let (we, fe, wl, fl) = if input.neighbour_is_earlier { (w2, f2, w, f) } else { (w, f, w2, f2) };
+            w += increments::coning_rate(&we, &wl, input.neighbour_dt);
+            f += increments::sculling_rate(&we, &fe, &wl, &fl, input.neighbour_dt);
+            mechanisation::step(&nav, &w, &f, dt, self.gravity)
+        };
+        self.position.write(&next.position, x);
+        self.velocity.write(&next.v_eb_n, x);
+        self.attitude.write(&next.q_nb, x);
+    }
+
+    fn linearise(&self, x: &[f64], input: &Input<'_>, dt: f64, out: &mut Transition) {
+        let (w, f) = (self.gyro(x, input.sample), self.accelerometer(x, input.sample));
+        let nav = self.nav(x);
+        let b = error_model::continuous(&nav, &w.rate, &f.rate, self.gravity);
+        let (r, v, a) = (self.position, self.velocity, self.attitude);
+        let phi = discretise(&b, dt, self.discretisation);
+        let [[rr, rv, ra], [vr, vv, va], [ar, av, aa]] = &phi.kinematic;
+        out.set(r, r, rr);
+        out.set(r, v, rv);
+        out.set(v, r, vr);
+        out.set(v, v, vv);
+        out.set(v, a, va);
+        out.set(a, r, ar);
+        out.set(a, v, av);
+        out.set(a, a, aa);
+        let second = self.discretisation == Discretisation::SecondOrder;
+        if second {
+            out.set(r, a, ra);
+        }
+        let [r_acc, v_acc, a_acc] = &phi.by_force;
+        for (param, effect) in [(&self.accel_bias, f.by_bias()), (&self.accel_scale, f.by_scale())] {
+            if let Param::State(slot) = param {
+                out.set(v, *slot, &(v_acc * effect));
+                if second {
+                    out.set(r, *slot, &(r_acc * effect));
+                    out.set(a, *slot, &(a_acc * effect));
+                }
+            }
+        }
+        let [v_gyr, a_gyr] = &phi.by_rate;
+        for (param, effect) in [(&self.gyro_bias, w.by_bias()), (&self.gyro_scale, w.by_scale())] {
+            if let Param::State(slot) = param {
+                out.set(a, *slot, &(a_gyr * effect));
+                if second {
+                    out.set(v, *slot, &(v_gyr * effect));
+                }
+            }
+        }
+        let c_nb = nav.q_nb.to_rotation_matrix().into_inner();
+        out.noise_trapezoid(v, v, &(c_nb * self.accel_psd * c_nb.transpose() * dt));
+        out.noise_trapezoid(a, a, &(self.gyro_psd * dt));
+    }
+
+    fn signals(&self, x: &[f64], input: &Input<'_>, out: &mut SignalsOut<'_>) {
+        let (w, f) = (self.gyro(x, input.sample), self.accelerometer(x, input.sample));
+        let nav = self.nav(x);
+        out.set(self.angular_rate, &w.rate);
+        out.set(self.acceleration, &mechanisation::derivative(&nav, &w.rate, &f.rate, self.gravity).v_eb_n);
+        if !out.wants_jacobian() {
+            return;
+        }
+        out.add_quantity(self.angular_rate, &self.gyro_bias, &w.by_bias());
+        out.add_quantity(self.angular_rate, &self.gyro_scale, &w.by_scale());
+        let b = error_model::continuous(&nav, &w.rate, &f.rate, self.gravity);
+        out.add(self.acceleration, self.position, &b.vr);
+        out.add(self.acceleration, self.velocity, &b.vv);
+        out.add(self.acceleration, self.attitude, &b.va);
+        // b.v_accel = ∂v̇/∂b_a = −C_nb; by force it is C_nb.
+        out.add_quantity(self.acceleration, &self.accel_bias, &(-b.v_accel * f.by_bias()));
+        out.add_quantity(self.acceleration, &self.accel_scale, &(-b.v_accel * f.by_scale()));
+    }
+}
+
+/// Φ in 3×3 blocks; the last two are the response to an error of specific force and of rate.
+struct Discrete {
+    kinematic: [[Matrix3<f64>; 3]; 3],
+    by_force: [Matrix3<f64>; 3],
+    by_rate: [Matrix3<f64>; 2],
+}
+
+/// Φ = I + FΔt (+ ½F²Δt²) in blocks r, v, a.
+fn discretise(b: &Blocks, dt: f64, order: Discretisation) -> Discrete {
+    let (zero, one) = (Matrix3::zeros(), Matrix3::identity());
+    // Errors of force and rate drive velocity and attitude with the sign of +f and +w.
+    let (force, rate) = (-b.v_accel, -b.a_gyro);
+    if order == Discretisation::FirstOrder {
+        return Discrete {
+            kinematic: [
+                [one + b.rr * dt, b.rv * dt, zero],
+                [b.vr * dt, one + b.vv * dt, b.va * dt],
+                [b.ar * dt, b.av * dt, one + b.aa * dt],
+            ],
+            by_force: [zero, force * dt, zero],
+            by_rate: [zero, rate * dt],
+        };
+    }
+    let f = [[b.rr, b.rv, zero], [b.vr, b.vv, b.va], [b.ar, b.av, b.aa]];
+    let half = 0.5 * dt * dt;
+    let kinematic = core::array::from_fn(|i| {
+        core::array::from_fn(|j| {
+            let squared = f[i][0] * f[0][j] + f[i][1] * f[1][j] + f[i][2] * f[2][j];
+            f[i][j] * dt + squared * half + if i == j { one } else { zero }
+        })
+    });
+    Discrete {
+        kinematic,
+        by_force: [f[0][1] * force * half, force * dt + f[1][1] * force * half, f[2][1] * force * half],
+        by_rate: [f[1][2] * rate * half, rate * dt + f[2][2] * rate * half],
+    }
+}

@@ -1,0 +1,5 @@
+//! Stages: streams in, a stream out.
+
+pub mod periodic;
+pub mod stationarity;
+pub mod still;

@@ -1,0 +1,76 @@
+//! A clock: rows at a fixed rate, timed by another stream.
+//!
+//! Pseudo-measurements (a non-holonomic constraint, say) need a time to be offered at. The clock
+//! emits an empty row at most once per period of its source, and only while the vehicle moves
+//! where `min_speed` is given.
+
+use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
+use crate::units::{NonNegative, Positive, dim};
+use fusion_core::runner::{Emitter, Stage};
+use fusion_core::state::{Quantity, Velocity, View};
+use fusion_core::time::{Time, nanos};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Emits empty rows at a fixed rate: the timing of a pseudo-measurement.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PeriodicSpec {
+    /// The stream whose rows time the clock, e.g. the IMU.
+    source: String,
+    /// Rows per second, at most the source's own rate.
+    rate: Positive<dim::Frequency>,
+    /// Emit only while the estimated speed exceeds this.
+    min_speed: Option<NonNegative<dim::Speed>>,
+}
+
+crate::register!(Stage, "periodic", PeriodicSpec, r#"
+source = "imu"
+rate = "10 Hz"
+min_speed = "1 m/s"
+"#);
+
+#[typetag::deserialize(name = "periodic")]
+impl StageSpec for PeriodicSpec {
+    fn inputs(&self) -> Vec<Listen> {
+        vec![Listen { source: self.source.clone(), channels: Vec::new() }]
+    }
+
+    fn output(&self) -> Vec<Channel> {
+        Vec::new()
+    }
+
+    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
+        let min_speed = match self.min_speed {
+            Some(speed) => Some((b.quantity("velocity")?, speed.si())),
+            None => None,
+        };
+        Ok(Box::new(Periodic { period: nanos(1.0 / self.rate.si()), min_speed, next: Time::MIN }))
+    }
+}
+
+#[derive(Debug)]
+struct Periodic {
+    period: i64,
+    min_speed: Option<(Quantity<Velocity>, f64)>,
+    next: Time,
+}
+
+impl Stage for Periodic {
+    fn row(&mut self, _: usize, time: Time, _: &[f64], view: Option<&View<'_>>, out: &mut Emitter) {
+        if time < self.next {
+            return;
+        }
+        // The grid is fixed, whenever the vehicle starts to move; half a nanosecond of stamp
+        // rounding must not cost a period.
+        let slots = time.nanos().div_euclid(self.period) + 1;
+        self.next = Time::from_nanos(slots.saturating_mul(self.period));
+        if let Some((velocity, min_speed)) = &self.min_speed {
+            let moving = view.is_some_and(|v| v.get(velocity).norm() > *min_speed);
+            if !moving {
+                return;
+            }
+        }
+        out.emit(time, &[]);
+    }
+}

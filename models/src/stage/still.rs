@@ -1,0 +1,159 @@
+//! The stillness test: short-time statistics of an IMU at rest.
+//!
+//! Still when over a causal window every axis of specific force and angular rate stays within
+//! its standard deviation, and the mean rate less the bias within its bound. Engines and waves
+//! shake some axes more than others, so each bound is per axis.
+//! Source: Skog et al. 2010 (variance detectors), with the mean-rate test for slow turns.
+
+use crate::units::{Axes, Positive, dim, range};
+use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::collections::VecDeque;
+
+/// Bounds of the stillness test.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StillSpec {
+    /// Length of the causal window.
+    #[serde(default = "one_second")]
+    pub window: Positive<dim::Duration>,
+    /// Largest standard deviation of specific force over the window, per axis.
+    pub accel_std: Axes<dim::Acceleration, range::Positive>,
+    /// Largest standard deviation of angular rate over the window, per axis.
+    pub gyro_std: Axes<dim::AngularRate, range::Positive>,
+    /// Largest mean rate less the bias over the window, per axis.
+    #[serde(default = "fast")]
+    pub mean_rate: Axes<dim::AngularRate, range::Positive>,
+}
+
+fn one_second() -> Positive<dim::Duration> {
+    Positive::try_from_si(1.0).unwrap_or_else(|_| unreachable!("one is positive"))
+}
+
+fn fast() -> Axes<dim::AngularRate, range::Positive> {
+    // Wide enough never to decide where no bound is declared.
+    [Positive::try_from_si(1e3).unwrap_or_else(|_| unreachable!("it is positive")); 3].into()
+}
+
+/// A sliding window of rate and force with its sums.
+#[derive(Clone, Debug)]
+pub struct StillTest {
+    window: f64,
+    accel_std: Vector3<f64>,
+    gyro_std: Vector3<f64>,
+    mean_rate: Vector3<f64>,
+    samples: VecDeque<(f64, Vector3<f64>, Vector3<f64>)>,
+    sum: [Vector3<f64>; 2],
+    squares: [Vector3<f64>; 2],
+    origin: Option<[Vector3<f64>; 2]>,
+}
+
+impl StillTest {
+    /// From its declared bounds.
+    #[must_use]
+    pub fn new(spec: &StillSpec) -> Self {
+        Self {
+            window: spec.window.si(),
+            accel_std: spec.accel_std.si().into(),
+            gyro_std: spec.gyro_std.si().into(),
+            mean_rate: spec.mean_rate.si().into(),
+            samples: VecDeque::new(),
+            sum: [Vector3::zeros(); 2],
+            squares: [Vector3::zeros(); 2],
+            origin: None,
+        }
+    }
+
+    /// Adds a sample: time [s], angular rate [rad/s], specific force [m/s²].
+    pub fn push(&mut self, time: f64, w: Vector3<f64>, f: Vector3<f64>) {
+        // Sums are taken about the first sample, so that squares do not cancel.
+        let origin = *self.origin.get_or_insert([w, f]);
+        self.samples.push_back((time, w, f));
+        self.add([w - origin[0], f - origin[1]], 1.0);
+        while let Some(&(t, w, f)) = self.samples.front() {
+            if time - t < self.window {
+                break;
+            }
+            self.samples.pop_front();
+            self.add([w - origin[0], f - origin[1]], -1.0);
+        }
+    }
+
+    fn add(&mut self, d: [Vector3<f64>; 2], sign: f64) {
+        for k in 0..2 {
+            self.sum[k] += d[k] * sign;
+            self.squares[k] += d[k].component_mul(&d[k]) * sign;
+        }
+    }
+
+    /// Mean rate and force over the window.
+    #[must_use]
+    pub fn means(&self) -> [Vector3<f64>; 2] {
+        let n = self.samples.len().max(1) as f64;
+        let origin = self.origin.unwrap_or_default();
+        [origin[0] + self.sum[0] / n, origin[1] + self.sum[1] / n]
+    }
+
+    /// Whether the window is full and still, given the gyro bias [rad/s].
+    #[must_use]
+    pub fn is_still(&self, gyro_bias: &Vector3<f64>) -> bool {
+        let (Some(first), Some(last)) = (self.samples.front(), self.samples.back()) else { return false };
+        let full = last.0 - first.0 >= 0.9 * self.window && self.samples.len() >= 4;
+        let n = self.samples.len() as f64;
+        let within = |k: usize, limit: &Vector3<f64>| {
+            let mean = self.sum[k] / n;
+            let variance = self.squares[k] / n - mean.component_mul(&mean);
+            (0..3).all(|i| variance[i] <= limit[i] * limit[i])
+        };
+        let mean = self.means()[0] - gyro_bias;
+        full && within(0, &self.gyro_std) && within(1, &self.accel_std) && (0..3).all(|i| mean[i].abs() <= self.mean_rate[i])
+    }
+}
+
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn test() -> StillTest {
+        let spec: StillSpec =
+            toml::from_str(r#"accel_std = "0.2 m/s^2"\ngyro_std = ["1 rad/s", "1 rad/s", 0.004]\nmean_rate = 0.02"#.replace("\\n", "\n").as_str())
+                .unwrap();
+        StillTest::new(&spec)
+    }
+
+    #[test]
+    fn a_quiet_full_window_is_still_and_a_short_one_is_not() {
+        let mut t = test();
+        for k in 0..50 {
+            t.push(k as f64 * 0.01, Vector3::zeros(), Vector3::new(0.0, 0.0, -9.8));
+        }
+        assert!(!t.is_still(&Vector3::zeros()), "half a window");
+        for k in 50..110 {
+            t.push(k as f64 * 0.01, Vector3::zeros(), Vector3::new(0.0, 0.0, -9.8));
+        }
+        assert!(t.is_still(&Vector3::zeros()));
+    }
+
+    #[test]
+    fn a_steady_turn_is_told_from_a_gyro_bias_by_the_mean_rate() {
+        let mut t = test();
+        let turn = Vector3::new(0.0, 0.0, 0.05);
+        for k in 0..200 {
+            t.push(k as f64 * 0.01, turn, Vector3::new(0.0, 0.0, -9.8));
+        }
+        assert!(!t.is_still(&Vector3::zeros()), "0.05 rad/s is a turn");
+        assert!(t.is_still(&turn), "0.05 rad/s is the bias");
+    }
+
+    #[test]
+    fn shaking_on_one_axis_is_motion() {
+        let mut t = test();
+        for k in 0..200 {
+            let shake = if k % 2 == 0 { 0.3 } else { -0.3 };
+            t.push(k as f64 * 0.01, Vector3::zeros(), Vector3::new(shake, 0.0, -9.8));
+        }
+        assert!(!t.is_still(&Vector3::zeros()));
+    }
+}

@@ -1,0 +1,333 @@
+//! What was wrong, where it was written and what to do about it.
+
+use std::fmt;
+use std::ops::Range;
+use std::sync::Arc;
+
+use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
+
+/// A text that diagnostics quote: a file, or an argument of the command line.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Source {
+    /// What to call it: the file's path.
+    pub name: String,
+    /// Its whole content.
+    pub text: String,
+}
+
+/// Where something was written.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Place {
+    /// Nowhere in particular.
+    #[default]
+    Nowhere,
+    /// A file whose text is not at hand, such as a log of measurements.
+    File {
+        /// The file's path.
+        path: String,
+        /// The line, from 1.
+        line: Option<usize>,
+    },
+    /// A stretch of a text that can be quoted.
+    Text {
+        /// The text.
+        source: Arc<Source>,
+        /// Bytes of it.
+        span: Range<usize>,
+    },
+}
+
+impl Place {
+    /// A line, from 1, of a data file.
+    pub fn row(path: impl Into<String>, line: usize) -> Self {
+        Self::File {
+            path: path.into(),
+            line: Some(line),
+        }
+    }
+
+    /// A stretch of `source`.
+    pub(super) fn text(source: &Arc<Source>, span: Range<usize>) -> Self {
+        Self::Text {
+            source: Arc::clone(source),
+            span,
+        }
+    }
+}
+
+/// How bad it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Severity {
+    /// Nothing can be built.
+    Error,
+    /// It can be built, but is probably not what was meant.
+    Warning,
+}
+
+/// One mistake.
+#[must_use]
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Diagnostic {
+    /// How bad it is.
+    pub severity: Severity,
+    /// The mistake in one sentence.
+    pub message: String,
+    /// Where it was made.
+    pub place: Place,
+    /// A few words beside the underlined text.
+    pub label: Option<String>,
+    /// What to do about it.
+    pub help: Option<String>,
+}
+
+impl Diagnostic {
+    /// An error, so far without a place.
+    pub fn error(message: impl Into<String>) -> Self {
+        Self {
+            severity: Severity::Error,
+            message: message.into(),
+            place: Place::Nowhere,
+            label: None,
+            help: None,
+        }
+    }
+
+    /// A warning, so far without a place.
+    pub fn warning(message: impl Into<String>) -> Self {
+        Self {
+            severity: Severity::Warning,
+            ..Self::error(message)
+        }
+    }
+
+    /// Says where the mistake was made.
+    pub fn at(self, place: &Place) -> Self {
+        Self {
+            place: place.clone(),
+            ..self
+        }
+    }
+
+    /// Puts a few words beside the underlined text.
+    pub fn label(self, label: impl Into<String>) -> Self {
+        Self {
+            label: Some(label.into()),
+            ..self
+        }
+    }
+
+    /// Says what to do about it.
+    pub fn help(self, help: impl Into<String>) -> Self {
+        Self {
+            help: Some(help.into()),
+            ..self
+        }
+    }
+
+    /// Suggests a correction of `word` beside the underlined text, and lists what is known.
+    pub(super) fn suggest(self, word: &str, known: &[impl AsRef<str>], what: &str) -> Self {
+        let known: Vec<&str> = known.iter().map(AsRef::as_ref).collect();
+        let diagnostic = match did_you_mean(word, &known) {
+            Some(meant) => self.label(format!("did you mean `{meant}`?")),
+            None => self,
+        };
+        match known[..] {
+            [] => diagnostic,
+            _ => diagnostic.help(format!("{what}: `{}`", known.join("`, `"))),
+        }
+    }
+
+    fn render(&self, renderer: &Renderer) -> String {
+        let level = match self.severity {
+            Severity::Error => Level::ERROR,
+            Severity::Warning => Level::WARNING,
+        };
+        let title = level.primary_title(self.message.as_str());
+        let mut group = match &self.place {
+            Place::Nowhere => Group::with_title(title),
+            Place::File { path, line } => {
+                let origin = Origin::path(path.as_str());
+                title.element(line.iter().fold(origin, |origin, line| origin.line(*line)))
+            }
+            Place::Text { source, span } => {
+                let mark = AnnotationKind::Primary.span(span.clone());
+                title.element(
+                    Snippet::source(source.text.as_str())
+                        .path(source.name.as_str())
+                        .annotation(mark.label(self.label.as_deref())),
+                )
+            }
+        };
+        if let Some(help) = &self.help {
+            group = group.element(Level::HELP.message(help.as_str()));
+        }
+        renderer.render(&[group])
+    }
+}
+
+/// The mistakes found so far, in the order in which they were found.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Diagnostics(Vec<Diagnostic>);
+
+impl Diagnostics {
+    /// None yet.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds one.
+    pub fn push(&mut self, diagnostic: Diagnostic) {
+        self.0.push(diagnostic);
+    }
+
+    /// Keeps the value of a result, or its diagnostic.
+    pub fn keep<T>(&mut self, result: Result<T, Diagnostic>) -> Option<T> {
+        result.map_err(|diagnostic| self.push(diagnostic)).ok()
+    }
+
+    /// Whether there is none, not even a warning.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Whether any is an error.
+    #[must_use]
+    pub fn has_errors(&self) -> bool {
+        self.iter().any(|found| found.severity == Severity::Error)
+    }
+
+    /// All of them, in order.
+    pub fn iter(&self) -> impl Iterator<Item = &Diagnostic> {
+        self.0.iter()
+    }
+
+    /// `value`, unless there are errors.
+    ///
+    /// # Errors
+    /// Where there are errors: all diagnostics.
+    pub fn unless_errors<T>(self, value: T) -> Result<T, Self> {
+        if self.has_errors() {
+            Err(self)
+        } else {
+            Ok(value)
+        }
+    }
+
+    /// The text to print; ask for colour where it goes to a terminal.
+    #[must_use]
+    pub fn render(&self, color: bool) -> String {
+        let renderer = if color {
+            Renderer::styled()
+        } else {
+            Renderer::plain()
+        };
+        let texts: Vec<_> = self.iter().map(|found| found.render(&renderer)).collect();
+        texts.join("\n\n")
+    }
+}
+
+impl Extend<Diagnostic> for Diagnostics {
+    fn extend<I: IntoIterator<Item = Diagnostic>>(&mut self, more: I) {
+        self.0.extend(more);
+    }
+}
+
+impl From<Diagnostic> for Diagnostics {
+    fn from(one: Diagnostic) -> Self {
+        Self(vec![one])
+    }
+}
+
+/// The rendered text, without colour.
+impl fmt::Display for Diagnostics {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.render(false))
+    }
+}
+
+impl std::error::Error for Diagnostics {}
+
+/// The candidate that was probably meant by `word`: a third of the letters may differ, case does not
+/// count, and a beginning of three letters will do.
+#[must_use]
+pub fn did_you_mean<'c>(word: &str, candidates: &[&'c str]) -> Option<&'c str> {
+    let word = word.to_lowercase();
+    let close = candidates.iter().filter_map(|candidate| {
+        let known = candidate.to_lowercase();
+        let length = word.chars().count().max(known.chars().count());
+        let distance = strsim::osa_distance(&word, &known);
+        let begun = word.len() >= 3 && known.starts_with(&word);
+        (distance * 3 <= length || begun).then_some((distance, *candidate))
+    });
+    close
+        .min_by_key(|(distance, _)| *distance)
+        .map(|(_, candidate)| candidate)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn quoted() -> Diagnostic {
+        let source = Arc::new(Source {
+            name: "filter.toml".to_owned(),
+            text: "[gate]\nthreshold = 5\n".to_owned(),
+        });
+        Diagnostic::error("too strict").at(&Place::text(&source, 19..20))
+    }
+
+    #[test]
+    fn text_is_quoted_and_underlined() {
+        let rendered = Diagnostics::from(quoted().label("here").help("raise it")).to_string();
+        let expected = "\
+error: too strict
+ --> filter.toml:2:13
+  |
+2 | threshold = 5
+  |             ^ here
+  |
+  = help: raise it";
+        assert_eq!(rendered, expected);
+    }
+
+    #[test]
+    fn a_row_of_a_data_file_is_named_by_its_line() {
+        let place = Place::row("imu.csv", 17);
+        let found = Diagnostic::warning("time runs backwards")
+            .at(&place)
+            .help("sort the file");
+        let expected = "\
+warning: time runs backwards
+--> imu.csv:17
+ = help: sort the file";
+        assert_eq!(Diagnostics::from(found).to_string(), expected);
+    }
+
+    #[test]
+    fn colour_is_given_only_where_it_is_asked_for() {
+        let diagnostics = Diagnostics::from(quoted());
+        assert!(!diagnostics.render(false).contains('\u{1b}'));
+        assert!(diagnostics.render(true).contains("\u{1b}["));
+    }
+
+    #[test]
+    fn warnings_alone_do_not_stop_a_build() {
+        let mut diagnostics = Diagnostics::from(Diagnostic::warning("odd"));
+        assert_eq!(diagnostics.clone().unless_errors(7), Ok(7));
+        diagnostics.push(Diagnostic::error("wrong"));
+        assert!(!diagnostics.is_empty() && diagnostics.clone().unless_errors(7).is_err());
+        assert_eq!(diagnostics.to_string(), "warning: odd\n\nerror: wrong");
+    }
+
+    #[test]
+    fn slips_are_recognised_and_other_words_are_not() {
+        let known = ["threshold", "probability", "type", "ekf"];
+        assert_eq!(did_you_mean("treshold", &known), Some("threshold"));
+        assert_eq!(did_you_mean("Tpye", &known), Some("type"));
+        assert_eq!(did_you_mean("prob", &known), Some("probability"));
+        assert_eq!(did_you_mean("sigma", &known), None);
+        assert_eq!(did_you_mean("x", &["y"]), None);
+    }
+}

@@ -1,0 +1,236 @@
+//! Changing a declaration without touching its file: one value from the command line, or a whole
+//! variant kept in the file itself.
+
+use std::sync::Arc;
+
+use toml::de::DeValue;
+
+use super::diagnostic::{Diagnostic, Place, Source};
+use super::document::{Document, Entry, Grower, Node, Value};
+
+impl Document {
+    /// Sets one value from an argument such as `gate.threshold=9`, replacing what was there.
+    ///
+    /// The value is TOML; whatever does not begin like an array, a table or a string may stand
+    /// without quotes: `rate=100 Hz`. An array is indexed: `lever_arm.0=0.2`. A new key is made only
+    /// in a table that exists, whose reader will reject it if it is a slip. Mistakes in the value
+    /// are later pointed at in the argument.
+    ///
+    /// # Errors
+    /// Where the argument is malformed or its path leads nowhere.
+    pub fn set(&mut self, assignment: &str) -> Result<(), Diagnostic> {
+        const PREFIX: &str = "--set ";
+        let source = Arc::new(Source {
+            name: "command line".to_owned(),
+            text: format!("{PREFIX}{assignment}"),
+        });
+        let text = source.text.as_str();
+        let rest = Place::text(&source, PREFIX.len()..text.len());
+        let wanted = || Diagnostic::error("`--set` takes `path=value`").at(&rest);
+        let equals = text.find('=').ok_or_else(wanted)?;
+        if text[equals + 1..].trim().is_empty() {
+            return Err(wanted().label("a value is missing after `=`"));
+        }
+
+        let mut node = &mut self.root;
+        let mut start = PREFIX.len();
+        while let Some(length) = text[start..equals].find('.') {
+            let key = text[start..start + length].trim();
+            let place = Place::text(&source, start..start + length);
+            let missing = unknown(node, key, &place);
+            node = node.get_mut(key).ok_or(missing)?;
+            start += length + 1;
+        }
+        let key = text[start..equals].trim();
+        let name = Place::text(&source, start..equals);
+        let new = parse_value(&source, equals + 1, &name)?;
+        if let Some(old) = node.get_mut(key) {
+            *old = new;
+            return Ok(());
+        }
+        match &mut node.value {
+            Value::Table { entries, .. } if !key.is_empty() => entries.push(Entry {
+                key: key.to_owned(),
+                node: new,
+            }),
+            _ => return Err(unknown(node, key, &name)),
+        }
+        Ok(())
+    }
+
+    /// Lays the table at `path`, such as `variant.udu`, over the whole tree.
+    ///
+    /// Tables merge entry by entry and everything else is replaced; a block of another `type` is
+    /// replaced as a whole, for its fields mean something else.
+    ///
+    /// # Errors
+    /// Where there is no table at `path`.
+    pub fn overlay(&mut self, path: &str) -> Result<(), Diagnostic> {
+        let mut node = &self.root;
+        for key in path.split('.') {
+            node = node
+                .get(key)
+                .ok_or_else(|| unknown(node, key, &node.name))?;
+        }
+        let Value::Table { .. } = node.value else {
+            return Err(Diagnostic::error(format!("`{path}` is not a table")).at(&node.place));
+        };
+        let over = node.clone();
+        merge(&mut self.root, &over);
+        Ok(())
+    }
+}
+
+/// There is no `key` in `node`.
+fn unknown(node: &Node, key: &str, place: &Place) -> Diagnostic {
+    let diagnostic = Diagnostic::error(format!("there is no `{key}` here")).at(place);
+    match &node.value {
+        Value::Table { .. } => diagnostic.suggest(key, &node.keys(), "known here"),
+        Value::Array(nodes) => {
+            diagnostic.help(format!("an array of {}, indexed from 0", nodes.len()))
+        }
+        _ => diagnostic.help("this is a single value, with nothing in it"),
+    }
+}
+
+/// Reads the rest of `source` from `start` as a value.
+fn parse_value(source: &Arc<Source>, start: usize, name: &Place) -> Result<Node, Diagnostic> {
+    let text = &source.text[start..];
+    let offset = start + text.len() - text.trim_start().len();
+    let text = text.trim();
+    let mut grower = Grower {
+        source: Arc::clone(source),
+        offset,
+        found: Vec::new(),
+    };
+    let node = match DeValue::parse(text) {
+        Ok(value) => grower.node(Some(name.clone()), &value),
+        Err(error) if text.starts_with(['[', '{', '"', '\'']) => return Err(grower.syntax(&error)),
+        Err(_) => Node {
+            value: Value::String(text.to_owned()),
+            place: Place::text(source, offset..offset + text.len()),
+            name: name.clone(),
+        },
+    };
+    grower.found.pop().map_or(Ok(node), Err)
+}
+
+fn merge(base: &mut Node, over: &Node) {
+    let type_of = |node: &Node| node.get("type").and_then(Node::as_str).map(str::to_owned);
+    let retyped = type_of(over).is_some_and(|new| type_of(base) != Some(new));
+    let Value::Table { entries, .. } = &mut base.value else {
+        *base = over.clone();
+        return;
+    };
+    if retyped || !matches!(over.value, Value::Table { .. }) {
+        *base = over.clone();
+        return;
+    }
+    for Entry { key, node } in over.entries() {
+        match entries.iter_mut().find(|entry| entry.key == *key) {
+            Some(entry) => merge(&mut entry.node, node),
+            None => entries.push(Entry {
+                key: key.clone(),
+                node: node.clone(),
+            }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Diagnostics;
+    use super::*;
+
+    fn parse(text: &str) -> Document {
+        let (document, found) = Document::parse("filter.toml", text);
+        assert_eq!(found, []);
+        document
+    }
+
+    fn get<T: serde::de::DeserializeOwned>(document: &Document, path: &str) -> T {
+        let mut diagnostics = Diagnostics::new();
+        let read = document.root().at(path).unwrap().read(&mut diagnostics);
+        read.unwrap_or_else(|| panic!("{diagnostics}"))
+    }
+
+    #[test]
+    fn an_override_replaces_and_may_add_to_a_table() {
+        let mut document = parse("[gate]\nlimit = 5\narm = [0, 0.5, 1]\n");
+        let sets = [
+            "gate.limit=9.5",
+            "gate.arm.1 = 7",
+            "gate.new=abc",
+            "gate.unit = 5 deg/s",
+            "gate.quoted='a=b'",
+            "gate.table={ deep = [true] }",
+        ];
+        for set in sets {
+            assert_eq!(document.set(set), Ok(()), "{set}");
+        }
+        assert_eq!(get::<f64>(&document, "gate.limit"), 9.5);
+        assert_eq!(get::<Vec<f64>>(&document, "gate.arm"), [0.0, 7.0, 1.0]);
+        assert_eq!(get::<String>(&document, "gate.new"), "abc");
+        assert_eq!(get::<String>(&document, "gate.unit"), "5 deg/s");
+        assert_eq!(get::<String>(&document, "gate.quoted"), "a=b");
+        assert_eq!(get::<Vec<bool>>(&document, "gate.table.deep"), [true]);
+    }
+
+    #[test]
+    fn an_override_goes_through_tables_and_elements_only() {
+        let mut document = parse("[gate]\nlimit = 5\narm = [0, 0.5, 1]\n");
+        let help = |result: Result<(), Diagnostic>| result.unwrap_err().help.unwrap();
+        assert_eq!(
+            help(document.set("gate.arm.3=1")),
+            "an array of 3, indexed from 0"
+        );
+        assert_eq!(
+            help(document.set("gate.limit.x=1")),
+            "this is a single value, with nothing in it"
+        );
+        assert_eq!(help(document.set("noise.sigma=1")), "known here: `gate`");
+        assert!(document.set("=1").is_err());
+        assert!(document.set("gate.=1").is_err());
+    }
+
+    #[test]
+    fn a_variant_is_merged_by_path() {
+        let mut document = parse(
+            "form = 'joseph'\n[gate]\ntype = 'nis'\nlimit = 5\nage = 1\n\
+             [variant.udu]\nform = 'udu'\ngate.limit = 9\nsensor.gnss.rate = 2\n",
+        );
+        assert_eq!(document.overlay("variant.udu"), Ok(()));
+        assert_eq!(get::<String>(&document, "form"), "udu");
+        assert_eq!(
+            (
+                get::<i64>(&document, "gate.limit"),
+                get::<i64>(&document, "gate.age")
+            ),
+            (9, 1)
+        );
+        assert_eq!(get::<i64>(&document, "sensor.gnss.rate"), 2);
+    }
+
+    #[test]
+    fn a_block_of_another_type_is_replaced_as_a_whole() {
+        let mut document =
+            parse("gate = { type = 'nis', limit = 5 }\n[variant.open]\ngate = { type = 'none' }\n");
+        assert_eq!(document.overlay("variant.open"), Ok(()));
+        assert_eq!(document.root().get("gate").unwrap().keys(), ["type"]);
+    }
+
+    #[test]
+    fn an_unknown_variant_is_told_the_known_ones() {
+        let mut document = parse("[variant.udu]\n[variant.plain]\n");
+        let expected = "\
+error: there is no `ud` here
+ --> filter.toml:1:2
+  |
+1 | [variant.udu]
+  |  ^^^^^^^ did you mean `udu`?
+  |
+  = help: known here: `udu`, `plain`";
+        let error = document.overlay("variant.ud").unwrap_err();
+        assert_eq!(Diagnostics::from(error).to_string(), expected);
+    }
+}

@@ -1,0 +1,25 @@
+//! Reading a declaration, with every mistake pointed at where it was written.
+//!
+//! ```text
+//! text ── Document::parse ──▶ Node tree ── set, overlay ──▶ Node tree ── read, read_block ──▶ specs
+//!                                  │                           │                          │
+//!                                  └──────────── Diagnostics ◀─┴──────────────────────────┘
+//! ```
+//!
+//! Every [`Node`] remembers its [`Place`] in the file, or in the command-line argument that set it.
+//! A table with a `type` reads as a trait object or as an enum, wherever it stands:
+//! `gate = { type = "nis", probability = 0.99 }`.
+//!
+//! Not here  any knowledge of filters: which blocks exist and what their fields mean.
+
+mod diagnostic;
+mod document;
+mod edit;
+mod fault;
+#[cfg(test)]
+mod mistakes;
+mod read;
+mod reader;
+
+pub use diagnostic::{Diagnostic, Diagnostics, Place, Severity, Source, did_you_mean};
+pub use document::{Document, Entry, Node, Value};
