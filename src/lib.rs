@@ -1,0 +1,28 @@
+//! Navigation filters composed from model blocks declared in TOML.
+//!
+//! A design is *declared* in TOML, *assembled* once and then *run*: on recorded data, in
+//! simulation, or fed by a program through [`Navigator`].
+//!
+//! ```no_run
+//! let mut nav = fusion::Navigator::from_toml(&std::fs::read_to_string("design.toml")?)?;
+//! nav.feed("imu", 0.01, &[0.0, 0.0, 0.0, 0.0, 0.0, -9.81])?;
+//! if let Some(solution) = nav.solution() {
+//!     println!("{:?}", solution.position);
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+pub mod assembly;
+pub mod config;
+pub mod design;
+mod navigator;
+pub mod output;
+pub mod run;
+pub mod score;
+pub mod solution;
+pub mod source;
+pub mod world;
+
+pub use fusion_core as core;
+pub use fusion_models as models;
+pub use navigator::{FeedError, Navigator};

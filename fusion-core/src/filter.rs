@@ -190,7 +190,8 @@ struct RowScratch {
 struct HeldInput {
     sample: Vec<f64>,
     neighbour: Vec<f64>,
-    neighbour_dt: f64,
+    interval: f64,
+    neighbour_interval: f64,
     neighbour_is_earlier: bool,
 }
 
@@ -200,7 +201,8 @@ impl HeldInput {
         self.sample.extend_from_slice(input.sample);
         self.neighbour.clear();
         self.neighbour.extend_from_slice(input.neighbour);
-        self.neighbour_dt = input.neighbour_dt;
+        self.interval = input.interval;
+        self.neighbour_interval = input.neighbour_interval;
         self.neighbour_is_earlier = input.neighbour_is_earlier;
     }
 
@@ -208,7 +210,8 @@ impl HeldInput {
         Input {
             sample: &self.sample,
             neighbour: &self.neighbour,
-            neighbour_dt: self.neighbour_dt,
+            interval: self.interval,
+            neighbour_interval: self.neighbour_interval,
             neighbour_is_earlier: self.neighbour_is_earlier,
         }
     }

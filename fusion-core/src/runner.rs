@@ -173,7 +173,8 @@ pub enum Event<'a> {
         /// The initial belief.
         belief: &'a Belief,
     },
-    /// An input sample has been processed whole.
+    /// An input sample has been processed whole; for a process driven by time alone, a
+    /// measurement.
     Predicted {
         /// The belief at its stamp.
         belief: &'a Belief,
@@ -474,6 +475,7 @@ impl Runner {
         while let Some((time, sensor, row)) = self.waiting.pop_front() {
             self.predict(time, observer);
             self.offer(sensor, time, row, observer);
+            observer.on(&Event::Predicted { belief: self.estimator.belief() });
         }
     }
 
@@ -626,7 +628,7 @@ impl Runner {
         if !self.started || sample.end <= self.estimator.belief().time {
             return;
         }
-        let input = Input { sample: &sample.rates, neighbour: &neighbour.rates, neighbour_dt: neighbour.dt(), neighbour_is_earlier };
+        let input = Input { sample: &sample.rates, neighbour: &neighbour.rates, interval: sample.dt(), neighbour_interval: neighbour.dt(), neighbour_is_earlier };
         while let Some(&(time, sensor, row)) = self.waiting.front() {
             if time > sample.end {
                 break;
@@ -654,9 +656,8 @@ impl Runner {
         if rates.len() < self.process.input_dim() {
             return;
         }
-        match self.estimator.predict(to, &Input::alone(rates)) {
-            Ok(()) => observer.on(&Event::Predicted { belief: self.estimator.belief() }),
-            Err(error) => observer.on(&Event::Failed { error }),
+        if let Err(error) = self.estimator.predict(to, &Input::alone(rates)) {
+            observer.on(&Event::Failed { error });
         }
     }
 
@@ -686,6 +687,7 @@ impl Runner {
         if self.process.input_dim() == 0 {
             self.predict(time, observer);
             self.offer(sensor, time, row, observer);
+            observer.on(&Event::Predicted { belief: self.estimator.belief() });
         } else if time <= self.estimator.belief().time {
             self.offer(sensor, time, row, observer);
         } else {

@@ -7,6 +7,7 @@
 
 pub mod block;
 pub mod earth;
+pub mod fault;
 pub mod gate;
 pub mod initial;
 pub mod loss;
@@ -14,6 +15,7 @@ pub mod param;
 pub mod process;
 pub mod registry;
 pub mod sensor;
+pub mod sim;
 pub mod stage;
 pub mod units;
 

@@ -124,6 +124,14 @@ impl Node {
         }
     }
 
+    /// The entries of a table, to be changed; none where the node is no table.
+    pub fn entries_mut(&mut self) -> &mut [Entry] {
+        match &mut self.value {
+            Value::Table { entries, .. } => entries,
+            _ => &mut [],
+        }
+    }
+
     /// The keys of a table.
     pub(super) fn keys(&self) -> Vec<&str> {
         self.entries()
@@ -155,7 +163,7 @@ impl Node {
     }
 
     /// The child of this name or index, to be changed.
-    pub(super) fn get_mut(&mut self, key: &str) -> Option<&mut Self> {
+    pub(crate) fn get_mut(&mut self, key: &str) -> Option<&mut Self> {
         match &mut self.value {
             Value::Table { entries, .. } => {
                 let entry = entries.iter_mut().find(|entry| entry.key == key);

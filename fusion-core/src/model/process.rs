@@ -1,9 +1,10 @@
 //! The process model: how the state moves and what it tells the sensors.
 
+use crate::covariance::Covariance;
 use crate::linear::{Jacobian, Transition};
 use crate::state::{Layout, Manifold, Quantity, Signal, Slot, Tangent, View};
 use core::fmt::Debug;
-use nalgebra::SMatrix;
+use nalgebra::{Matrix3, SMatrix};
 
 /// One sample of the process input, valid over the interval that ends at its stamp.
 ///
@@ -16,8 +17,10 @@ pub struct Input<'a> {
     /// The neighbour that the coning and sculling corrections pair the sample with; the sample
     /// itself where there is none.
     pub neighbour: &'a [f64],
+    /// Whole length of the sample's interval [s], however short the step within it.
+    pub interval: f64,
     /// Whole length of the neighbour's interval [s].
-    pub neighbour_dt: f64,
+    pub neighbour_interval: f64,
     /// Whether the neighbour comes before the sample.
     pub neighbour_is_earlier: bool,
 }
@@ -26,7 +29,7 @@ impl<'a> Input<'a> {
     /// A sample without a neighbour.
     #[must_use]
     pub const fn alone(sample: &'a [f64]) -> Self {
-        Self { sample, neighbour: sample, neighbour_dt: 0.0, neighbour_is_earlier: true }
+        Self { sample, neighbour: sample, interval: 0.0, neighbour_interval: 0.0, neighbour_is_earlier: true }
     }
 }
 
@@ -139,6 +142,22 @@ impl SignalBuffer {
             None
         };
         process.signals(x, input, &mut SignalsOut::new(&mut self.values, jacobian));
+    }
+
+    /// J P Jᵀ of the three signal axes from `tangent`, as evaluated last with Jacobian.
+    #[must_use]
+    pub fn covariance(&self, tangent: usize, p: &Covariance) -> Matrix3<f64> {
+        let n = p.dim();
+        let rows: [&[f64]; 3] = core::array::from_fn(|i| self.jacobian.row(tangent + i));
+        Matrix3::from_fn(|a, b| {
+            let mut sum = 0.0;
+            for i in (0..n).filter(|&i| rows[a][i] != 0.0) {
+                for j in (0..n).filter(|&j| rows[b][j] != 0.0) {
+                    sum += rows[a][i] * p.get(i, j) * rows[b][j];
+                }
+            }
+            sum
+        })
     }
 
     /// The view of `x` with these signals.

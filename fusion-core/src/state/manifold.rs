@@ -94,16 +94,7 @@ impl Kind {
     }
 }
 
-/// `angle` wrapped to (−π, π].
-#[must_use]
-pub fn wrap(angle: f64) -> f64 {
-    use core::f64::consts::{PI, TAU};
-    if angle > -PI && angle <= PI {
-        return angle;
-    }
-    let wrapped = angle - TAU * ((angle + PI) / TAU).floor();
-    if wrapped <= -PI { wrapped + TAU } else { wrapped }
-}
+pub use so3::wrap_angle as wrap;
 
 /// A kind of block at compile time: what a [`crate::Slot`] is typed by.
 pub trait Manifold: Sized + 'static {
@@ -223,18 +214,3 @@ impl<const N: usize> Manifold for Vector<N> {
     }
 }
 impl<const N: usize> Tangent<N> for Vector<N> {}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use core::f64::consts::PI;
-
-    #[test]
-    fn wrapping_keeps_plus_pi_and_folds_minus_pi() {
-        assert_eq!(wrap(PI), PI);
-        assert_eq!(wrap(-PI), PI);
-        // 4 ε·8π: one subtraction of a multiple of 2π
-        assert!((wrap(7.5 * PI) + 0.5 * PI).abs() < 1e-14);
-        assert!((wrap(-7.5 * PI) - 0.5 * PI).abs() < 1e-14);
-    }
-}

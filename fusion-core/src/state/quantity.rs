@@ -58,6 +58,18 @@ pub enum Quantity<M: Manifold> {
 /// A calibration quantity: fixed or estimated, as the configuration says.
 pub type Param<M> = Quantity<M>;
 
+impl<M: Manifold> Quantity<M> {
+    /// Where its tangent starts, and whether among the signals; `None` where it is fixed.
+    #[must_use]
+    pub const fn place(&self) -> Option<(usize, bool)> {
+        match self {
+            Self::Fixed(_) => None,
+            Self::State(slot) => Some((slot.tangent, false)),
+            Self::Signal(signal) => Some((signal.tangent, true)),
+        }
+    }
+}
+
 impl<M: Manifold> Clone for Quantity<M> {
     fn clone(&self) -> Self {
         match self {

@@ -1,3 +1,14 @@
 //! Measurement models, one file each.
 
+mod barometer;
+mod body_velocity;
+mod depth;
 mod gnss_position;
+mod gnss_velocity;
+mod heading;
+mod height;
+mod range;
+mod vertical;
+mod yaw_rate;
+mod zero_angular_rate;
+mod zero_velocity;

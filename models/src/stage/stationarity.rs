@@ -2,14 +2,18 @@
 //!
 //! Output     mean raw `angular_rate` [rad/s] and `specific_force` [m/s²] of the window, valid
 //!            at its end, at `rate` while still
-//! Test       [`still`](super::still) with the filter's own gyro bias; optionally a GNSS speed
+//! Test       [`still`](super::still) with the filter's own gyro bias, several times in a row;
+//!            the mean force must hold the vehicle up and no more: |(C_nb(f̄ − b_a))_NE| small;
+//!            a GNSS speed as a witness while it reports, the filter's own speed while it is silent
 //! Used by    zero velocity, zero angular rate
+//! Mind       a false alarm during a GNSS outage costs far more than a missed rest: ask for
+//!            several tests in a row, and for little mean acceleration
 
 use super::still::{StillSpec, StillTest};
 use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
 use crate::units::{Dimensional, Positive, dim};
 use fusion_core::runner::{Emitter, Stage};
-use fusion_core::state::{Quantity, Vector, View};
+use fusion_core::state::{Attitude, Quantity, Vector, Velocity, View};
 use fusion_core::time::{Time, nanos};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
@@ -23,10 +27,29 @@ pub struct StationaritySpec {
     source: String,
     /// Rows per second while still.
     rate: Positive<dim::Frequency>,
+    /// How often the test is made.
+    #[serde(default = "ten_hertz")]
+    test_rate: Positive<dim::Frequency>,
+    /// How many tests in a row must pass.
+    #[serde(default = "once")]
+    persist: u32,
     /// The bounds of stillness.
     still: StillSpec,
+    /// Largest horizontal part of the mean specific force, less its bias, in the navigation frame.
+    max_mean_acceleration: Option<Positive<dim::Acceleration>>,
     /// A second witness: the speed GNSS reports.
     gnss: Option<GnssWitness>,
+    /// Still only while the filter's own speed is below this; with a `gnss` witness only while
+    /// that is silent.
+    max_speed: Option<Positive<dim::Speed>>,
+}
+
+fn ten_hertz() -> Positive<dim::Frequency> {
+    Positive::try_from_si(10.0).unwrap_or_else(|_| unreachable!("ten is positive"))
+}
+
+const fn once() -> u32 {
+    1
 }
 
 /// GNSS as a witness of stillness.
@@ -43,7 +66,11 @@ struct GnssWitness {
 
 crate::register!(Stage, "stationarity", StationaritySpec, r#"
 source = "imu"
-rate = "10 Hz"
+rate = "1 Hz"
+test_rate = "10 Hz"
+persist = 5
+max_mean_acceleration = "0.2 m/s^2"
+max_speed = "3 m/s"
 still = { window = "1 s", accel_std = "0.2 m/s^2", gyro_std = ["1 deg/s", "1 deg/s", "0.2 deg/s"], mean_rate = "1 deg/s" }
 gnss = { source = "gnss", max_speed = "0.3 m/s", max_age = "2 s" }
 "#);
@@ -64,13 +91,27 @@ impl StageSpec for StationaritySpec {
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
+        let mut filter_speed = None;
+        if let Some(max) = self.max_speed {
+            filter_speed = Some((b.quantity("velocity")?, max.si()));
+        }
+        let mut lift = None;
+        if let Some(max) = self.max_mean_acceleration {
+            lift = Some((b.quantity("attitude")?, b.quantity("accel_bias").ok(), max.si()));
+        }
         Ok(Box::new(Stationarity {
             test: StillTest::new(&self.still),
             gyro_bias: b.quantity("gyro_bias").ok(),
-            period: nanos(1.0 / self.rate.si()),
+            lift,
+            filter_speed,
             witness: self.gnss.as_ref().map(|g| (g.max_speed.si(), g.max_age.si())),
-            speed: None,
-            next: Time::MIN,
+            persist: self.persist,
+            test_period: nanos(1.0 / self.test_rate.si()),
+            period: nanos(1.0 / self.rate.si()),
+            reported: None,
+            passed: 0,
+            next_test: Time::MIN,
+            next_row: Time::MIN,
         }))
     }
 }
@@ -87,31 +128,59 @@ pub(crate) fn imu_channels() -> Vec<Channel> {
 struct Stationarity {
     test: StillTest,
     gyro_bias: Option<Quantity<Vector<3>>>,
-    period: i64,
+    /// Attitude, accelerometer bias, largest horizontal mean acceleration.
+    lift: Option<(Quantity<Attitude>, Option<Quantity<Vector<3>>>, f64)>,
+    /// The filter's velocity and its largest norm.
+    filter_speed: Option<(Quantity<Velocity>, f64)>,
+    /// Largest GNSS speed and age of a report.
     witness: Option<(f64, f64)>,
-    speed: Option<(Time, f64)>,
-    next: Time,
+    persist: u32,
+    test_period: i64,
+    period: i64,
+    reported: Option<(Time, f64)>,
+    passed: u32,
+    next_test: Time,
+    next_row: Time,
+}
+
+impl Stationarity {
+    fn is_still(&self, time: Time, view: &View<'_>) -> bool {
+        let value = |q: &Option<Quantity<Vector<3>>>| q.as_ref().map_or_else(Vector3::zeros, |q| view.get(q));
+        let report = self.witness.zip(self.reported).filter(|((_, max_age), (t, _))| time.seconds_since(*t) <= *max_age);
+        let slow = match (report, &self.filter_speed) {
+            (Some(((max_speed, _), (_, speed))), _) => speed <= max_speed,
+            (None, Some((velocity, max))) => view.get(velocity).norm() <= *max,
+            (None, None) => true,
+        };
+        let held = self.lift.as_ref().is_none_or(|(attitude, bias, max)| {
+            let f_n = view.get(attitude) * (self.test.means()[1] - value(bias));
+            f_n.x.hypot(f_n.y) <= *max
+        });
+        slow && held && self.test.is_still(&value(&self.gyro_bias))
+    }
 }
 
 impl Stage for Stationarity {
     fn row(&mut self, input: usize, time: Time, row: &[f64], view: Option<&View<'_>>, out: &mut Emitter) {
         if input == 1 {
-            self.speed = Some((time, Vector3::new(row[0], row[1], row[2]).norm()));
+            self.reported = Some((time, Vector3::new(row[0], row[1], row[2]).norm()));
             return;
         }
         self.test.push(time.seconds(), Vector3::new(row[0], row[1], row[2]), Vector3::new(row[3], row[4], row[5]));
         let Some(view) = view else { return };
-        if time < self.next {
+        if time < self.next_test {
             return;
         }
-        let bias = self.gyro_bias.as_ref().map_or_else(Vector3::zeros, |q| view.get(q));
-        let contradicted = self.witness.is_some_and(|(max_speed, max_age)| {
-            self.speed.is_some_and(|(t, speed)| time.seconds_since(t) <= max_age && speed > max_speed)
-        });
-        if contradicted || !self.test.is_still(&bias) {
+        self.next_test = time.shifted(self.test_period);
+        if !self.is_still(time, view) {
+            self.passed = 0;
             return;
         }
-        self.next = time.shifted(self.period);
+        self.passed = self.passed.saturating_add(1);
+        if self.passed < self.persist || time < self.next_row {
+            return;
+        }
+        self.next_row = time.shifted(self.period);
         let [w, f] = self.test.means();
         out.emit(time, &[w.x, w.y, w.z, f.x, f.y, f.z]);
     }

@@ -478,6 +478,10 @@ mod tests {
             .q_nb
             .inverse_transform_vector(&V::new(0.0, 0.0, -e.gravity(gravity)));
         let f9 = canonical(&continuous(&nav, &w, &f, gravity));
+        assert!(
+            f9.iter().all(|x| x.is_finite()),
+            "the eigenvalue iteration would not end"
+        );
         let eigen = f9.complex_eigenvalues();
         let find = |re: f64, im: f64| eigen.iter().any(|z| (z.re - re).hypot(z.im - im) < 1e-7);
         // 1e-7 1/s: four decimals of 1e-3 in the table.

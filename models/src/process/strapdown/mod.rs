@@ -251,8 +251,11 @@ impl Process for Strapdown {
         } else {
             let (w2, f2) = (self.gyro(x, input.neighbour).rate, self.accelerometer(x, input.neighbour).rate);
             let (we, fe, wl, fl) = if input.neighbour_is_earlier { (w2, f2, w, f) } else { (w, f, w2, f2) };
-            w += increments::coning_rate(&we, &wl, input.neighbour_dt);
-            f += increments::sculling_rate(&we, &fe, &wl, &fl, input.neighbour_dt);
+            // The intervals may differ; for linear rates this length is exact.
+            let both = input.interval + input.neighbour_interval;
+            let pair = if both > 0.0 { 2.0 * input.interval * input.interval / both } else { 0.0 };
+            w += increments::coning_rate(&we, &wl, pair);
+            f += increments::sculling_rate(&we, &fe, &wl, &fl, pair);
             mechanisation::step(&nav, &w, &f, dt, self.gravity)
         };
         self.position.write(&next.position, x);

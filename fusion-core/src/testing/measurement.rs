@@ -1,0 +1,94 @@
+//! Laws of measurement models.
+
+use super::numeric::{column, finite};
+use crate::linear::Jacobian;
+use crate::model::{Input, Measurement, Process, SignalBuffer, Size};
+use crate::state::Layout;
+
+/// h is finite, its Jacobian is that of central differences through the layout's ⊞ (with the
+/// signals of `process` evaluated anew at every point), and perturb undoes residual.
+///
+/// # Errors
+/// A sentence naming the block, row and axis; also where the model is undefined at `x`.
+pub fn check_measurement(
+    layout: &Layout,
+    process: Option<&dyn Process>,
+    model: &dyn Measurement,
+    x: &[f64],
+    input: &Input<'_>,
+) -> Result<(), String> {
+    let Size { value, residual: m } = model.size();
+    let mut signals = SignalBuffer::new(layout);
+    let mut predict = |x: &[f64], z: &mut [f64], with_jacobian: bool| -> Result<SignalBuffer, String> {
+        if let Some(process) = process {
+            signals.evaluate(process, x, input, with_jacobian);
+        }
+        model.predict(&signals.view(x), z).map_err(|e| e.to_string())?;
+        Ok(signals.clone())
+    };
+    let mut z = vec![0.0; value];
+    let at = predict(x, &mut z, true)?;
+    finite("the prediction", &z)?;
+    let mut h = Jacobian::new(layout, m);
+    h.reset(m);
+    model.jacobian(&at.view(x), &mut h).map_err(|e| e.to_string())?;
+    h.chain(&at.jacobian);
+    let noise = rounding(model, &z, m);
+    for b in layout.blocks() {
+        for k in 0..b.kind.dim() {
+            let numeric = column(layout, b, k, x, m, &mut |x, out| {
+                let mut moved = vec![0.0; value];
+                predict(x, &mut moved, false)?;
+                model.residual(&moved, &z, out);
+                Ok(())
+            })?;
+            let analytic: Vec<f64> = (0..m).map(|i| h.get(i, b.tangent + k)).collect();
+            finite(&format!("the Jacobian by `{}`", b.name), &analytic)?;
+            let scale = analytic.iter().chain(&numeric.value).fold(0.0, |m: f64, v| m.max(v.abs()));
+            let rounding = 8.0 * noise / numeric.step;
+            // 1e-7: differences of Earth-centred coordinates round to a few 1e-9 m.
+            if numeric.doubt > 1e-2 * scale + (100.0 * rounding).max(1e-7 / numeric.step) {
+                return Err(format!("`{}`, axis {k}: h is too rough here for a numeric derivative", b.name));
+            }
+            let tolerance = 1e-6 * scale + numeric.doubt + rounding;
+            for i in 0..m {
+                if !((analytic[i] - numeric.value[i]).abs() <= tolerance) {
+                    return Err(format!(
+                        "∂h/∂`{}` is wrong at row {i}, axis {k}: analytic {:e}, numeric {:e} (tolerance {tolerance:.1e})",
+                        b.name, analytic[i], numeric.value[i]
+                    ));
+                }
+            }
+        }
+    }
+    round_trip(model, &z, m)
+}
+
+/// What an ulp of each number of z amounts to in the residual: 3e-9 m for a longitude. At least
+/// ε, for direction cosines round on the way.
+fn rounding(model: &dyn Measurement, z: &[f64], m: usize) -> f64 {
+    let (mut moved, mut r, mut noise) = (z.to_vec(), vec![0.0; m], f64::EPSILON);
+    for k in 0..z.len() {
+        moved[k] += f64::EPSILON * z[k].abs().max(1e-3);
+        model.residual(&moved, z, &mut r);
+        noise = r.iter().fold(noise, |n, r| n.max(r.abs()));
+        moved[k] = z[k];
+    }
+    noise
+}
+
+/// residual(perturb(z, e), z) = e.
+fn round_trip(model: &dyn Measurement, z: &[f64], m: usize) -> Result<(), String> {
+    for size in [0.0, 1e-3, 0.3] {
+        let e: Vec<f64> = (0..m).map(|i| if i % 2 == 0 { size } else { -0.7 * size }).collect();
+        let (mut moved, mut back) = (z.to_vec(), vec![0.0; m]);
+        model.perturb(&mut moved, &e);
+        model.residual(&moved, z, &mut back);
+        // 1e-8: geodetic metres; elsewhere the rounding of z itself.
+        let tolerance = 1e-8 + 4.0 * f64::EPSILON * z.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+        if let Some(i) = (0..m).find(|&i| !((back[i] - e[i]).abs() <= tolerance)) {
+            return Err(format!("residual(perturb(z, e), z) is {} in row {i} instead of {}", back[i], e[i]));
+        }
+    }
+    Ok(())
+}

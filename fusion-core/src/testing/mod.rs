@@ -1,0 +1,24 @@
+//! Law suites: what every chart, model, gate and loss has to satisfy, whatever it models.
+//!
+//! A law is a function that returns `Err` with a sentence naming the block, the element and the
+//! numbers that disagree. A test applies the laws to every registered block; a block added later
+//! is then tested without anyone writing that test.
+//!
+//! Numeric derivatives are central differences at two step sizes, extrapolated (Richardson). The
+//! two differ by the truncation and rounding of the coarser one, which bounds what may be asked
+//! of the comparison; where even that bound is coarse the law fails rather than pass unseen.
+//! Steps are those of the block's kind: 1 m of position, 0.01 rad of attitude, see [`step`].
+
+mod chart;
+mod measurement;
+mod numeric;
+mod policy;
+mod process;
+mod random;
+
+pub use chart::{check_chart, check_kind, check_reset};
+pub use measurement::check_measurement;
+pub use numeric::step;
+pub use policy::{check_gate, check_loss};
+pub use process::check_process;
+pub use random::Lcg;

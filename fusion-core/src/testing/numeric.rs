@@ -1,0 +1,72 @@
+//! Central differences on a layout, with an estimate of their own error.
+
+use crate::state::{Block, Kind, Layout};
+
+/// The tangent step of a block of `kind` whose stored value is `x`.
+#[must_use]
+pub fn step(kind: Kind, x: &[f64]) -> f64 {
+    match kind {
+        Kind::Geodetic | Kind::Position => 1.0,
+        Kind::Velocity => 0.1,
+        Kind::Attitude | Kind::Angle => 1e-2,
+        // Unknown units: a step in proportion, and small beside 1.
+        Kind::Scalar | Kind::Vector(_) => 1e-3 * x.iter().fold(1.0, |m: f64, v| m.max(v.abs())),
+    }
+}
+
+/// Rounding of a stored value of `kind`, in tangent units.
+pub(super) fn rounding(kind: Kind, x: &[f64]) -> f64 {
+    match kind {
+        // An ulp of longitude near π is 2.8e-9 m.
+        Kind::Geodetic => 4e-9,
+        Kind::Attitude => 4.0 * f64::EPSILON,
+        _ => 2.0 * f64::EPSILON * x.iter().fold(0.0, |m: f64, v| m.max(v.abs())).max(1e-3),
+    }
+}
+
+/// One column of a numeric Jacobian.
+pub(super) struct Column {
+    pub(super) value: Vec<f64>,
+    /// The largest difference between the two step sizes over the column.
+    pub(super) doubt: f64,
+    pub(super) step: f64,
+}
+
+/// The derivative of `f` along axis `k` of `block` at `x`. `f` writes its value *relative to the
+/// value at `x`*, in tangent units, and may fail.
+pub(super) fn column(
+    layout: &Layout,
+    block: &Block,
+    k: usize,
+    x: &[f64],
+    rows: usize,
+    f: &mut dyn FnMut(&[f64], &mut [f64]) -> Result<(), String>,
+) -> Result<Column, String> {
+    let h = step(block.kind, &x[block.storage_range()]);
+    let mut difference = |h: f64| -> Result<Vec<f64>, String> {
+        let (mut plus, mut minus) = (vec![0.0; rows], vec![0.0; rows]);
+        let mut realised = 0.0;
+        for (sign, out) in [(1.0, &mut plus), (-1.0, &mut minus)] {
+            let (mut moved, mut delta, mut back) = (x.to_vec(), vec![0.0; layout.dim()], vec![0.0; layout.dim()]);
+            delta[block.tangent + k] = sign * h;
+            layout.plus(&mut moved, &delta);
+            // The step that was stored, which rounding keeps from being h exactly.
+            layout.minus(&moved, x, &mut back);
+            realised += sign * back[block.tangent + k];
+            f(&moved, out)?;
+        }
+        Ok(plus.iter().zip(&minus).map(|(p, m)| (p - m) / realised).collect())
+    };
+    let (coarse, fine) = (difference(h)?, difference(0.5 * h)?);
+    let doubt = coarse.iter().zip(&fine).fold(0.0, |m: f64, (c, f)| m.max((c - f).abs()));
+    let value = coarse.iter().zip(&fine).map(|(c, f)| (4.0 * f - c) / 3.0).collect();
+    Ok(Column { value, doubt, step: h })
+}
+
+/// Fails unless every number is finite.
+pub(super) fn finite(what: &str, values: &[f64]) -> Result<(), String> {
+    match values.iter().position(|v| !v.is_finite()) {
+        Some(i) => Err(format!("{what} is not finite: element {i} is {}", values[i])),
+        None => Ok(()),
+    }
+}

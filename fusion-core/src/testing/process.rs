@@ -1,0 +1,185 @@
+//! Laws of process models.
+
+use super::numeric::{column, finite, rounding};
+use crate::linear::Transition;
+use crate::model::{Input, Process, SignalBuffer};
+use crate::state::{Block, Dynamics, Layout};
+use nalgebra::DMatrix;
+
+/// A process is finite, stands still over no time, moves only the blocks whose dynamics are its
+/// own, linearises itself truly, has a symmetric positive noise and true signal Jacobians.
+///
+/// Φ may be a truncated series in dt, so its distance from central differences need not vanish
+/// but must fall faster than dt: over a quarter of the step to less than an eighth. An error of
+/// the generator F falls to a quarter only. Give an `input` whose neighbour equals its sample:
+/// what coning and sculling corrections make of a changing input may be left out of Φ.
+///
+/// # Errors
+/// A sentence naming the blocks.
+pub fn check_process(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>, dt: f64) -> Result<(), String> {
+    let dt = dt.min(process.max_step());
+    check_steps(layout, process, x, input, dt)?;
+    check_noise(layout, process, x, input, dt)?;
+    check_transition(layout, process, x, input, dt)?;
+    check_signals(layout, process, x, input)
+}
+
+fn check_steps(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>, dt: f64) -> Result<(), String> {
+    let (mut moved, mut still) = (x.to_vec(), x.to_vec());
+    process.propagate(&mut moved, input, dt);
+    finite("the propagated state", &moved)?;
+    process.propagate(&mut still, input, 0.0);
+    let mut drift = vec![0.0; layout.dim()];
+    layout.minus(&still, x, &mut drift);
+    for b in layout.blocks() {
+        let s = b.storage_range();
+        if b.dynamics != Dynamics::Process && moved[s.clone()] != x[s.clone()] {
+            return Err(format!("the process moves `{}`, whose dynamics are {:?}", b.name, b.dynamics));
+        }
+        let limit = 4.0 * rounding(b.kind, &x[s]);
+        if let Some(k) = b.tangent_range().find(|&k| !(drift[k].abs() <= limit)) {
+            return Err(format!("a step of no time moves `{}` by {:e}", b.name, drift[k]));
+        }
+    }
+    Ok(())
+}
+
+fn linearised(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>, dt: f64) -> Transition {
+    let mut t = Transition::new(layout);
+    process.linearise(x, input, dt, &mut t);
+    t
+}
+
+fn check_noise(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>, dt: f64) -> Result<(), String> {
+    let n = layout.dim();
+    let t = linearised(layout, process, x, input, dt);
+    let dense = |entries: &[(u16, u16, f64)]| {
+        let mut q = DMatrix::zeros(n, n);
+        entries.iter().for_each(|&(i, j, v)| q[(i as usize, j as usize)] += v);
+        q
+    };
+    let phi = DMatrix::from_fn(n, n, |i, j| t.phi.get(i, j));
+    let q = &phi * dense(&t.before.entries) * phi.transpose() + dense(&t.after.entries);
+    finite("the process noise", q.as_slice())?;
+    let name = |i: usize| layout.blocks().iter().find(|b| b.tangent_range().contains(&i)).map_or("?", |b| b.name.as_str());
+    // As correlations, so that metres and radians weigh alike.
+    let scale: Vec<f64> = (0..n).map(|i| q[(i, i)].max(0.0).sqrt()).collect();
+    let mut correlation = DMatrix::zeros(n, n);
+    for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+        let size = scale[i] * scale[j];
+        // 1e-12: rounding of two products of Φ.
+        if !((q[(i, j)] - q[(j, i)]).abs() <= 1e-12 * size) {
+            return Err(format!("Q is not symmetric between `{}` and `{}`: {:e}, {:e}", name(i), name(j), q[(i, j)], q[(j, i)]));
+        }
+        if size > 0.0 {
+            correlation[(i, j)] = q[(i, j)] / size;
+        } else if q[(i, j)] != 0.0 {
+            return Err(format!("Q has {:e} between `{}` and `{}`, one of which has no variance", q[(i, j)], name(i), name(j)));
+        }
+    }
+    let least = correlation.symmetric_eigen().eigenvalues.min();
+    // −1e-9: a noise of rank below n has zeros that rounding puts on either side.
+    if least < -1e-9 { Err(format!("Q is not positive: least eigenvalue of its correlations {least:e}")) } else { Ok(()) }
+}
+
+/// What Φ may be off by at one element, and by how much it is.
+struct Gap {
+    gap: f64,
+    floor: f64,
+    analytic: f64,
+    numeric: f64,
+}
+
+fn gaps(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>, dt: f64, col: &Block, k: usize) -> Result<Vec<Gap>, String> {
+    let n = layout.dim();
+    let t = linearised(layout, process, x, input, dt);
+    let mut base = x.to_vec();
+    process.propagate(&mut base, input, dt);
+    let numeric = column(layout, col, k, x, n, &mut |x, out| {
+        let mut moved = x.to_vec();
+        process.propagate(&mut moved, input, dt);
+        layout.minus(&moved, &base, out);
+        Ok(())
+    })?;
+    let j = col.tangent + k;
+    let mut out = Vec::with_capacity(n);
+    for row in layout.blocks() {
+        let noise = 8.0 * rounding(row.kind, &base[row.storage_range()]) / numeric.step;
+        let identity = |i: usize| f64::from(u8::from(i == j));
+        let moved = row.tangent_range().fold(0.0, |m: f64, i| m.max((numeric.value[i] - identity(i)).abs()));
+        for i in row.tangent_range() {
+            let (analytic, numeric) = (t.phi.get(i, j), numeric.value[i]);
+            if !analytic.is_finite() {
+                return Err(format!("Φ of `{}` by `{}` is not finite", row.name, col.name));
+            }
+            out.push(Gap { gap: (analytic - numeric).abs(), floor: noise + 1e-6 * moved, analytic, numeric });
+        }
+    }
+    Ok(out)
+}
+
+fn check_transition(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>, dt: f64) -> Result<(), String> {
+    for (col, k) in layout.blocks().iter().flat_map(|b| (0..b.kind.dim()).map(move |k| (b, k))) {
+        let whole = gaps(layout, process, x, input, dt, col, k)?;
+        if whole.iter().all(|g| g.gap <= g.floor) {
+            continue;
+        }
+        let quarter = gaps(layout, process, x, input, 0.25 * dt, col, k)?;
+        for row in layout.blocks() {
+            // The block's largest gap: single elements may cross zero.
+            let worst = |g: &[Gap]| row.tangent_range().fold(0.0, |m: f64, i| m.max(g[i].gap));
+            for i in row.tangent_range() {
+                let (w, q) = (&whole[i], &quarter[i]);
+                if w.gap > w.floor && q.gap > q.floor && q.gap > worst(&whole) / 8.0 {
+                    return Err(format!(
+                        "Φ of `{}` by `{}` is wrong at ({}, {k}): analytic {:e}, numeric {:e}; over a quarter of the step the gap is {:.1e} of {:.1e}",
+                        row.name,
+                        col.name,
+                        i - row.tangent,
+                        w.analytic,
+                        w.numeric,
+                        q.gap,
+                        w.gap
+                    ));
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+fn check_signals(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>) -> Result<(), String> {
+    let mut at = SignalBuffer::new(layout);
+    at.evaluate(process, x, input, true);
+    finite("a signal", &at.values)?;
+    for b in layout.blocks() {
+        for k in 0..b.kind.dim() {
+            let numeric = column(layout, b, k, x, layout.signal_dim(), &mut |x, out| {
+                let mut moved = SignalBuffer::new(layout);
+                moved.evaluate(process, x, input, false);
+                for (_, kind, storage, tangent) in layout.signals() {
+                    let s = storage..storage + kind.storage();
+                    kind.minus(&moved.values[s.clone()], &at.values[s], &mut out[tangent..tangent + kind.dim()]);
+                }
+                Ok(())
+            })?;
+            for (name, kind, storage, tangent) in layout.signals() {
+                let rows = tangent..tangent + kind.dim();
+                let noise = 8.0 * rounding(kind, &at.values[storage..storage + kind.storage()]) / numeric.step;
+                let scale = rows.clone().fold(0.0, |m: f64, i| m.max(numeric.value[i].abs()));
+                for i in rows {
+                    let (analytic, numeric) = (at.jacobian.get(i, b.tangent + k), numeric.value[i]);
+                    // 1e-6: the extrapolated difference leaves h⁴/120 of the fifth derivative.
+                    if !((analytic - numeric).abs() <= noise + 1e-6 * scale) {
+                        let row = i - tangent;
+                        return Err(format!(
+                            "∂`{name}`/∂`{}` is wrong at ({row}, {k}): analytic {analytic:e}, numeric {numeric:e}",
+                            b.name
+                        ));
+                    }
+                }
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,90 @@
+//! A sensor that repeats its last value.
+
+use super::target::Target;
+use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
+use crate::block::BuildError;
+use fusion_core::time::Time;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// For a while, a channel repeats the last value before; stamps go on.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FrozenSpec {
+    /// The channel; all of them without it.
+    channel: Option<String>,
+    /// When, in the time of the log.
+    window: Windows,
+}
+
+crate::register!(Fault, "frozen", FrozenSpec, r#"
+window = { from = "200 s", to = "210 s" }
+"#);
+
+#[typetag::deserialize(name = "frozen")]
+impl FaultSpec for FrozenSpec {
+    fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
+        let target = self.channel.as_deref().map(|name| Target::find(context, Some(name))).transpose()?;
+        Ok(Box::new(Frozen { target, window: self.window.clone(), last: None }))
+    }
+}
+
+#[derive(Debug)]
+struct Frozen {
+    target: Option<Target>,
+    window: Windows,
+    last: Option<Vec<f64>>,
+}
+
+impl Fault for Frozen {
+    fn apply(&mut self, time: Time, row: &mut [f64]) -> Outcome {
+        let value = match &self.target {
+            Some(target) => target.of_row(row),
+            None => row,
+        };
+        match &mut self.last {
+            Some(last) if self.window.contains(time) => {
+                value.copy_from_slice(last);
+                Outcome::Disturbed
+            }
+            // A log that begins frozen repeats its first value.
+            Some(last) => {
+                last.copy_from_slice(value);
+                Outcome::Untouched
+            }
+            None => {
+                self.last = Some(value.to_vec());
+                Outcome::Untouched
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::{ROW, build};
+    use super::*;
+
+    fn heights(text: &str) -> Vec<(f64, f64)> {
+        let mut frozen = build::<FrozenSpec>(text, 1).unwrap();
+        let mut one = |k: u8| {
+            let mut row = ROW;
+            (row[2], row[5]) = (f64::from(k), f64::from(k));
+            frozen.apply(Time::from_seconds(f64::from(k)), &mut row);
+            (row[2], row[5])
+        };
+        (0..6).map(&mut one).collect()
+    }
+
+    #[test]
+    fn a_frozen_channel_repeats_its_last_value_and_others_go_on() {
+        let seen = heights("channel = 'position'\nwindow = { from = 2, to = 4 }");
+        assert_eq!(seen, [(0.0, 0.0), (1.0, 1.0), (1.0, 2.0), (1.0, 3.0), (4.0, 4.0), (5.0, 5.0)]);
+    }
+
+    #[test]
+    fn without_a_channel_the_whole_row_freezes_even_from_the_beginning() {
+        let seen = heights("window = { to = 3 }");
+        assert_eq!(seen, [(0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (3.0, 3.0), (4.0, 4.0), (5.0, 5.0)]);
+    }
+}

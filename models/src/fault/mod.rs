@@ -1,0 +1,123 @@
+//! What goes wrong with a source: declared disturbances of its rows, recorded or simulated.
+//!
+//! A fault sees the rows of one source in order and leaves a row as it is, changes it, or
+//! withholds it. Windows are in the time of the log, against the stamp of the row.
+//!
+//! Seeds    what a random fault does to a row depends on its seed and the stamp of the row alone:
+//!          another outage, a later start or a thinned source leave all other disturbances as
+//!          they were. Rows of one stamp are disturbed alike
+//! Metres   positions are disturbed in metres north, east, down; attitudes by a rotation vector in
+//!          body axes; everything else in its own unit
+//! Not here late or reordered rows, faults that depend on the truth
+
+mod amount;
+mod frozen;
+mod noise;
+mod outage;
+mod outliers;
+mod random;
+mod shift;
+mod target;
+mod window;
+
+pub use amount::Amounts;
+pub use frozen::FrozenSpec;
+pub use noise::NoiseSpec;
+pub use outage::{DropSpec, OutageSpec};
+pub use outliers::OutliersSpec;
+pub use random::derive_seed;
+pub use shift::{BiasStepSpec, SpikeSpec};
+pub use window::{Window, Windows};
+
+use crate::block::{BuildError, Channel};
+use core::fmt::Debug;
+use fusion_core::time::Time;
+
+/// A channel as a source provides it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ProvidedChannel {
+    /// Name, width, dimension and shape.
+    pub channel: Channel,
+    /// Where its numbers begin in the row.
+    pub offset: usize,
+    /// Its values are valid this many nanoseconds before the stamp.
+    pub delay_ns: i64,
+}
+
+/// What became of a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// It is as it was.
+    Untouched,
+    /// Its numbers were changed.
+    Disturbed,
+    /// It never arrives.
+    Withheld,
+}
+
+/// A fault at work on one source.
+pub trait Fault: Debug + Send {
+    /// Sees the next row.
+    fn apply(&mut self, time: Time, row: &mut [f64]) -> Outcome;
+}
+
+/// What a fault is built for.
+#[derive(Clone, Copy, Debug)]
+pub struct FaultContext<'a> {
+    /// The channels of the source.
+    pub channels: &'a [ProvidedChannel],
+    /// Its own seed, from [`derive_seed`].
+    pub seed: u64,
+}
+
+/// A fault as declared.
+#[typetag::deserialize]
+pub trait FaultSpec: Debug {
+    /// When the source is silent because of it, for the drift per outage; `None` for a fault that
+    /// is no outage.
+    fn outage(&self) -> Option<&Windows> {
+        None
+    }
+
+    /// Makes the fault.
+    ///
+    /// # Errors
+    /// [`BuildError`] naming the field.
+    fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError>;
+}
+
+#[cfg(test)]
+mod testing {
+    use super::{FaultContext, ProvidedChannel};
+    use crate::block::{Channel, Shape};
+    use crate::units::{Dimensional, dim};
+
+    /// A source of position, velocity, heading and attitude: 3 + 3 + 1 + 4 numbers.
+    pub(super) fn channels() -> Vec<ProvidedChannel> {
+        let heading = Channel { shape: Shape::Angle, ..Channel::vector("heading", 1, dim::Angle::KIND.dimension) };
+        let attitude = Channel { shape: Shape::Quaternion, ..Channel::vector("attitude", 4, crate::units::Dimension::NONE) };
+        let channels = [Channel::geodetic("position"), Channel::vector("velocity", 3, dim::Speed::KIND.dimension), heading, attitude];
+        let mut offset = 0;
+        let place = |channel: Channel| {
+            let at = offset;
+            offset += channel.width;
+            ProvidedChannel { channel, offset: at, delay_ns: 0 }
+        };
+        channels.into_iter().map(place).collect()
+    }
+
+    pub(super) const ROW: [f64; 11] = [0.7, -1.4, 200.0, 1.0, 2.0, 3.0, 0.5, 1.0, 0.0, 0.0, 0.0];
+
+    /// Reads a spec and builds it on [`channels`].
+    pub(super) fn build<S: super::FaultSpec + serde::de::DeserializeOwned>(
+        text: &str,
+        seed: u64,
+    ) -> Result<Box<dyn super::Fault>, String> {
+        let spec: S = toml::from_str(text).map_err(|e| e.message().to_owned())?;
+        let channels = channels();
+        spec.build(&FaultContext { channels: &channels, seed }).map_err(|e| {
+            let help = e.help.map(|h| format!(" / {h}")).unwrap_or_default();
+            format!("{}: {}{help}", e.field, e.message)
+        })
+    }
+}

@@ -1,0 +1,112 @@
+//! Rows that never arrive: for a stretch of time, or at random.
+
+use super::random::generator;
+use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
+use crate::block::BuildError;
+use crate::units::Probability;
+use fusion_core::time::Time;
+use rand::RngExt;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// The source is silent: an outage to be scored.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct OutageSpec {
+    /// When, in the time of the log.
+    window: Windows,
+}
+
+crate::register!(Fault, "outage", OutageSpec, r#"
+window = { from = "300 s", duration = "60 s", every = "180 s" }
+"#);
+
+#[typetag::deserialize(name = "outage")]
+impl FaultSpec for OutageSpec {
+    fn outage(&self) -> Option<&Windows> {
+        Some(&self.window)
+    }
+
+    fn build(&self, _: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
+        Ok(Box::new(Outage { window: self.window.clone() }))
+    }
+}
+
+#[derive(Debug)]
+struct Outage {
+    window: Windows,
+}
+
+impl Fault for Outage {
+    fn apply(&mut self, time: Time, _: &mut [f64]) -> Outcome {
+        if self.window.contains(time) { Outcome::Withheld } else { Outcome::Untouched }
+    }
+}
+
+/// Rows are lost at random.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DropSpec {
+    /// The part of the rows that is lost.
+    rate: Probability,
+    /// When; always without it.
+    #[serde(default)]
+    window: Windows,
+}
+
+crate::register!(Fault, "drop", DropSpec, r#"
+rate = "5 %"
+"#);
+
+#[typetag::deserialize(name = "drop")]
+impl FaultSpec for DropSpec {
+    fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
+        Ok(Box::new(Drop { rate: self.rate.si(), window: self.window.clone(), seed: context.seed }))
+    }
+}
+
+#[derive(Debug)]
+struct Drop {
+    rate: f64,
+    window: Windows,
+    seed: u64,
+}
+
+impl Fault for Drop {
+    fn apply(&mut self, time: Time, _: &mut [f64]) -> Outcome {
+        let is_lost = self.window.contains(time) && generator(self.seed, time).random::<f64>() < self.rate;
+        if is_lost { Outcome::Withheld } else { Outcome::Untouched }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::{ROW, build};
+    use super::*;
+
+    #[test]
+    fn an_outage_withholds_its_window_and_nothing_else() {
+        let mut outage = build::<OutageSpec>("window = { from = 10, to = 20 }", 1).unwrap();
+        let mut gone = Vec::new();
+        for s in 0..30 {
+            if outage.apply(Time::from_seconds(f64::from(s)), &mut ROW.clone()) == Outcome::Withheld {
+                gone.push(s);
+            }
+        }
+        assert_eq!(gone, (10..20).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn rows_are_lost_at_the_declared_rate_whatever_came_before() {
+        let lost = |first: i64| -> Vec<i64> {
+            let mut drop = build::<DropSpec>("rate = '20 %'", 7).unwrap();
+            let stamp = |k: i64| Time::from_nanos(k * 10_000_000);
+            (first..10_000).filter(|k| drop.apply(stamp(*k), &mut ROW.clone()) == Outcome::Withheld).collect()
+        };
+        let all = lost(0);
+        // 2000 ± 40 (1σ of the binomial): 5σ.
+        assert!(all.len().abs_diff(2000) < 200, "{}", all.len());
+        let later: Vec<i64> = all.iter().copied().filter(|k| *k >= 5000).collect();
+        assert_eq!(lost(5000), later);
+    }
+}

@@ -1,0 +1,94 @@
+//! The channel that a fault disturbs, and how a displacement is added to it.
+
+use super::{FaultContext, ProvidedChannel};
+use crate::block::{BuildError, Shape};
+use crate::units::{Dimension, Dimensional, dim};
+use fusion_core::geometry::so3;
+use fusion_core::geometry::wgs84::Geodetic;
+use nalgebra::{Vector3, Vector4};
+
+/// A channel within the rows of its source.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Target {
+    offset: usize,
+    width: usize,
+    shape: Shape,
+    dimension: Dimension,
+}
+
+impl Target {
+    /// The channel `name`; without a name, the only one.
+    pub(super) fn find(context: &FaultContext<'_>, name: Option<&str>) -> Result<Self, BuildError> {
+        let known = || context.channels.iter().map(|c| format!("`{}`", c.channel.name)).collect::<Vec<_>>().join(", ");
+        let found = match (name, context.channels) {
+            (None, [one]) => one,
+            (None, _) => {
+                let error = BuildError::new("this fault does not say which channel it disturbs");
+                return Err(error.help(format!("add `channel = …`, one of {}", known())));
+            }
+            (Some(name), channels) => channels.iter().find(|c| c.channel.name == name).ok_or_else(|| {
+                let error = BuildError::at("channel", format!("the source has no channel `{name}`"));
+                error.help(format!("its channels: {}", known()))
+            })?,
+        };
+        Ok(Self::of(found))
+    }
+
+    fn of(provided: &ProvidedChannel) -> Self {
+        let c = &provided.channel;
+        Self { offset: provided.offset, width: c.width, shape: c.shape, dimension: c.dimension }
+    }
+
+    /// How many numbers a displacement has.
+    pub(super) const fn degrees(&self) -> usize {
+        match self.shape {
+            Shape::Geodetic | Shape::Quaternion => 3,
+            Shape::Vector | Shape::Angle => self.width,
+        }
+    }
+
+    /// How many of them an outlier moves: a position errs in the horizontal plane.
+    pub(super) const fn outlier_degrees(&self) -> usize {
+        match self.shape {
+            Shape::Geodetic => 2,
+            _ => self.degrees(),
+        }
+    }
+
+    /// The dimension of a displacement.
+    pub(super) const fn dimension(&self) -> Dimension {
+        match self.shape {
+            Shape::Geodetic => dim::Length::KIND.dimension,
+            Shape::Quaternion => dim::Angle::KIND.dimension,
+            Shape::Vector | Shape::Angle => self.dimension,
+        }
+    }
+
+    /// Its numbers in a row.
+    pub(super) fn of_row<'r>(&self, row: &'r mut [f64]) -> &'r mut [f64] {
+        &mut row[self.offset..self.offset + self.width]
+    }
+
+    /// Adds a displacement; axes that it does not reach stay.
+    pub(super) fn displace(&self, row: &mut [f64], by: &[f64]) {
+        let axis = |i: usize| by.get(i).copied().unwrap_or(0.0);
+        let by = Vector3::new(axis(0), axis(1), axis(2));
+        let z = self.of_row(row);
+        match self.shape {
+            Shape::Geodetic => {
+                let moved = Geodetic { lat: z[0], lon: z[1], height: z[2] }.offset(&by);
+                z.copy_from_slice(&[moved.lat, moved.lon, moved.height]);
+            }
+            Shape::Quaternion => {
+                let q = so3::from_scalar_first(&Vector4::from_column_slice(z)) * so3::exp(&by);
+                z.copy_from_slice(so3::to_scalar_first(&q).as_slice());
+            }
+            Shape::Vector => z.iter_mut().enumerate().for_each(|(i, z)| *z += by_axis(&by, i)),
+            Shape::Angle => z.iter_mut().enumerate().for_each(|(i, z)| *z = so3::wrap_angle(*z + by_axis(&by, i))),
+        }
+    }
+}
+
+fn by_axis(by: &Vector3<f64>, i: usize) -> f64 {
+    by.get(i).copied().unwrap_or(0.0)
+}

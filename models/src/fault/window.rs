@@ -1,0 +1,236 @@
+//! When a fault is at work.
+
+use crate::units::{Duration, Positive, dim};
+use core::fmt;
+use fusion_core::time::{Time, nanos};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::Deserialize;
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{Deserializer, Error, MapAccess, SeqAccess, Visitor};
+use std::borrow::Cow;
+
+/// A stretch of time: `from` belongs to it, `to` does not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    /// Its first instant.
+    pub from: Time,
+    /// The first instant after it.
+    pub to: Time,
+}
+
+/// Stretches of the log's time, each once or again and again.
+///
+/// ```toml
+/// window = { from = "300 s", to = "360 s" }
+/// window = { from = "300 s", duration = "60 s", every = "180 s", until = "1200 s" }
+/// window = [{ to = "10 s" }, { from = "500 s" }]
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Windows(Vec<Repeated>);
+
+impl Default for Windows {
+    /// Always.
+    fn default() -> Self {
+        Self(vec![Repeated { first: Window { from: Time::MIN, to: Time::MAX }, every: None, until: Time::MAX }])
+    }
+}
+
+impl Windows {
+    /// Whether `time` lies in one of them.
+    #[must_use]
+    pub fn contains(&self, time: Time) -> bool {
+        self.0.iter().any(|r| r.contains(time))
+    }
+
+    /// Those that begin before `to` and end after `from`, uncut but for the open end, in order
+    /// of time.
+    #[must_use]
+    pub fn within(&self, from: Time, to: Time) -> Vec<Window> {
+        let mut found: Vec<Window> = self.0.iter().flat_map(|r| r.windows(from, to)).collect();
+        found.sort_by_key(|w| (w.from, w.to));
+        found
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Repeated {
+    first: Window,
+    every: Option<i64>,
+    until: Time,
+}
+
+impl Repeated {
+    fn contains(&self, time: Time) -> bool {
+        match self.every {
+            None => self.first.from <= time && (time < self.first.to || self.first.to == Time::MAX),
+            Some(_) if time < self.first.from || time >= self.until => false,
+            Some(every) => time.nanos().saturating_sub(self.first.from.nanos()) % every < self.length(),
+        }
+    }
+
+    fn length(&self) -> i64 {
+        self.first.to.nanos().saturating_sub(self.first.from.nanos())
+    }
+
+    fn windows(self, from: Time, to: Time) -> impl Iterator<Item = Window> {
+        let before = from.nanos().saturating_sub(self.first.from.nanos()).max(0);
+        let skipped = self.every.map_or(0, |every| before / every * every);
+        let mut next = Some(self.first.from.shifted(skipped));
+        core::iter::from_fn(move || {
+            let start = next.filter(|start| *start < to.min(self.until))?;
+            next = self.every.map(|every| start.shifted(every)).filter(|n| *n > start);
+            let end = if self.first.to == Time::MAX { to } else { start.shifted(self.length()) };
+            Some(Window { from: start, to: end.min(self.until) })
+        })
+        .filter(move |w| w.to > from)
+    }
+}
+
+/// When a fault is at work.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Keys {
+    /// The first instant, in the time of the log; without it, from the beginning.
+    from: Option<Duration>,
+    /// The first instant after it; without it, to the end.
+    to: Option<Duration>,
+    /// How long it lasts, instead of `to`.
+    duration: Option<Positive<dim::Duration>>,
+    /// Repeats the window at this interval.
+    every: Option<Positive<dim::Duration>>,
+    /// The end of the repetition.
+    until: Option<Duration>,
+}
+
+impl Keys {
+    fn check(&self) -> Result<Repeated, String> {
+        let instant = |d: &Option<Duration>| d.map(|d| Time::from_seconds(d.si()));
+        let from = instant(&self.from);
+        let to = match (instant(&self.to), self.duration) {
+            (Some(_), Some(_)) => return Err("a window has an end, `to`, or a `duration`, not both".to_owned()),
+            (to, None) => to,
+            (None, Some(d)) => match from {
+                Some(from) => Some(from.shifted(nanos(d.si()).max(1))),
+                None => return Err("a window with a `duration` needs `from`".to_owned()),
+            },
+        };
+        let first = Window { from: from.unwrap_or(Time::MIN), to: to.unwrap_or(Time::MAX) };
+        if first.to <= first.from {
+            return Err(format!("the window ends at {}, not after its beginning at {}", first.to, first.from));
+        }
+        let every = self.every.map(|e| nanos(e.si()));
+        match (every, from, to) {
+            (None, ..) if self.until.is_some() => Err("`until` ends a repetition and needs `every`".to_owned()),
+            (Some(_), None, _) | (Some(_), _, None) => Err("a repeated window needs `from` and an end".to_owned()),
+            (Some(every), Some(from), Some(to)) if every < to.nanos().saturating_sub(from.nanos()) => {
+                Err("the window is longer than the interval at which it repeats".to_owned())
+            }
+            _ => Ok(Repeated { first, every, until: instant(&self.until).unwrap_or(Time::MAX) }),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Repeated {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Keys::deserialize(deserializer)?.check().map_err(D::Error::custom)
+    }
+}
+
+impl<'de> Deserialize<'de> for Windows {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct OneOrMany;
+
+        impl<'de> Visitor<'de> for OneOrMany {
+            type Value = Windows;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a window, e.g. { from = \"300 s\", to = \"360 s\" }, or an array of windows")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Windows, A::Error> {
+                Repeated::deserialize(MapAccessDeserializer::new(map)).map(|w| Windows(vec![w]))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Windows, A::Error> {
+                Vec::deserialize(SeqAccessDeserializer::new(seq)).map(Windows)
+            }
+        }
+
+        deserializer.deserialize_any(OneOrMany)
+    }
+}
+
+impl JsonSchema for Windows {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> Cow<'static, str> {
+        "Windows".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let one = Keys::json_schema(generator);
+        json_schema!({ "anyOf": [one, { "type": "array", "items": one }] })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, Deserialize)]
+    struct Holder {
+        window: Windows,
+    }
+
+    fn read(value: &str) -> Result<Windows, String> {
+        let read = toml::from_str::<Holder>(&format!("window = {value}"));
+        read.map(|h| h.window).map_err(|e| e.message().to_owned())
+    }
+
+    fn seconds(windows: &[Window]) -> Vec<(i64, i64)> {
+        windows.iter().map(|w| (w.from.nanos() / 1_000_000_000, w.to.nanos() / 1_000_000_000)).collect()
+    }
+
+    fn t(seconds: f64) -> Time {
+        Time::from_seconds(seconds)
+    }
+
+    #[test]
+    fn a_window_holds_its_beginning_and_not_its_end() {
+        let w = read("{ from = '1 min', duration = 10 }").unwrap();
+        let held: Vec<bool> = [59.999, 60.0, 69.999, 70.0].into_iter().map(|s| w.contains(t(s))).collect();
+        assert_eq!(held, [false, true, true, false]);
+    }
+
+    #[test]
+    fn a_repeated_window_is_listed_as_often_as_it_happens() {
+        let w = read("{ from = 100, to = 115, every = 50, until = 260 }").unwrap();
+        assert_eq!(seconds(&w.within(t(0.0), t(1e4))), [(100, 115), (150, 165), (200, 215), (250, 260)]);
+        assert_eq!(seconds(&w.within(t(160.0), t(200.0))), [(150, 165)]);
+        for s in 0..300 {
+            let listed = w.within(t(0.0), t(1e4)).iter().any(|w| (w.from..w.to).contains(&t(f64::from(s))));
+            assert_eq!(w.contains(t(f64::from(s))), listed, "{s} s");
+        }
+    }
+
+    #[test]
+    fn open_ends_reach_to_the_ends_of_the_log() {
+        let w = read("[{ to = 10 }, { from = 500 }]").unwrap();
+        assert!(w.contains(t(-1e6)) && !w.contains(t(10.0)) && w.contains(t(1e9)));
+        assert_eq!(w.within(t(0.0), t(600.0)).last().map(|w| w.to), Some(t(600.0)));
+        assert!(Windows::default().contains(Time::MIN));
+    }
+
+    #[test]
+    fn windows_that_make_no_sense_are_refused() {
+        let said = |text| read(text).unwrap_err();
+        assert_eq!(said("{ from = 5, to = 5 }"), "the window ends at 5.000000 s, not after its beginning at 5.000000 s");
+        assert_eq!(said("{ from = 5, to = 6, duration = 1 }"), "a window has an end, `to`, or a `duration`, not both");
+        assert_eq!(said("{ duration = 1 }"), "a window with a `duration` needs `from`");
+        assert_eq!(said("{ from = 5, every = 9 }"), "a repeated window needs `from` and an end");
+        assert_eq!(said("{ from = 5, to = 9, every = 3 }"), "the window is longer than the interval at which it repeats");
+        assert_eq!(said("{ from = 5, to = 9, until = 30 }"), "`until` ends a repetition and needs `every`");
+    }
+}

@@ -1,0 +1,273 @@
+//! Unicycle: a vehicle that drives ahead and turns, in the horizontal plane.
+//!
+//! State      position (geodetic; its height stands still), heading ψ [rad], speed u [m/s],
+//!            yaw rate r [rad/s]
+//! Model      ṙ_N = u cos ψ, ṙ_E = u sin ψ, ψ̇ = r + w_ψ, u̇ = w_u, ṙ = w_r
+//! Discrete   exact on the arc of constant u and r: with x = rT/2,
+//!            Δ = u T sinc(x) [cos(ψ + x), sin(ψ + x)], ψ⁺ = ψ + rT
+//!            Φ its exact derivative, in the charts of the positions before and after
+//!            Q trapezoidal, ½(ΦQ_cΦᵀ + Q_c)T
+//! Signals    velocity (north east down), attitude (level), angular_rate (body, of turning),
+//!            acceleration (dv/dt, north east down)
+//! Valid      no slip sideways, no slopes; the Earth's rotation is left out of angular_rate
+
+use crate::block::{Build, BuildError, Channel, ProcessSpec};
+use crate::units::{self, Axes, Duration, NonNegative, Positive, dim, range};
+use fusion_core::geometry::so3;
+use fusion_core::geometry::wgs84::{Radii, divisible_cos, radii, radii_derivative};
+use fusion_core::linear::Transition;
+use fusion_core::model::{Input, Process, SignalsOut};
+use fusion_core::state::{Angle, Attitude, Dynamics, Geodetic, Scalar, Signal, Slot, Vector, Velocity, wrap};
+use nalgebra::{Matrix1, Matrix3, Vector2, Vector3};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// sin(x)/x and its derivative.
+fn sinc(x: f64) -> (f64, f64) {
+    let y = x * x;
+    if y < 1e-4 {
+        // The next terms are y³/5040 = 2e-16 and x y²·6/5040 = 1e-13 of x.
+        (1.0 - y / 6.0 * (1.0 - y / 20.0), -x / 3.0 * (1.0 - y / 10.0 * (1.0 - y / 28.0)))
+    } else {
+        let (s, c) = x.sin_cos();
+        (s / x, (c - s / x) / x)
+    }
+}
+
+/// An arc of constant speed and rate: the displacement north and east [m] and its derivatives.
+struct Arc {
+    moved: Vector2<f64>,
+    by_heading: Vector2<f64>,
+    by_speed: Vector2<f64>,
+    by_rate: Vector2<f64>,
+}
+
+/// The arc from heading `psi` [rad] at speed `u` [m/s] and rate `r` [rad/s] over `dt` [s].
+fn arc(psi: f64, u: f64, r: f64, dt: f64) -> Arc {
+    let x = 0.5 * r * dt;
+    let (chord, slope) = sinc(x);
+    let (sin, cos) = (psi + x).sin_cos();
+    let (ahead, across) = (Vector2::new(cos, sin), Vector2::new(-sin, cos));
+    Arc {
+        moved: ahead * (u * dt * chord),
+        by_heading: across * (u * dt * chord),
+        by_speed: ahead * (dt * chord),
+        by_rate: (ahead * slope + across * chord) * (0.5 * u * dt * dt),
+    }
+}
+
+/// ∂(p⁺ ⊟ p̂⁺)/∂(p ⊟ p̂) for p⁺ = p ⊞ Δ with Δ = `moved` [m] held, and the factors on ∂Δ: the
+/// metres per radian at p⁺ over those at p.
+fn carried(p: &Geodetic, after: &Geodetic, moved: &Vector2<f64>) -> (Matrix3<f64>, Vector2<f64>) {
+    let Radii { meridian, normal } = radii(p.lat);
+    let slope = radii_derivative(p.lat);
+    let (sin, cos) = p.lat.sin_cos();
+    let cos = divisible_cos(cos);
+    let (rm, rn) = (meridian + p.height, normal + p.height);
+    let (north, east) = after.metres_per_radian();
+    let factor = Vector2::new(north / rm, east / (rn * cos));
+    // Δλ = δE/((RN + h) cos φ) − Δ_E δ((RN + h) cos φ)/((RN + h) cos φ)², and so for latitude;
+    // δφ = δN/(RM + h), δh = −δD.
+    let (n, e) = (moved.x / rm, moved.y / rn);
+    let tan = sin / cos;
+    #[rustfmt::skip]
+    let carried = Matrix3::new(
+        factor.x * (1.0 - n * slope.meridian / rm), 0.0, factor.x * n,
+        -factor.y * e * (slope.normal - rn * tan) / rm, factor.y, factor.y * e,
+        0.0, 0.0, 1.0,
+    );
+    (carried, factor)
+}
+
+/// A vehicle that drives ahead and turns, in the horizontal plane; no input.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct UnicycleSpec {
+    /// White noise density of the acceleration ahead.
+    speed_noise: NonNegative<dim::VelocityRandomWalk>,
+    /// White noise density of the acceleration of turning.
+    yaw_rate_noise: NonNegative<dim::RateRandomWalk>,
+    /// Random walk of the heading: turning that the yaw rate does not tell.
+    #[serde(default)]
+    heading_noise: NonNegative<dim::AngleRandomWalk>,
+    /// Random walk of the position, north east down: slip, and the height's own walk.
+    #[serde(default = "still")]
+    position_noise: Axes<dim::PositionRandomWalk, range::NonNegative>,
+    /// Initial 1σ of position, north east down; it starts at the origin, or where an initialiser
+    /// puts it.
+    position_sigma: Axes<dim::Length, range::NonNegative>,
+    /// Heading the filter starts from, clockwise from north.
+    #[serde(default)]
+    initial_heading: units::Angle,
+    /// Initial 1σ of heading.
+    heading_sigma: NonNegative<dim::Angle>,
+    /// Speed the filter starts from.
+    #[serde(default)]
+    initial_speed: units::Speed,
+    /// Initial 1σ of speed.
+    speed_sigma: NonNegative<dim::Speed>,
+    /// Initial 1σ of the yaw rate, which starts from zero.
+    yaw_rate_sigma: NonNegative<dim::AngularRate>,
+    /// The longest step that one linearisation covers.
+    #[serde(default = "tenth")]
+    max_step: Positive<dim::Duration>,
+}
+
+fn still() -> Axes<dim::PositionRandomWalk, range::NonNegative> {
+    [NonNegative::default(); 3].into()
+}
+
+fn tenth() -> Positive<dim::Duration> {
+    #[expect(clippy::unwrap_used, reason = "a constant greater than 0")]
+    Positive::try_from_si(Duration::from_si(0.1).si()).unwrap()
+}
+
+crate::register!(Process, "unicycle", UnicycleSpec, r#"
+speed_noise = "0.3 m/s^2/sqrt(Hz)"
+yaw_rate_noise = "5 deg/s^2/sqrt(Hz)"
+heading_noise = "0.1 deg/sqrt(s)"
+position_noise = ["1 cm/sqrt(s)", "1 cm/sqrt(s)", "1 mm/sqrt(s)"]
+position_sigma = "10 m"
+initial_heading = "30 deg"
+heading_sigma = "10 deg"
+initial_speed = "1 m/s"
+speed_sigma = "1 m/s"
+yaw_rate_sigma = "5 deg/s"
+max_step = "0.1 s"
+"#);
+
+#[typetag::deserialize(name = "unicycle")]
+impl ProcessSpec for UnicycleSpec {
+    fn input(&self) -> Vec<Channel> {
+        Vec::new()
+    }
+
+    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
+        let origin = b.origin.unwrap_or(Geodetic::new(0.0, 0.0, 0.0));
+        let psd = |density: f64| density * density;
+        let heading = wrap(self.initial_heading.si());
+        Ok(Box::new(Unicycle {
+            position: b.declare("position", "m", origin, self.position_sigma.si().to_vec(), Dynamics::Process)?,
+            heading: b.declare("heading", "rad", heading, vec![self.heading_sigma.si()], Dynamics::Process)?,
+            speed: b.declare("speed", "m/s", self.initial_speed.si(), vec![self.speed_sigma.si()], Dynamics::Process)?,
+            yaw_rate: b.declare("yaw_rate", "rad/s", 0.0, vec![self.yaw_rate_sigma.si()], Dynamics::Process)?,
+            velocity: b.signal("velocity")?,
+            attitude: b.signal("attitude")?,
+            angular_rate: b.signal("angular_rate")?,
+            acceleration: b.signal("acceleration")?,
+            position_psd: Vector3::from(self.position_noise.si()).map(psd),
+            heading_psd: psd(self.heading_noise.si()),
+            speed_psd: psd(self.speed_noise.si()),
+            yaw_rate_psd: psd(self.yaw_rate_noise.si()),
+            max_step: self.max_step.si(),
+        }))
+    }
+}
+
+/// The runtime model.
+#[derive(Debug)]
+struct Unicycle {
+    position: Slot<Geodetic>,
+    heading: Slot<Angle>,
+    speed: Slot<Scalar>,
+    yaw_rate: Slot<Scalar>,
+    velocity: Signal<Velocity>,
+    attitude: Signal<Attitude>,
+    angular_rate: Signal<Vector<3>>,
+    acceleration: Signal<Vector<3>>,
+    position_psd: Vector3<f64>,
+    heading_psd: f64,
+    speed_psd: f64,
+    yaw_rate_psd: f64,
+    max_step: f64,
+}
+
+impl Unicycle {
+    fn arc(&self, x: &[f64], dt: f64) -> Arc {
+        arc(self.heading.read(x), self.speed.read(x), self.yaw_rate.read(x), dt)
+    }
+}
+
+impl Process for Unicycle {
+    fn input_dim(&self) -> usize {
+        0
+    }
+
+    fn max_step(&self) -> f64 {
+        self.max_step
+    }
+
+    fn propagate(&self, x: &mut [f64], _: &Input<'_>, dt: f64) {
+        let moved = self.arc(x, dt).moved;
+        self.position.write(&self.position.read(x).offset(&moved.push(0.0)), x);
+        self.heading.write(&wrap(self.heading.read(x) + self.yaw_rate.read(x) * dt), x);
+    }
+
+    fn linearise(&self, x: &[f64], _: &Input<'_>, dt: f64, out: &mut Transition) {
+        let arc = self.arc(x, dt);
+        let position = self.position.read(x);
+        let (carried, factor) = carried(&position, &position.offset(&arc.moved.push(0.0)), &arc.moved);
+        let metres = |d: Vector2<f64>| d.component_mul(&factor).push(0.0);
+        out.set(self.position, self.position, &carried);
+        out.set(self.position, self.heading, &metres(arc.by_heading));
+        out.set(self.position, self.speed, &metres(arc.by_speed));
+        out.set(self.position, self.yaw_rate, &metres(arc.by_rate));
+        out.set(self.heading, self.yaw_rate, &Matrix1::new(dt));
+        out.noise_trapezoid(self.position, self.position, &Matrix3::from_diagonal(&(self.position_psd * dt)));
+        out.noise_trapezoid(self.heading, self.heading, &Matrix1::new(self.heading_psd * dt));
+        out.noise_trapezoid(self.speed, self.speed, &Matrix1::new(self.speed_psd * dt));
+        out.noise_trapezoid(self.yaw_rate, self.yaw_rate, &Matrix1::new(self.yaw_rate_psd * dt));
+    }
+
+    fn signals(&self, x: &[f64], _: &Input<'_>, out: &mut SignalsOut<'_>) {
+        let (psi, u, r) = (self.heading.read(x), self.speed.read(x), self.yaw_rate.read(x));
+        let (sin, cos) = psi.sin_cos();
+        let (ahead, across) = (Vector3::new(cos, sin, 0.0), Vector3::new(-sin, cos, 0.0));
+        out.set(self.velocity, &(ahead * u));
+        out.set(self.attitude, &so3::from_rpy(0.0, 0.0, psi));
+        out.set(self.angular_rate, &Vector3::new(0.0, 0.0, r));
+        out.set(self.acceleration, &(across * (u * r)));
+        if out.wants_jacobian() {
+            out.add(self.velocity, self.heading, &(across * u));
+            out.add(self.velocity, self.speed, &ahead);
+            out.add(self.attitude, self.heading, &Vector3::z());
+            out.add(self.angular_rate, self.yaw_rate, &Vector3::z());
+            out.add(self.acceleration, self.heading, &(ahead * (-u * r)));
+            out.add(self.acceleration, self.speed, &(across * r));
+            out.add(self.acceleration, self.yaw_rate, &(across * u));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_circle_closes_and_half_of_one_is_a_diameter_across() {
+        let (u, r) = (2.0, 0.1);
+        let turn = core::f64::consts::TAU / r;
+        // 10 ε of a path of 126 m.
+        assert!(arc(0.3, u, r, turn).moved.amax() < 1e-13);
+        let half = arc(0.0, u, r, 0.5 * turn).moved;
+        assert!((half - Vector2::new(0.0, 2.0 * u / r)).amax() < 1e-13, "{half}");
+    }
+
+    #[test]
+    fn both_branches_of_sinc_agree_where_they_meet() {
+        let (below, above) = (sinc(0.01 - 1e-12), sinc(0.01 + 1e-12));
+        // 1e-12: the gap itself times a slope of 1/3, and ε/x of rounding.
+        assert!((below.0 - above.0).abs() < 1e-13 && (below.1 - above.1).abs() < 2e-12);
+    }
+
+    #[test]
+    fn many_short_arcs_are_one_long_arc() {
+        let (mut at, mut psi) = (Vector2::zeros(), 0.7);
+        for _ in 0..100 {
+            at += arc(psi, 3.0, -0.4, 0.05).moved;
+            psi += -0.4 * 0.05;
+        }
+        // 100 roundings of 15 m.
+        assert!((at - arc(0.7, 3.0, -0.4, 5.0).moved).amax() < 1e-13);
+    }
+}

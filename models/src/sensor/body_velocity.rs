@@ -1,0 +1,285 @@
+//! Velocity in the axes of a vehicle or sensor: Doppler log, odometer, nonholonomic constraint.
+//!
+//! Measured   z = velocity over ground of the point l in the axes s, or some of its rows [m/s]
+//! Predicted  h(x) = (1 + κ) u_s,  u_s = C_bsᵀ u_b,  u_b = C_nbᵀ v_eb_n + w_ib_b × l_bs_b
+//! Jacobian   ∂h/∂δv = k C_bsᵀ C_nbᵀ,  ∂h/∂δφ_b = k C_bsᵀ [C_nbᵀ v ×],  ∂h/∂w = −k C_bsᵀ [l ×],
+//!            ∂h/∂l = k C_bsᵀ [w ×],  ∂h/∂δμ = k [u_s ×],  ∂h/∂κ = u_s,  k = 1 + κ
+//! Here       C_bs is the mounting: the attitude of the axes s in the body, x_b = C_bs x_s, with
+//!            the right perturbation C_bs Exp(δμ). A nonholonomic constraint does not see δμ
+//!            about forward: give that axis sigma 0
+//! Valid      no slip sideways (nonholonomic), none forward beyond κ (odometer); w_ib for w_eb:
+//!            7e-5 m/s per metre of lever arm, the Earth's rotation
+//! Source     Groves 2013, §14.3.2 (odometry, motion constraints), §15.4
+
+use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+use crate::param::{RotationParam, ScalarParam, VectorParam};
+use crate::units::{Dimension, Dimensional, dim};
+use fusion_core::geometry::so3::{rotation, skew};
+use fusion_core::linear::Jacobian;
+use fusion_core::model::{Measurement, Size, Undefined};
+use fusion_core::state::{Attitude, Param, Quantity, Scalar, Tangent, Vector, Velocity, View};
+use nalgebra::{SMatrix, Vector3};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Forward, right, down of the sensor's axes.
+const ALL: &[usize] = &[0, 1, 2];
+
+/// Velocity over ground in the sensor's own axes: a Doppler log.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BodyVelocitySpec {
+    /// Sensor position in body axes, from the body origin (the IMU).
+    #[serde(default)]
+    lever_arm: VectorParam<dim::Length>,
+    /// Roll, pitch, yaw of the sensor's axes in the body: x_body = C(mounting) x_sensor.
+    #[serde(default)]
+    mounting: RotationParam,
+    /// Scale error κ: the sensor reads (1 + κ) of the velocity.
+    #[serde(default)]
+    scale: ScalarParam<dim::Ratio>,
+}
+
+crate::register!(Sensor, "body_velocity", BodyVelocitySpec, r#"
+lever_arm = { estimate = true, initial = [0.4, 0.1, "60 cm"], sigma = "10 cm" }
+mounting = { estimate = true, initial = [0, 0, "45 deg"], sigma = "1 deg" }
+scale = { estimate = true, initial = 0, sigma = "1 %" }
+"#);
+
+/// Speed along the forward axis of a vehicle: an odometer, a wheel encoder, a water log.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct OdometerSpec {
+    /// Where the speed is sensed, in body axes from the body origin (the IMU): a wheel, the
+    /// middle of the rear axle.
+    #[serde(default)]
+    lever_arm: VectorParam<dim::Length>,
+    /// Roll, pitch, yaw of the vehicle's axes in the body: x_body = C(mounting) x_vehicle.
+    #[serde(default)]
+    mounting: RotationParam,
+    /// Scale error κ: the sensor reads (1 + κ) of the speed.
+    #[serde(default)]
+    scale: ScalarParam<dim::Ratio>,
+}
+
+crate::register!(Sensor, "odometer", OdometerSpec, r#"
+lever_arm = ["-1.2 m", "0.7 m", "0.4 m"]
+mounting = { estimate = true, initial = ["0.5 deg", "-1 deg", "2 deg"], sigma = [0, "1 deg", "1 deg"] }
+scale = { estimate = true, initial = "1 %", sigma = "3 %", random_walk = "0.01 %/sqrt(s)" }
+"#);
+
+/// A wheeled or tracked vehicle moves neither sideways nor up: a constant of zero.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NonholonomicSpec {
+    /// Where the constraint holds, in body axes from the body origin (the IMU): the middle of
+    /// the axle that does not steer.
+    #[serde(default)]
+    lever_arm: VectorParam<dim::Length>,
+    /// Roll, pitch, yaw of the vehicle's axes in the body: x_body = C(mounting) x_vehicle.
+    #[serde(default)]
+    mounting: RotationParam,
+    /// Which velocities are zero.
+    #[serde(default)]
+    axes: Constraint,
+}
+
+/// The axes of a nonholonomic constraint.
+#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
+#[serde(rename_all = "snake_case")]
+enum Constraint {
+    /// Right and down.
+    #[default]
+    Both,
+    /// Right only.
+    Right,
+    /// Down only.
+    Down,
+}
+
+impl Constraint {
+    const fn rows(self) -> &'static [usize] {
+        match self {
+            Self::Both => &[1, 2],
+            Self::Right => &[1],
+            Self::Down => &[2],
+        }
+    }
+}
+
+crate::register!(Sensor, "nonholonomic", NonholonomicSpec, r#"
+lever_arm = ["-1.2 m", 0, "0.4 m"]
+mounting = { estimate = true, initial = [0, 0, 0], sigma = [0, "1 deg", "1 deg"] }
+axes = "both"
+"#);
+
+#[typetag::deserialize(name = "body_velocity")]
+impl SensorSpec for BodyVelocitySpec {
+    fn reading(&self) -> Reading {
+        Reading::Channel(Channel::vector("body_velocity", 3, dim::Speed::KIND.dimension))
+    }
+
+    fn noise(&self) -> Vec<Dimension> {
+        vec![dim::Speed::KIND.dimension; 3]
+    }
+
+    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+        let scale = b.param("scale", &self.scale)?;
+        Ok(Box::new(BodyVelocity::build(b, &self.lever_arm, &self.mounting, scale, ALL)?))
+    }
+}
+
+#[typetag::deserialize(name = "odometer")]
+impl SensorSpec for OdometerSpec {
+    fn reading(&self) -> Reading {
+        Reading::Channel(Channel::vector("speed", 1, dim::Speed::KIND.dimension))
+    }
+
+    fn noise(&self) -> Vec<Dimension> {
+        vec![dim::Speed::KIND.dimension]
+    }
+
+    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+        let scale = b.param("scale", &self.scale)?;
+        Ok(Box::new(BodyVelocity::build(b, &self.lever_arm, &self.mounting, scale, &ALL[..1])?))
+    }
+}
+
+#[typetag::deserialize(name = "nonholonomic")]
+impl SensorSpec for NonholonomicSpec {
+    fn reading(&self) -> Reading {
+        Reading::Constant(vec![0.0; self.axes.rows().len()])
+    }
+
+    fn noise(&self) -> Vec<Dimension> {
+        vec![dim::Speed::KIND.dimension; self.axes.rows().len()]
+    }
+
+    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+        let rows = self.axes.rows();
+        Ok(Box::new(BodyVelocity::build(b, &self.lever_arm, &self.mounting, Param::Fixed(0.0), rows)?))
+    }
+}
+
+/// The runtime model of all three.
+#[derive(Debug)]
+struct BodyVelocity {
+    velocity: Quantity<Velocity>,
+    attitude: Quantity<Attitude>,
+    rate: Option<Quantity<Vector<3>>>,
+    lever_arm: Param<Vector<3>>,
+    mounting: Param<Attitude>,
+    scale: Param<Scalar>,
+    /// The axes measured, in order.
+    rows: &'static [usize],
+}
+
+impl BodyVelocity {
+    fn build(
+        b: &mut Build<'_>,
+        lever_arm: &VectorParam<dim::Length>,
+        mounting: &RotationParam,
+        scale: Param<Scalar>,
+        rows: &'static [usize],
+    ) -> Result<Self, BuildError> {
+        let lever_arm = b.param("lever_arm", lever_arm)?;
+        let at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
+        Ok(Self {
+            velocity: b.quantity("velocity")?,
+            attitude: b.quantity("attitude")?,
+            // Without a lever arm the rate does not matter, and not every process has one.
+            rate: if at_the_body { None } else { Some(b.quantity("angular_rate")?) },
+            lever_arm,
+            mounting: b.param("mounting", mounting)?,
+            scale,
+            rows,
+        })
+    }
+
+    /// `C_nbᵀ v`, the body's own velocity in body axes, and `u_b`, that of the point.
+    fn velocities(&self, at: &View<'_>) -> (Vector3<f64>, Vector3<f64>) {
+        let v_b = at.get(&self.attitude).inverse_transform_vector(&at.get(&self.velocity));
+        let turning = self.rate.as_ref().map(|w| at.get(w).cross(&at.get(&self.lever_arm)));
+        (v_b, v_b + turning.unwrap_or_default())
+    }
+
+    /// Adds the measured rows of ∂u/∂`quantity`.
+    fn add<M: Tangent<C>, const C: usize>(&self, h: &mut Jacobian, quantity: &Quantity<M>, block: &SMatrix<f64, 3, C>) {
+        for (row, &axis) in self.rows.iter().enumerate() {
+            h.add(row, quantity, &SMatrix::<f64, 1, C>::from_fn(|_, j| block[(axis, j)]));
+        }
+    }
+}
+
+impl Measurement for BodyVelocity {
+    fn size(&self) -> Size {
+        Size::same(self.rows.len())
+    }
+
+    fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {
+        let u_s = at.get(&self.mounting).inverse_transform_vector(&self.velocities(at).1);
+        let k = 1.0 + at.get(&self.scale);
+        for (value, &axis) in value.iter_mut().zip(self.rows) {
+            *value = k * u_s[axis];
+        }
+        Ok(())
+    }
+
+    fn jacobian(&self, at: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined> {
+        let (v_b, u_b) = self.velocities(at);
+        let c_bn = rotation(&at.get(&self.attitude)).transpose();
+        let c_sb = rotation(&at.get(&self.mounting)).transpose();
+        let k = 1.0 + at.get(&self.scale);
+        let (u_s, scaled) = (c_sb * u_b, c_sb * k);
+        self.add(h, &self.velocity, &(scaled * c_bn));
+        self.add(h, &self.attitude, &(scaled * skew(&v_b)));
+        self.add(h, &self.mounting, &(skew(&u_s) * k));
+        self.add(h, &self.scale, &u_s);
+        if let Some(rate) = &self.rate {
+            self.add(h, rate, &(-scaled * skew(&at.get(&self.lever_arm))));
+            self.add(h, &self.lever_arm, &(scaled * skew(&at.get(rate))));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fusion_core::geometry::so3::from_rpy;
+
+    fn model(mounting_yaw: f64, rows: &'static [usize]) -> BodyVelocity {
+        let heading = 1.1_f64;
+        BodyVelocity {
+            // 3 m/s ahead, turning right at 0.2 rad/s.
+            velocity: Quantity::Fixed(Vector3::new(3.0 * heading.cos(), 3.0 * heading.sin(), 0.0)),
+            attitude: Quantity::Fixed(from_rpy(0.0, 0.0, heading)),
+            rate: Some(Quantity::Fixed(Vector3::new(0.0, 0.0, 0.2))),
+            lever_arm: Param::Fixed(Vector3::new(-2.0, 0.5, 0.0)),
+            mounting: Param::Fixed(from_rpy(0.0, 0.0, mounting_yaw)),
+            scale: Param::Fixed(0.1),
+            rows,
+        }
+    }
+
+    fn predict(model: &BodyVelocity) -> Vec<f64> {
+        let mut z = vec![0.0; model.rows.len()];
+        model.predict(&View::new(&[], &[]), &mut z).unwrap();
+        z
+    }
+
+    #[test]
+    fn behind_and_right_of_a_right_turn_the_vehicle_is_slower_and_swings_left() {
+        // w × l = 0.2·[−0.5, −2, 0]; 4 ε: rounding.
+        let z = predict(&model(0.0, ALL));
+        assert!((Vector3::from_column_slice(&z) - Vector3::new(2.9, -0.4, 0.0) * 1.1).amax() < 2e-15, "{z:?}");
+        assert_eq!(predict(&model(0.0, Constraint::Both.rows())), z[1..]);
+    }
+
+    #[test]
+    fn axes_mounted_to_the_right_see_the_forward_motion_from_their_left() {
+        // x_b = C x_s with a yaw of 90°: the sensor's forward is the body's right.
+        let z = predict(&model(core::f64::consts::FRAC_PI_2, ALL));
+        assert!((Vector3::from_column_slice(&z) - Vector3::new(-0.4, -2.9, 0.0) * 1.1).amax() < 2e-15, "{z:?}");
+    }
+}

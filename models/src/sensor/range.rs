@@ -1,0 +1,196 @@
+//! Range to a beacon at a known place, written as h alone: its Jacobian is exact by dual numbers.
+//!
+//! Measured   z = slant range from the transducer a to the beacon [m]
+//! Predicted  h(x) = (1 + κ) |r_beacon_e − r_eb_e − C_en C_nb l_ba_b| + b
+//! Valid      at any distance, in Earth-centred axes; a straight path
+//! Not here   travel time, refraction; a sound speed wrong by a factor is κ
+
+use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+use crate::earth::frames::ecef_from_geodetic;
+use crate::param::{ScalarParam, VectorParam};
+use crate::units::{Angle, Dimension, Dimensional, Length, dim};
+use core::f64::consts::FRAC_PI_2;
+use fusion_core::geometry::wgs84::{ECCENTRICITY_SQUARED, Geodetic, SEMI_MAJOR_AXIS};
+use fusion_core::model::{Exact, ExactModel, ExactView, Measurement, Real, Undefined};
+use fusion_core::state::{Attitude, Param, Quantity, Scalar, Vector};
+use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Range to a beacon at a known place.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RangeSpec {
+    /// Latitude of the beacon, north positive.
+    latitude: Angle,
+    /// Longitude of the beacon, east positive.
+    longitude: Angle,
+    /// Height of the beacon above the ellipsoid, up positive.
+    height: Length,
+    /// Transducer position in body axes, from the body origin (the IMU).
+    #[serde(default)]
+    lever_arm: VectorParam<dim::Length>,
+    /// Scale error κ: the sensor reads (1 + κ) of the range.
+    #[serde(default)]
+    scale: ScalarParam<dim::Ratio>,
+    /// What the sensor reads too long, whatever the range.
+    #[serde(default)]
+    bias: ScalarParam<dim::Length>,
+}
+
+crate::register!(Sensor, "range", RangeSpec, r#"
+latitude = "36.0985 deg"
+longitude = "129.4505 deg"
+height = "-20 m"
+lever_arm = { estimate = true, initial = [0.5, 0, "-20 cm"], sigma = "10 cm" }
+scale = { estimate = true, initial = 0, sigma = "0.3 %", correlation_time = "1 h" }
+bias = { estimate = true, initial = 0, sigma = "20 cm" }
+"#);
+
+#[typetag::deserialize(name = "range")]
+impl SensorSpec for RangeSpec {
+    fn reading(&self) -> Reading {
+        Reading::Channel(Channel::vector("range", 1, dim::Length::KIND.dimension))
+    }
+
+    fn noise(&self) -> Vec<Dimension> {
+        vec![dim::Length::KIND.dimension]
+    }
+
+    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+        if self.latitude.si().abs() > FRAC_PI_2 {
+            return Err(BuildError::at("latitude", "a latitude lies between -90 and 90 degrees").help("bare numbers are radians"));
+        }
+        let lever_arm = b.param("lever_arm", &self.lever_arm)?;
+        let at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
+        Ok(Box::new(Exact(Range {
+            beacon_e: ecef_from_geodetic(&Geodetic::new(self.latitude.si(), self.longitude.si(), self.height.si())),
+            position: b.quantity("position")?,
+            attitude: if at_the_body { None } else { Some(b.quantity("attitude")?) },
+            lever_arm,
+            scale: b.param("scale", &self.scale)?,
+            bias: b.param("bias", &self.bias)?,
+        })))
+    }
+}
+
+/// The runtime model.
+#[derive(Debug)]
+struct Range {
+    beacon_e: Vector3<f64>,
+    position: Quantity<fusion_core::state::Geodetic>,
+    attitude: Option<Quantity<Attitude>>,
+    lever_arm: Param<Vector<3>>,
+    scale: Param<Scalar>,
+    bias: Param<Scalar>,
+}
+
+impl ExactModel for Range {
+    fn dim(&self) -> usize {
+        1
+    }
+
+    fn h<D: Real>(&self, x: &ExactView<'_, D>, z: &mut [D]) -> Result<(), Undefined> {
+        let [lat, lon, height] = x.geodetic(&self.position);
+        let ((sp, cp), (sl, cl)) = (lat.sin_cos(), lon.sin_cos());
+        let normal = ((-sp * sp * ECCENTRICITY_SQUARED + 1.0).sqrt()).recip() * SEMI_MAJOR_AXIS;
+        let across = (normal + height) * cp;
+        let mut r_e = Vector3::new(across * cl, across * sl, (normal * (1.0 - ECCENTRICITY_SQUARED) + height) * sp);
+        if let Some(attitude) = &self.attitude {
+            let l_n = x.rotate(attitude, &x.vector(&self.lever_arm));
+            // C_en l_n: columns are north, east and down in Earth-centred axes.
+            let outward = -sp * l_n.x - cp * l_n.z;
+            r_e.x += outward * cl - sl * l_n.y;
+            r_e.y += outward * sl + cl * l_n.y;
+            r_e.z += cp * l_n.x - sp * l_n.z;
+        }
+        let d = [r_e.x - self.beacon_e.x, r_e.y - self.beacon_e.y, r_e.z - self.beacon_e.z];
+        let squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+        if squared.re() < 1e-6 {
+            return Err(Undefined("the transducer is at the beacon"));
+        }
+        z[0] = squared.sqrt() * (x.scalar(&self.scale) + 1.0) + x.scalar(&self.bias);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::earth::frames::rotation_en;
+    use fusion_core::geometry::so3::{rotation, skew};
+    use fusion_core::geometry::wgs84::{Radii, radii};
+    use fusion_core::linear::Jacobian;
+    use fusion_core::state::{Declaration, Dynamics, Layout, LayoutBuilder, Manifold, View};
+    use nalgebra::RowVector3;
+
+    /// The same model with its Jacobian by hand.
+    fn analytic(model: &Range, at: &View<'_>) -> (f64, [RowVector3<f64>; 3], f64) {
+        let p = at.get(&model.position);
+        let (c_en, c_nb) = (rotation_en(p.lat, p.lon), rotation(&at.get(model.attitude.as_ref().unwrap())));
+        let (l, k) = (at.get(&model.lever_arm), 1.0 + at.get(&model.scale));
+        let l_n = c_nb * l;
+        let d = ecef_from_geodetic(&p) + c_en * l_n - model.beacon_e;
+        let unit_n = (d.transpose() * c_en) * (k / d.norm());
+        // Moving over the ellipsoid turns the axes n, and the lever arm with them.
+        let Radii { meridian, normal } = radii(p.lat);
+        let (rm, rn) = (meridian + p.height, normal + p.height);
+        let turn = |w: Vector3<f64>| unit_n * w.cross(&l_n);
+        let turning = RowVector3::new(
+            turn(Vector3::new(0.0, -1.0 / rm, 0.0))[0],
+            turn(Vector3::new(1.0 / rn, 0.0, -p.lat.tan() / rn))[0],
+            0.0,
+        );
+        let by_attitude = -unit_n * c_nb * skew(&l);
+        (k * d.norm() + at.get(&model.bias), [unit_n + turning, by_attitude, unit_n * c_nb], d.norm())
+    }
+
+    fn problem() -> (Layout, Range, Vec<f64>) {
+        let mut b = LayoutBuilder::new();
+        fn state<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M::Value) -> Quantity<M> {
+            let (sigma, dynamics) = (vec![1.0; M::KIND.dim()], Dynamics::Constant);
+            let owner = "test".to_owned();
+            Quantity::State(b.declare::<M>(Declaration { name: name.to_owned(), owner, unit: "", initial, sigma, dynamics }).unwrap())
+        }
+        let model = Range {
+            beacon_e: ecef_from_geodetic(&Geodetic::new(0.6301, 2.2594, -20.0)),
+            position: state(&mut b, "position", Geodetic::new(0.63, 2.2593, 40.0)),
+            attitude: Some(state(&mut b, "attitude", fusion_core::geometry::so3::from_rpy(0.2, -0.4, 2.0))),
+            lever_arm: state(&mut b, "lever_arm", Vector3::new(1.0, -2.0, 0.5)),
+            scale: state(&mut b, "scale", 0.02),
+            bias: state(&mut b, "bias", 0.3),
+        };
+        let layout = b.finish();
+        let x = layout.initial().to_vec();
+        (layout, model, x)
+    }
+
+    #[test]
+    fn exact_derivatives_equal_the_ones_by_hand() {
+        let (layout, model, x) = problem();
+        let view = View::new(&x, &[]);
+        let (range, [position, attitude, lever_arm], distance) = analytic(&model, &view);
+        let exact = Exact(model);
+        let (mut z, mut h) = ([0.0], Jacobian::new(&layout, 1));
+        exact.predict(&view, &mut z).unwrap();
+        h.reset(1);
+        exact.jacobian(&view, &mut h).unwrap();
+        // 1e-8 m: differences of Earth-centred coordinates of 6e6 m.
+        assert!((z[0] - range).abs() < 1e-8, "{} {range}", z[0]);
+        let by_hand: Vec<f64> = position.iter().chain(&attitude).chain(&lever_arm).copied().chain([distance, 1.0]).collect();
+        for (j, want) in by_hand.iter().enumerate() {
+            // 1e-9 relative to the block: 1e-9 m of rounding over 1 km is 1e-12.
+            assert!((h.get(0, j) - want).abs() <= 1e-9 * want.abs().max(1.0), "{j}: {} {want}", h.get(0, j));
+        }
+    }
+
+    #[test]
+    fn at_the_beacon_there_is_no_direction() {
+        let (layout, mut model, x) = problem();
+        let at = Geodetic::new(x[0], x[1], x[2]);
+        model.attitude = None;
+        model.beacon_e = ecef_from_geodetic(&at);
+        let mut h = Jacobian::new(&layout, 1);
+        assert!(Exact(model).jacobian(&View::new(&x, &[]), &mut h).is_err());
+    }
+}

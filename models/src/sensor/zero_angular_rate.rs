@@ -1,0 +1,123 @@
+//! Zero angular rate: at rest the gyros read their bias and the turning of the Earth.
+//!
+//! Measured   z = mean of the raw gyros over a window at rest, w_ib_b with its bias [rad/s]
+//! Predicted  h(x) = b_g + C_nbᵀ w_in,  w_in = w_ie_n + w_en_n
+//! Jacobian   ∂h/∂b_g = I₃,  ∂h/∂δφ_b = [C_nbᵀ w_in ×],  ∂h/∂δv = C_nbᵀ ∂w_en/∂v,
+//!            ∂h/∂δr = C_nbᵀ ∂w_in/∂r
+//! Valid      w_nb = 0; feed it by a detector of rest. The window's mean, not single samples:
+//!            its noise is the random walk over √window
+//! Source     Groves 2013, §15.3
+
+use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+use crate::earth::LocalEarth;
+use crate::units::{Dimension, Dimensional, dim};
+use fusion_core::geometry::so3::{rotation, skew};
+use fusion_core::geometry::wgs84::{EARTH_RATE, radii_derivative};
+use fusion_core::linear::Jacobian;
+use fusion_core::model::{Measurement, Size, Undefined};
+use fusion_core::state::{Attitude, Geodetic, Quantity, Vector, Velocity, View};
+use nalgebra::{Matrix3, Vector3};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// `w_in_n` [rad/s] and its derivatives with δr [rad/s per m] and `v_eb_n` [rad/m].
+fn rate_in(p: &Geodetic, v: &Vector3<f64>) -> (Vector3<f64>, Matrix3<f64>, Matrix3<f64>) {
+    let earth = LocalEarth::at(p);
+    let (tan, slopes) = (earth.tan_lat(), radii_derivative(p.lat));
+    let (north, east) = (v.x / earth.meridian, v.y / earth.normal);
+    // By latitude [1/rad] and by height [1/m].
+    let by_latitude = Vector3::new(
+        -EARTH_RATE * earth.sin_lat - east * slopes.normal / earth.normal,
+        north * slopes.meridian / earth.meridian,
+        -EARTH_RATE * earth.cos_lat - east * (1.0 + tan * tan - tan * slopes.normal / earth.normal),
+    );
+    let by_height = Vector3::new(-east / earth.normal, north / earth.meridian, east * tan / earth.normal);
+    let by_position = Matrix3::from_columns(&[by_latitude / earth.meridian, Vector3::zeros(), -by_height]);
+    (earth.earth_rate_n() + earth.transport_rate_n(v), by_position, earth.transport_matrix())
+}
+
+/// At rest the gyros read their bias and the turning of the Earth.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ZeroAngularRateSpec {}
+
+crate::register!(Sensor, "zero_angular_rate", ZeroAngularRateSpec, "");
+
+#[typetag::deserialize(name = "zero_angular_rate")]
+impl SensorSpec for ZeroAngularRateSpec {
+    fn reading(&self) -> Reading {
+        Reading::Channel(Channel::vector("angular_rate", 3, dim::AngularRate::KIND.dimension))
+    }
+
+    fn noise(&self) -> Vec<Dimension> {
+        vec![dim::AngularRate::KIND.dimension; 3]
+    }
+
+    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
+        let help = "let the process estimate its gyro bias: `gyro_bias = { estimate = true, … }`; without it this block corrects nothing";
+        Ok(Box::new(ZeroAngularRate {
+            gyro_bias: b.quantity("gyro_bias").map_err(|e| e.help(help))?,
+            position: b.quantity("position")?,
+            velocity: b.quantity("velocity")?,
+            attitude: b.quantity("attitude")?,
+        }))
+    }
+}
+
+/// The runtime model.
+#[derive(Debug)]
+struct ZeroAngularRate {
+    gyro_bias: Quantity<Vector<3>>,
+    position: Quantity<Geodetic>,
+    velocity: Quantity<Velocity>,
+    attitude: Quantity<Attitude>,
+}
+
+impl Measurement for ZeroAngularRate {
+    fn size(&self) -> Size {
+        Size::same(3)
+    }
+
+    fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {
+        let (w_in, ..) = rate_in(&at.get(&self.position), &at.get(&self.velocity));
+        let w_in_b = at.get(&self.attitude).inverse_transform_vector(&w_in);
+        value.copy_from_slice((at.get(&self.gyro_bias) + w_in_b).as_slice());
+        Ok(())
+    }
+
+    fn jacobian(&self, at: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined> {
+        let (w_in, by_position, by_velocity) = rate_in(&at.get(&self.position), &at.get(&self.velocity));
+        let c_bn = rotation(&at.get(&self.attitude)).transpose();
+        h.add(0, &self.gyro_bias, &Matrix3::identity());
+        h.add(0, &self.attitude, &skew(&(c_bn * w_in)));
+        h.add(0, &self.velocity, &(c_bn * by_velocity));
+        h.add(0, &self.position, &(c_bn * by_position));
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn at_rest_level_and_north_the_gyros_read_the_earth_rate_of_the_site() {
+        let (w, ..) = rate_in(&Geodetic::new(36.098_277_778_f64.to_radians(), 2.26, 0.0), &Vector3::zeros());
+        let per_hour = w.map(|w| w.to_degrees() * 3600.0);
+        // 6e-5 deg/h: the table has four decimals.
+        assert!((per_hour - Vector3::new(12.1533, 0.0, -8.8618)).amax() < 6e-5, "{per_hour}");
+    }
+
+    #[test]
+    fn the_slope_with_position_matches_central_differences() {
+        let (p, v) = (Geodetic::new(0.9, 1.0, 300.0), Vector3::new(60.0, -80.0, 5.0));
+        let (_, by_position, _) = rate_in(&p, &v);
+        for k in 0..3 {
+            let mut d = Vector3::zeros();
+            d[k] = 2000.0;
+            let numeric = (rate_in(&p.offset(&d), &v).0 - rate_in(&p.offset(&-d), &v).0) / 4000.0;
+            // 1e-17 of 1e-11: rounding 1e-20/4e3, truncation (2 km/R)² relative = 1e-7.
+            assert!((by_position.column(k) - numeric).amax() < 1e-17, "{k}: {numeric}");
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! Simulated worlds: truth, perfect inertial sensors, their errors, and every other sensor.
+//!
+//! Truth is a [`World`], advanced step by step; an open-loop [`Trajectory`] of timed segments is
+//! its simplest case. [`inverse`] finds what perfect inertial sensors read along it, [`ImuError`]
+//! spoils that, and each sensor's own h(x) plus a [`SensorError`] gives its rows: the model that
+//! the filter linearises is the model that is simulated. [`Simulator`] merges all of it into rows
+//! in order of their stamps.
+//!
+//! What is absent here: no estimator, no file, no global generator. A run is a function of its
+//! declaration and one seed.
+
+mod imu_error;
+pub mod inverse;
+mod noise;
+mod profile;
+mod random;
+mod segment;
+mod simulator;
+mod spec;
+mod trajectory;
+mod world;
+
+pub use imu_error::{AccelerometerErrorSpec, GyroErrorSpec, ImuError, ImuErrorSpec, ImuPreset};
+pub use noise::{Rows, SensorError, SensorErrorSpec};
+pub use segment::{Junction, Motion, Segment, SegmentSpec};
+pub use simulator::{Setup, SimulatedSensor, SimulatedStream, Simulator};
+pub use spec::{SimulationSpec, StartSpec};
+pub use trajectory::Trajectory;
+pub use world::{OpenLoop, Truth, World};

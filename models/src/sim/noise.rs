@@ -1,0 +1,284 @@
+//! Errors of simulated measurements, in residual space.
+//!
+//! e = white + first-order Gauss-Markov + a constant drawn once per run, one number per residual
+//! row; `z ← z ⊞ e` by the model's own `perturb`. Then, where a resolution is stated, z is
+//! brought to the nearest step, counted from the first true value.
+
+use super::random::{Markov, Random};
+use crate::block::BuildError;
+use crate::units::{AnyQuantity, Dimension, Positive, dim};
+use core::fmt;
+use fusion_core::Time;
+use fusion_core::model::Measurement;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::value::SeqAccessDeserializer;
+use serde::de::{Deserialize, Deserializer, Error, IntoDeserializer, SeqAccess, Visitor};
+use std::borrow::Cow;
+
+/// One quantity per residual row, or one that holds for all rows.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Rows {
+    /// For all rows.
+    Same(AnyQuantity),
+    /// For each row.
+    Each(Vec<AnyQuantity>),
+}
+
+impl Rows {
+    /// The values in SI, of the rows' dimensions and not negative.
+    fn si(&self, rows: &[Dimension], field: &str) -> Result<Vec<f64>, BuildError> {
+        let one = |quantity: &AnyQuantity, wanted: Dimension| match quantity.expect(wanted) {
+            Ok(si) if si >= 0.0 => Ok(si),
+            Ok(si) => Err(BuildError::at(field, format!("{si} is negative"))),
+            Err(e) => Err(BuildError::at(field, e.to_string())),
+        };
+        match self {
+            Self::Same(quantity) => rows.iter().map(|d| one(quantity, *d)).collect(),
+            Self::Each(each) if each.len() == rows.len() => each.iter().zip(rows).map(|(q, d)| one(q, *d)).collect(),
+            Self::Each(each) => {
+                let wrong = format!("{} numbers for a measurement of {} rows", each.len(), rows.len());
+                Err(BuildError::at(field, wrong))
+            }
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Rows {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct RowsVisitor;
+
+        impl<'de> Visitor<'de> for RowsVisitor {
+            type Value = Rows;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a quantity, or an array of one per residual row")
+            }
+
+            fn visit_f64<E: Error>(self, si: f64) -> Result<Rows, E> {
+                AnyQuantity::deserialize(si.into_deserializer()).map(Rows::Same)
+            }
+
+            fn visit_i64<E: Error>(self, si: i64) -> Result<Rows, E> {
+                self.visit_f64(si as f64)
+            }
+
+            fn visit_u64<E: Error>(self, si: u64) -> Result<Rows, E> {
+                self.visit_f64(si as f64)
+            }
+
+            fn visit_str<E: Error>(self, text: &str) -> Result<Rows, E> {
+                AnyQuantity::deserialize(text.into_deserializer()).map(Rows::Same)
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Rows, A::Error> {
+                Vec::deserialize(SeqAccessDeserializer::new(seq)).map(Rows::Each)
+            }
+        }
+
+        deserializer.deserialize_any(RowsVisitor)
+    }
+}
+
+impl JsonSchema for Rows {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> Cow<'static, str> {
+        "Rows".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let one = generator.subschema_for::<AnyQuantity>();
+        json_schema!({ "anyOf": [one, { "type": "array", "items": one }] })
+    }
+}
+
+/// How a sensor is simulated: when it measures, and how wrong.
+#[derive(Clone, Debug, serde::Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SensorErrorSpec {
+    /// Measurements per second.
+    pub(super) rate: Positive<dim::Frequency>,
+    /// When the first measurement is valid, after the start of the run.
+    #[serde(default)]
+    pub(super) start: crate::units::NonNegative<dim::Duration>,
+    /// 1σ of white noise, per residual row.
+    white: Option<Rows>,
+    /// A slowly varying error.
+    markov: Option<MarkovSpec>,
+    /// 1σ of a constant error, drawn once per run, per residual row.
+    bias_sigma: Option<Rows>,
+    /// Least step of the measured value, per residual row.
+    resolution: Option<Rows>,
+}
+
+/// A first-order Gauss-Markov error.
+#[derive(Clone, Debug, serde::Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct MarkovSpec {
+    /// Stationary 1σ, per residual row.
+    sigma: Rows,
+    /// Correlation time.
+    correlation_time: Positive<dim::Duration>,
+}
+
+/// The errors of one sensor as they run: stateful, seeded.
+#[derive(Clone, Debug)]
+pub struct SensorError {
+    white: Vec<f64>,
+    markov: Option<Markov>,
+    bias: Vec<f64>,
+    resolution: Vec<f64>,
+    random: Random,
+    last: Option<Time>,
+    first_value: Vec<f64>,
+    error: Vec<f64>,
+}
+
+impl SensorError {
+    /// The errors of the sensor `name` with residual rows of those dimensions.
+    ///
+    /// # Errors
+    /// A dimension or a count of rows that does not fit; the field is within the sensor's table.
+    pub fn new(spec: &SensorErrorSpec, name: &str, rows: &[Dimension], seed: u64) -> Result<Self, BuildError> {
+        let random = |part: &str| Random::new(seed, &format!("sensor/{name}/{part}"));
+        let si = |given: &Option<Rows>, field: &str| match given {
+            Some(given) => given.si(rows, field),
+            None => Ok(vec![0.0; rows.len()]),
+        };
+        let markov = match &spec.markov {
+            Some(m) => Some(Markov::new(m.sigma.si(rows, "markov.sigma")?, m.correlation_time.si(), random("markov"))),
+            None => None,
+        };
+        let mut constant = random("bias");
+        Ok(Self {
+            white: si(&spec.white, "white")?,
+            markov,
+            bias: si(&spec.bias_sigma, "bias_sigma")?.iter().map(|sigma| sigma * constant.normal()).collect(),
+            resolution: si(&spec.resolution, "resolution")?,
+            random: random("white"),
+            last: None,
+            first_value: Vec::new(),
+            error: vec![0.0; rows.len()],
+        })
+    }
+
+    /// Spoils the true value `z` of `model` at `time`; times must not decrease.
+    pub fn spoil(&mut self, model: &dyn Measurement, time: Time, z: &mut [f64]) {
+        if let Some(markov) = &mut self.markov {
+            if let Some(last) = self.last {
+                markov.advance(time.seconds_since(last));
+            }
+            self.last = Some(time);
+        }
+        for (i, e) in self.error.iter_mut().enumerate() {
+            let slow = self.markov.as_ref().map_or(0.0, |m| m.state()[i]);
+            *e = self.white[i] * self.random.normal() + slow + self.bias[i];
+        }
+        if self.resolution.iter().all(|step| *step <= 0.0) {
+            model.perturb(z, &self.error);
+            return;
+        }
+        if self.first_value.is_empty() {
+            self.first_value.extend_from_slice(z);
+        }
+        model.perturb(z, &self.error);
+        model.residual(z, &self.first_value, &mut self.error);
+        for (e, step) in self.error.iter_mut().zip(&self.resolution) {
+            if *step > 0.0 {
+                *e = (*e / step).round() * step;
+            }
+        }
+        z.copy_from_slice(&self.first_value);
+        model.perturb(z, &self.error);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::Dimensional;
+    use fusion_core::linear::Jacobian;
+    use fusion_core::model::{Size, Undefined};
+    use fusion_core::state::View;
+
+    #[derive(Debug)]
+    struct Plain;
+
+    impl Measurement for Plain {
+        fn size(&self) -> Size {
+            Size::same(2)
+        }
+        fn predict(&self, _: &View<'_>, _: &mut [f64]) -> Result<(), Undefined> {
+            Ok(())
+        }
+        fn jacobian(&self, _: &View<'_>, _: &mut Jacobian) -> Result<(), Undefined> {
+            Ok(())
+        }
+    }
+
+    const ROWS: [Dimension; 2] = [dim::Length::KIND.dimension; 2];
+
+    fn errors(text: &str, seed: u64) -> Result<SensorError, BuildError> {
+        SensorError::new(&toml::from_str(text).unwrap(), "gnss", &ROWS, seed)
+    }
+
+    /// `n` errors of the first row, 1 s apart.
+    fn series(text: &str, seed: u64, n: u32) -> Vec<f64> {
+        let mut errors = errors(text, seed).unwrap();
+        let draw = |k| {
+            let mut z = [10.0, 20.0];
+            errors.spoil(&Plain, Time::from_seconds(f64::from(k)), &mut z);
+            z[0] - 10.0
+        };
+        (0..n).map(draw).collect()
+    }
+
+    fn sigma(x: &[f64]) -> f64 {
+        (x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64).sqrt()
+    }
+
+    #[test]
+    fn white_slow_and_constant_parts_have_their_sigmas() {
+        // 2 %: 1/√(2·20000) = 0.5 % of 1σ.
+        let white = series("rate = 1\nwhite = ['1 m', '3 m']", 1, 20_000);
+        assert!((sigma(&white) - 1.0).abs() < 0.02, "{}", sigma(&white));
+        let slow = series("rate = 1\nmarkov = { sigma = '0.8 m', correlation_time = '60 s' }", 1, 200_000);
+        // 10 %: n/2τ = 1667 independent samples, 1.7 % of 1σ.
+        assert!((sigma(&slow) / 0.8 - 1.0).abs() < 0.1, "{}", sigma(&slow));
+        let pairs: f64 = slow.windows(2).map(|w| w[0] * w[1]).sum();
+        // 2e-3: √((1 − φ²)/n) = 4e-4 of 1σ; φ = 0.98347 for τ = 60 s.
+        assert!((pairs / slow.iter().map(|x| x * x).sum::<f64>() - 0.983_47).abs() < 2e-3);
+        let constant: Vec<f64> = (0..2000).map(|seed| series("rate = 1\nbias_sigma = '2 m'", seed, 2)[1]).collect();
+        // 8 %: 1/√4000 = 1.6 % of 1σ.
+        assert!((sigma(&constant) / 2.0 - 1.0).abs() < 0.08, "{}", sigma(&constant));
+        assert_eq!(series("rate = 1\nbias_sigma = '2 m'", 7, 2)[0], constant[7], "the same all through a run");
+    }
+
+    #[test]
+    fn adding_a_slow_error_leaves_the_white_one_as_it_was() {
+        let white = series("rate = 1\nwhite = 1", 1, 100);
+        let both = series("rate = 1\nwhite = 1\nmarkov = { sigma = 0.8, correlation_time = 60 }", 1, 100);
+        let slow = series("rate = 1\nmarkov = { sigma = 0.8, correlation_time = 60 }", 1, 100);
+        for ((w, s), b) in white.iter().zip(&slow).zip(&both) {
+            assert!((w + s - b).abs() < 1e-13); // rounding at 10
+        }
+    }
+
+    #[test]
+    fn a_resolution_leaves_whole_steps() {
+        let coarse = series("rate = 1\nwhite = 1\nresolution = '0.1 m'", 1, 100);
+        for (c, exact) in coarse.iter().zip(series("rate = 1\nwhite = 1", 1, 100)) {
+            assert!((c * 10.0 - (c * 10.0).round()).abs() < 1e-9 && (c - exact).abs() <= 0.05 + 1e-9);
+        }
+    }
+
+    #[test]
+    fn wrong_units_and_counts_name_the_field() {
+        let field = |text| errors(text, 1).unwrap_err().field;
+        assert_eq!(field("rate = 1\nwhite = '1 deg'"), "white");
+        assert_eq!(field("rate = 1\nbias_sigma = [1, 2, 3]"), "bias_sigma");
+        assert_eq!(field("rate = 1\nmarkov = { sigma = -1, correlation_time = 1 }"), "markov.sigma");
+    }
+}

@@ -1,0 +1,105 @@
+//! The simulated world: what is true, step by step.
+//!
+//! A world is advanced from instant to instant. An open-loop trajectory is its simplest case; a
+//! vehicle with a controller that listens to the filter's own estimate is the general one.
+//!
+//! A trajectory lies on the plane that touches the ellipsoid at the origin: level at the origin
+//! is not level 10 km away, where that plane is 8 m above the ellipsoid.
+
+use super::inverse::{self, Sample};
+use super::segment::Motion;
+use super::trajectory::Trajectory;
+use crate::earth::frames::rotation_en;
+use crate::earth::{Gravity, LocalFrame};
+use crate::process::strapdown::mechanisation::Nav;
+use core::fmt::Debug;
+use fusion_core::Time;
+use fusion_core::geometry::wgs84::Geodetic;
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
+
+/// What is true at one instant.
+#[derive(Clone, Copy, Debug)]
+pub struct Truth {
+    /// The instant; a world starts at time 0.
+    pub time: Time,
+    /// Position, velocity, attitude.
+    pub nav: Nav,
+    /// Mean angular rate and specific force over the step that led here.
+    pub imu: Sample,
+}
+
+/// A world that is advanced step by step.
+pub trait World: Debug + Send {
+    /// What is true now.
+    fn truth(&self) -> &Truth;
+
+    /// Moves on to `to`, not before now, and returns what is true then. Instants rather than
+    /// steps, so that no rounding adds up.
+    fn advance(&mut self, to: Time) -> &Truth;
+
+    /// When it ends.
+    fn end(&self) -> Time {
+        Time::MAX
+    }
+}
+
+/// A trajectory that nothing influences.
+#[derive(Debug)]
+pub struct OpenLoop {
+    trajectory: Trajectory,
+    frame: LocalFrame,
+    c_el: Matrix3<f64>,
+    gravity: Gravity,
+    truth: Truth,
+}
+
+/// The step that the first inertial sample, which no step led to, is computed over \[s\].
+const FIRST_STEP: f64 = 1e-3;
+
+impl OpenLoop {
+    /// `trajectory` in the local axes at `origin`.
+    #[must_use]
+    pub fn new(trajectory: Trajectory, origin: Geodetic, gravity: Gravity) -> Self {
+        let frame = LocalFrame::new(origin);
+        let c_el = rotation_en(origin.lat, origin.lon);
+        let nav = nav(&frame, &c_el, &trajectory.at(0.0));
+        let next = self::nav(&frame, &c_el, &trajectory.at(FIRST_STEP));
+        let imu = inverse::sample(&nav, &next, FIRST_STEP, gravity);
+        Self { trajectory, frame, c_el, gravity, truth: Truth { time: Time::default(), nav, imu } }
+    }
+
+    /// The trajectory.
+    #[must_use]
+    pub const fn trajectory(&self) -> &Trajectory {
+        &self.trajectory
+    }
+}
+
+impl World for OpenLoop {
+    fn truth(&self) -> &Truth {
+        &self.truth
+    }
+
+    fn advance(&mut self, to: Time) -> &Truth {
+        let dt = to.seconds_since(self.truth.time);
+        if dt > 0.0 {
+            let next = nav(&self.frame, &self.c_el, &self.trajectory.at(to.seconds()));
+            self.truth = Truth { time: to, nav: next, imu: inverse::sample(&self.truth.nav, &next, dt, self.gravity) };
+        }
+        &self.truth
+    }
+
+    fn end(&self) -> Time {
+        Time::from_seconds(self.trajectory.duration())
+    }
+}
+
+/// Geodetic position, and velocity and attitude in the axes there, of a motion in local axes.
+fn nav(frame: &LocalFrame, c_el: &Matrix3<f64>, motion: &Motion) -> Nav {
+    let position = frame.to_geodetic(&motion.position);
+    let c_nl = rotation_en(position.lat, position.lon).tr_mul(c_el);
+    let q_nl = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(c_nl));
+    let mut q_nb = q_nl * motion.attitude();
+    q_nb.renormalize();
+    Nav { position, v_eb_n: c_nl * motion.velocity, q_nb }
+}

@@ -1,0 +1,176 @@
+//! The embeddable filter: load, feed, read.
+
+use crate::assembly::{Assembly, StreamLayout, assemble, declared_streams};
+use crate::config::{Diagnostics, Document};
+use crate::design::Design;
+use crate::solution::{Solution, SolutionReader};
+use fusion_core::runner::{Event, Observer, StreamId, WrongWidth};
+use fusion_core::state::{Belief, Layout};
+use fusion_core::time::Time;
+use thiserror::Error;
+
+/// Why a row was not taken.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum FeedError {
+    /// No stream of that name.
+    #[error("no stream is called `{name}`; there are: {known}")]
+    UnknownStream {
+        /// The name asked for.
+        name: String,
+        /// The streams there are.
+        known: String,
+    },
+    /// A row of the wrong width.
+    #[error("stream `{stream}`: {error} ({channels})")]
+    Width {
+        /// The stream.
+        stream: String,
+        /// The widths.
+        error: WrongWidth,
+        /// What a row consists of.
+        channels: String,
+    },
+}
+
+/// A navigation filter that a program feeds and reads.
+///
+/// ```
+/// let design = r#"
+/// [process]
+/// type = "constant_velocity"
+/// acceleration_noise = "0.5 m/s^2/sqrt(Hz)"
+/// [run]
+/// origin = { latitude = "47 deg", longitude = "8 deg" }
+/// [sensor.gnss]
+/// type = "gnss_position"
+/// source = "gnss"
+/// noise = { sigma = "2 m" }
+/// [initial.fix]
+/// type = "first_fix"
+/// source = "gnss"
+/// position_sigma = "5 m"
+/// velocity_sigma = "1 m/s"
+/// "#;
+/// let mut nav = fusion::Navigator::from_toml(design)?;
+/// # let (lat, lon) = (47f64.to_radians(), 8f64.to_radians());
+/// nav.feed("gnss", 0.0, &[lat, lon, 400.0, 0.0, 0.0, 0.0])?;
+/// nav.feed("gnss", 1.0, &[lat, lon, 400.0, 0.0, 0.0, 0.0])?;
+/// assert!(nav.solution().is_some());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct Navigator {
+    assembly: Assembly,
+    reader: SolutionReader,
+}
+
+impl Navigator {
+    /// From the text of a design.
+    ///
+    /// # Errors
+    /// Every mistake in the text, each with its place.
+    pub fn from_toml(text: &str) -> Result<Self, Diagnostics> {
+        Self::named("design.toml", text)
+    }
+
+    /// From the text of a design in a file called `name`.
+    ///
+    /// # Errors
+    /// Every mistake in the text, each with its place.
+    pub fn named(name: &str, text: &str) -> Result<Self, Diagnostics> {
+        let (document, mistakes) = Document::parse(name, text);
+        let mut diagnostics = Diagnostics::new();
+        diagnostics.extend(mistakes);
+        if diagnostics.has_errors() {
+            return Err(diagnostics);
+        }
+        let design = Design::read(document)?;
+        let streams = declared_streams(&design)?;
+        Ok(Self::from_assembly(assemble(&design, streams)?))
+    }
+
+    /// From a design that has been assembled.
+    #[must_use]
+    pub fn from_assembly(assembly: Assembly) -> Self {
+        let reader = SolutionReader::new(&assembly.layout, assembly.process.clone());
+        Self { assembly, reader }
+    }
+
+    /// The number of a stream, for [`Navigator::feed_stream`].
+    ///
+    /// # Errors
+    /// [`FeedError::UnknownStream`].
+    pub fn stream(&self, name: &str) -> Result<StreamId, FeedError> {
+        self.assembly.runner.stream(name).ok_or_else(|| FeedError::UnknownStream {
+            name: name.to_owned(),
+            known: self.assembly.streams.iter().map(|s| format!("`{}`", s.name)).collect::<Vec<_>>().join(", "),
+        })
+    }
+
+    /// The streams with their channels: what a row of each consists of.
+    #[must_use]
+    pub fn streams(&self) -> &[StreamLayout] {
+        &self.assembly.streams
+    }
+
+    /// Feeds a row stamped `seconds`; its numbers are those of [`Navigator::streams`], in SI.
+    ///
+    /// # Errors
+    /// [`FeedError`]; the filter is untouched.
+    pub fn feed(&mut self, stream: &str, seconds: f64, row: &[f64]) -> Result<(), FeedError> {
+        let id = self.stream(stream)?;
+        self.feed_stream(id, Time::from_seconds(seconds), row, &mut |_: &Event<'_>| {})
+    }
+
+    /// Feeds a row and hears the events it causes.
+    ///
+    /// # Errors
+    /// [`FeedError`]; the filter is untouched.
+    pub fn feed_stream(&mut self, stream: StreamId, time: Time, row: &[f64], observer: &mut dyn Observer) -> Result<(), FeedError> {
+        self.assembly.runner.feed(stream, time, row, observer).map_err(|error| {
+            let layout = self.assembly.streams.get(stream);
+            let channels = layout.map_or(&[][..], |l| &l.channels).iter();
+            FeedError::Width {
+                stream: layout.map(|l| l.name.clone()).unwrap_or_default(),
+                error,
+                channels: channels.map(|c| format!("{} × {}", c.width, c.name)).collect::<Vec<_>>().join(", "),
+            }
+        })
+    }
+
+    /// Processes what has been held back: the end of the data.
+    pub fn finish(&mut self, observer: &mut dyn Observer) {
+        self.assembly.runner.finish(observer);
+    }
+
+    /// Position, velocity and attitude; `None` until the filter has started.
+    pub fn solution(&mut self) -> Option<Solution> {
+        self.belief()?;
+        Some(self.reader.read(self.assembly.runner.belief()))
+    }
+
+    /// The whole belief: state and covariance; `None` until the filter has started.
+    #[must_use]
+    pub fn belief(&self) -> Option<&Belief> {
+        self.assembly.runner.started().then(|| self.assembly.runner.belief())
+    }
+
+    /// What the filter still waits for before it can start: initialiser and reason.
+    #[must_use]
+    pub fn waits_for(&self) -> Vec<(String, String)> {
+        if self.assembly.runner.started() { Vec::new() } else { self.assembly.runner.waits_for() }
+    }
+
+    /// The layout of the state.
+    #[must_use]
+    pub fn layout(&self) -> &Layout {
+        &self.assembly.layout
+    }
+
+    /// The parts.
+    #[must_use]
+    pub const fn assembly(&self) -> &Assembly {
+        &self.assembly
+    }
+}

@@ -1,0 +1,521 @@
+//! Running a design over its data: feed, record, score.
+
+use crate::assembly::{Assembly, StreamLayout, assemble, declared_streams};
+use crate::config::{Diagnostic, Diagnostics};
+use crate::design::{Design, Named, ReferenceSpec};
+use crate::output::{EstimateWriter, UpdateWriter};
+use crate::score::{Consistency, ReferenceEpoch, Rules, Score, Scorer, differentiate};
+use crate::solution::SolutionReader;
+use crate::source::{Faulted, Merged, OpenContext, Source, SourceReport, outages};
+use crate::world::SimulatedRows;
+use fusion_core::filter::Verdict;
+use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::runner::{Event, Observer};
+use fusion_core::state::{Attitude, Manifold};
+use fusion_core::time::{Time, nanos};
+use fusion_models::earth::LocalFrame;
+use nalgebra::Vector3;
+use serde::Serialize;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Repeated outages are listed up to here: longer than any log.
+pub(crate) const HORIZON: Time = Time::from_nanos(10_000_000 * 1_000_000_000);
+
+/// How a design is run.
+#[derive(Debug, Default)]
+pub struct Options {
+    /// Relative source paths start here, instead of at the design's `data_dir`.
+    pub data: Option<PathBuf>,
+    /// Where the design's own relative paths start: the folder of its file.
+    pub base: PathBuf,
+    /// Where estimates.csv, updates.csv and summary.json go; nothing is written without it.
+    pub out: Option<PathBuf>,
+    /// The seed of simulated data and random faults, instead of the design's.
+    pub seed: Option<u64>,
+}
+
+/// What became of a sensor's measurements.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct SensorTally {
+    /// The sensor.
+    pub name: String,
+    /// Measurements that corrected the estimate.
+    pub accepted: u64,
+    /// Those its gate rejected.
+    pub rejected: u64,
+    /// Those its gate believed against the estimate.
+    pub readopted: u64,
+    /// Those without a value at the estimate, or that could not be used.
+    pub unusable: u64,
+    /// Mean NIS of those judged, with its band.
+    pub nis: Option<Consistency>,
+    #[serde(skip)]
+    series: Vec<f64>,
+    #[serde(skip)]
+    dof: usize,
+}
+
+/// The state of one parameter at the end of a run.
+#[derive(Clone, Debug, Serialize)]
+pub struct FinalState {
+    /// The block.
+    pub name: String,
+    /// Its values, in storage order and SI.
+    pub value: Vec<f64>,
+    /// Its 1σ per tangent axis.
+    pub sigma: Vec<f64>,
+}
+
+/// What a source delivered.
+#[derive(Clone, Debug, Serialize)]
+pub struct SourceTally {
+    /// The source.
+    pub name: String,
+    /// Rows read.
+    pub rows: u64,
+    /// Rows delivered.
+    pub used: u64,
+    /// Rows left out, by reason.
+    pub skipped: Vec<(String, u64)>,
+    /// The report as printed.
+    #[serde(skip)]
+    pub report: String,
+}
+
+/// The result of a run.
+#[derive(Clone, Debug, Serialize)]
+pub struct Summary {
+    /// The design's own line about itself.
+    pub description: String,
+    /// The backend: chart, update, form.
+    pub backend: String,
+    /// When the filter started [s]; none if it never did.
+    pub started: Option<f64>,
+    /// What it was still waiting for at the end.
+    pub waiting: Vec<(String, String)>,
+    /// Estimates made.
+    pub epochs: u64,
+    /// Score against the reference.
+    pub score: Option<Score>,
+    /// Per sensor.
+    pub sensors: Vec<SensorTally>,
+    /// Per source.
+    pub sources: Vec<SourceTally>,
+    /// Estimated parameters at the end.
+    pub parameters: Vec<FinalState>,
+    /// Rows that came too late or held no number, by consumer.
+    pub unused_rows: Vec<(String, u64)>,
+    /// What the estimator could not do, with the first few reasons.
+    pub failures: Vec<String>,
+    /// Wall time of the whole run [s].
+    pub wall_seconds: f64,
+    /// Time in the filter alone, per estimate [ns].
+    pub filter_ns_per_epoch: f64,
+}
+
+/// Runs `design`; `progress` hears the share of the data that is done, from time to time.
+///
+/// # Errors
+/// Mistakes of the design, or what is wrong with the data.
+pub fn run(design: &Design, options: &Options, progress: &mut dyn FnMut(Time)) -> Result<Summary, Diagnostics> {
+    let begun = Instant::now();
+    let streams = declared_streams(design)?;
+    let assembly = assemble(design, streams)?;
+    let mut feed = Feed::open(design, &assembly, options)?;
+    let mut recorder = Recorder::new(design, &assembly, &feed, options)?;
+    let Assembly { mut runner, .. } = assembly;
+    let start = design.run.start.map_or(Time::MIN, |t| Time::from_seconds(t.si()));
+    let stop = design.run.stop.map_or(Time::MAX, |t| Time::from_seconds(t.si()));
+    let mut in_feed = Duration::ZERO;
+    let mut count = 0_u32;
+    let (reference, reference_layout) = (feed.reference, feed.reference_layout.clone());
+    while let Some((stream, time, row)) = feed.next(design)? {
+        if time < start || time > stop {
+            continue;
+        }
+        count = count.wrapping_add(1);
+        if count.is_multiple_of(4096) {
+            progress(time);
+        }
+        if stream == reference {
+            recorder.reference(time, row, &reference_layout);
+            continue;
+        }
+        let clock = Instant::now();
+        let fed = runner.feed(stream, time, row, &mut recorder);
+        in_feed += clock.elapsed();
+        debug_assert!(fed.is_ok(), "rows have the width of their stream");
+    }
+    runner.finish(&mut recorder);
+    let waiting = if runner.started() { Vec::new() } else { runner.waits_for() };
+    let sources = feed.reports();
+    let in_filter = in_feed.saturating_sub(recorder.spent);
+    let mut summary = recorder.finish(design, &runner.belief().clone())?;
+    summary.waiting = waiting;
+    summary.sources = sources;
+    summary.wall_seconds = begun.elapsed().as_secs_f64();
+    summary.filter_ns_per_epoch = in_filter.as_nanos() as f64 / summary.epochs.max(1) as f64;
+    if let Some(out) = &options.out {
+        let path = out.join("summary.json");
+        let file = File::create(&path).map_err(|e| unwritable(&path, &e))?;
+        serde_json::to_writer_pretty(BufWriter::new(file), &summary).map_err(|e| unwritable(&path, &e.into()))?;
+    }
+    Ok(summary)
+}
+
+fn unwritable(path: &Path, error: &std::io::Error) -> Diagnostics {
+    Diagnostic::error(format!("cannot write {}: {error}", path.display())).into()
+}
+
+/// Rows from recorded sources or from a simulated world.
+#[derive(Debug)]
+struct Feed {
+    rows: Rows,
+    /// The stream of each recorded source.
+    ids: Vec<usize>,
+    names: Vec<String>,
+    reference: usize,
+    reference_layout: StreamLayout,
+    /// A recorded reference, read ahead.
+    epochs: Vec<ReferenceEpoch>,
+    windows: Vec<(Time, Time)>,
+}
+
+#[derive(Debug)]
+enum Rows {
+    Recorded(Merged),
+    Simulated(Box<SimulatedRows>),
+}
+
+impl Feed {
+    fn open(design: &Design, assembly: &Assembly, options: &Options) -> Result<Self, Diagnostics> {
+        let nothing = StreamLayout { name: String::new(), alias: None, channels: Vec::new(), declared: true };
+        let mut feed = Self {
+            rows: Rows::Recorded(Merged::new(Vec::new())),
+            ids: Vec::new(),
+            names: Vec::new(),
+            reference: usize::MAX,
+            reference_layout: nothing,
+            epochs: Vec::new(),
+            windows: Vec::new(),
+        };
+        if let Some(simulation) = &design.simulation {
+            let rows = SimulatedRows::new(design, simulation, assembly, options.seed)?;
+            feed.windows = rows.outages();
+            if let Some(at) = assembly.streams.iter().position(|s| s.name == crate::world::REFERENCE) {
+                feed.reference = at;
+                feed.reference_layout = assembly.streams[at].clone();
+            }
+            feed.rows = Rows::Simulated(Box::new(rows));
+            return Ok(feed);
+        }
+        if design.sources.is_empty() {
+            let place = design.document.root().place();
+            let help = "add [source.NAME] tables for recorded data, or a [simulation]";
+            return Err(Diagnostic::error("this design has no data to run on").at(place).help(help).into());
+        }
+        feed.open_recorded(design, assembly, options)?;
+        Ok(feed)
+    }
+
+    fn open_recorded(&mut self, design: &Design, assembly: &Assembly, options: &Options) -> Result<(), Diagnostics> {
+        let mut d = Diagnostics::new();
+        let mut open = Vec::new();
+        let data_dir = data_dir(design, options);
+        let seed = options.seed.unwrap_or(design.run.seed);
+        for named in &design.sources {
+            let context = OpenContext {
+                data_dir: data_dir.clone(),
+                name: named.name.clone(),
+                origin: design.run.origin.map(Into::into),
+                seed,
+            };
+            let faults = &named.block.faults;
+            for (_, windows) in outages(faults) {
+                let within = windows.within(Time::default(), HORIZON);
+                self.windows.extend(within.into_iter().map(|w| (w.from, w.to)));
+            }
+            let opened = named.block.source.open(&context).and_then(|s| Ok(Faulted::new(s, faults, &context)?));
+            match opened {
+                Ok(source) => open.push((named, Box::new(source) as Box<dyn Source>)),
+                Err(error) => d.extend(error.diagnostics(&named.node)),
+            }
+        }
+        if d.has_errors() {
+            return Err(d);
+        }
+        let reference = design.reference.as_ref();
+        let mut sources = Vec::new();
+        for (named, source) in open {
+            if reference.is_some_and(|r| r.block.source == named.name) {
+                self.read_reference(named, source, reference)?;
+            } else if let Some(id) = assembly.streams.iter().position(|s| s.name == named.name) {
+                self.ids.push(id);
+                self.names.push(named.name.clone());
+                sources.push(source);
+            }
+        }
+        if let Some(r) = reference.filter(|r| !design.sources.iter().any(|s| s.name == r.block.source)) {
+            let message = format!("no source is called `{}`", r.block.source);
+            return Err(Diagnostic::error(message).at(r.node.place_of("source")).into());
+        }
+        self.windows.sort_unstable();
+        self.windows.dedup();
+        self.rows = Rows::Recorded(Merged::new(sources));
+        Ok(())
+    }
+
+    fn read_reference<T>(
+        &mut self,
+        named: &Named<T>,
+        mut source: Box<dyn Source>,
+        spec: Option<&Named<ReferenceSpec>>,
+    ) -> Result<(), Diagnostics> {
+        let layout = StreamLayout::provided(&named.name, source.channels());
+        if !layout.channels.iter().any(|c| c.name == "position") {
+            let message = format!("the reference `{}` has no channel `position`", named.name);
+            return Err(Diagnostic::error(message).at(named.node.name_place()).into());
+        }
+        let mut row = Vec::new();
+        loop {
+            match source.next(&mut row) {
+                Ok(Some(time)) => self.epochs.extend(epoch(time, &row, &layout)),
+                Ok(None) => break,
+                Err(error) => {
+                    let mut d = Diagnostics::new();
+                    d.extend(error.diagnostics(&named.node));
+                    return Err(d);
+                }
+            }
+        }
+        if let Some(slope) = spec.and_then(|s| s.block.velocity_from_position) {
+            differentiate(&mut self.epochs, slope.half_window as usize, slope.max_span.si());
+        }
+        Ok(())
+    }
+
+    fn next(&mut self, design: &Design) -> Result<Option<(usize, Time, &[f64])>, Diagnostics> {
+        match &mut self.rows {
+            Rows::Simulated(rows) => Ok(rows.next()),
+            Rows::Recorded(merged) => match merged.next() {
+                Ok(next) => Ok(next.map(|(source, time, row)| (self.ids[source], time, row))),
+                Err(failed) => {
+                    let node = design.sources.iter().find(|s| s.name == self.names[failed.index]).map(|s| &s.node);
+                    let mut d = Diagnostics::new();
+                    d.extend(failed.error.diagnostics(node.unwrap_or(design.document.root())));
+                    Err(d)
+                }
+            },
+        }
+    }
+
+    fn reports(&self) -> Vec<SourceTally> {
+        match &self.rows {
+            Rows::Simulated(rows) => rows.reports(),
+            Rows::Recorded(merged) => {
+                let named = self.names.iter().zip(merged.sources());
+                named.map(|(name, source)| tally(name, &source.report())).collect()
+            }
+        }
+    }
+}
+
+/// A source's report, for the summary.
+pub(crate) fn tally(name: &str, report: &SourceReport) -> SourceTally {
+    SourceTally {
+        name: name.to_owned(),
+        rows: report.rows,
+        used: report.used,
+        skipped: report.skipped.iter().map(|s| (s.reason.clone(), s.count)).collect(),
+        report: report.to_string(),
+    }
+}
+
+/// Where relative source paths start.
+#[must_use]
+pub fn data_dir(design: &Design, options: &Options) -> PathBuf {
+    let declared = || options.base.join(design.run.data_dir.clone().unwrap_or_default());
+    options.data.clone().unwrap_or_else(declared)
+}
+
+fn epoch(time: Time, row: &[f64], layout: &StreamLayout) -> Option<ReferenceEpoch> {
+    let channel = |name: &str| layout.channels.iter().find(|c| c.name == name).map(|c| &row[c.offset..c.offset + c.width]);
+    let finite = |v: &&[f64]| v.iter().all(|v| v.is_finite());
+    Some(ReferenceEpoch {
+        time,
+        position: channel("position").filter(finite).map(Geodetic::read)?,
+        velocity: channel("velocity").filter(finite).map(|v| Vector3::new(v[0], v[1], v[2])),
+        attitude: channel("attitude").filter(finite).map(Attitude::read),
+    })
+}
+
+/// Hears the runner's events: writes, counts, scores.
+#[derive(Debug)]
+struct Recorder {
+    reader: SolutionReader,
+    scorer: Option<Scorer>,
+    estimates: Option<EstimateWriter<BufWriter<File>>>,
+    updates: Option<UpdateWriter<BufWriter<File>>>,
+    tallies: Vec<SensorTally>,
+    unused: Vec<(String, u64)>,
+    failures: Vec<String>,
+    started: Option<f64>,
+    epochs: u64,
+    output_period: i64,
+    next_output: Time,
+    broken: Option<std::io::Error>,
+    spent: Duration,
+}
+
+impl Recorder {
+    fn new(design: &Design, assembly: &Assembly, feed: &Feed, options: &Options) -> Result<Self, Diagnostics> {
+        let mut estimates = None;
+        let mut updates = None;
+        if let Some(out) = &options.out {
+            let create = |name: &str| {
+                let path = out.join(name);
+                File::create(&path).map(BufWriter::new).map_err(|e| unwritable(&path, &e))
+            };
+            std::fs::create_dir_all(out).map_err(|e| unwritable(out, &e))?;
+            let origin = design.run.origin.map(|o| LocalFrame::new(o.into()));
+            let file = create("estimates.csv")?;
+            estimates = Some(EstimateWriter::new(file, &assembly.layout, origin).map_err(|e| unwritable(out, &e))?);
+            let rows = assembly.sensors.iter().map(|s| s.model.size().residual).max().unwrap_or(0);
+            updates = Some(UpdateWriter::new(create("updates.csv")?, rows).map_err(|e| unwritable(out, &e))?);
+        }
+        let has_reference = feed.reference != usize::MAX || !feed.epochs.is_empty();
+        let scorer = has_reference.then(|| {
+            let spec = design.reference.as_ref().map(|r| &r.block);
+            let rules = Rules {
+                from: spec.and_then(|s| s.from).map(|t| Time::from_seconds(t.si())),
+                lever_arm: spec.map_or_else(Vector3::zeros, |s| s.lever_arm.si().into()),
+                remove_mean_mounting: spec.is_some_and(|s| s.remove_mean_mounting),
+                windows: feed.windows.clone(),
+            };
+            Scorer::new(rules, feed.epochs.clone())
+        });
+        let tallies = assembly.sensors.iter().map(|s| SensorTally {
+            name: s.name.clone(),
+            dof: s.model.size().residual,
+            ..SensorTally::default()
+        });
+        Ok(Self {
+            reader: SolutionReader::new(&assembly.layout, assembly.process.clone()),
+            scorer,
+            estimates,
+            updates,
+            tallies: tallies.collect(),
+            unused: Vec::new(),
+            failures: Vec::new(),
+            started: None,
+            epochs: 0,
+            output_period: design.run.output_rate.map_or(0, |r| nanos(1.0 / r.si())),
+            next_output: Time::MIN,
+            broken: None,
+            spent: Duration::ZERO,
+        })
+    }
+
+    fn reference(&mut self, time: Time, row: &[f64], layout: &StreamLayout) {
+        if let (Some(scorer), Some(epoch)) = (&mut self.scorer, epoch(time, row, layout)) {
+            scorer.push(epoch);
+        }
+    }
+
+    fn not_used(&mut self, consumer: &str) {
+        match self.unused.iter_mut().find(|(name, _)| name == consumer) {
+            Some((_, count)) => *count += 1,
+            None => self.unused.push((consumer.to_owned(), 1)),
+        }
+    }
+
+    fn finish(mut self, design: &Design, last: &fusion_core::state::Belief) -> Result<Summary, Diagnostics> {
+        if let Some(w) = self.estimates.take() {
+            self.broken = self.broken.or(w.finish().err());
+        }
+        if let Some(w) = self.updates.take() {
+            self.broken = self.broken.or(w.finish().err());
+        }
+        if let Some(error) = self.broken {
+            return Err(Diagnostic::error(format!("cannot write the results: {error}")).into());
+        }
+        for tally in &mut self.tallies {
+            tally.nis = Consistency::of(&tally.series, tally.dof);
+        }
+        let b = design.filter.backend();
+        let layout = self.reader.layout();
+        let shown = ["position", "velocity", "attitude", "local_position", "heading", "speed", "yaw_rate"];
+        let parameters = layout.blocks().iter().filter(|b| !shown.contains(&b.name.as_str())).map(|b| FinalState {
+            name: b.name.clone(),
+            value: last.x[b.storage_range()].to_vec(),
+            sigma: b.tangent_range().map(|i| last.covariance.sigma(i)).collect(),
+        });
+        Ok(Summary {
+            description: design.run.description.clone(),
+            backend: format!("{:?} / {:?} / {:?}", b.chart, b.update, b.form),
+            started: self.started,
+            waiting: Vec::new(),
+            epochs: self.epochs,
+            parameters: if self.started.is_some() { parameters.collect() } else { Vec::new() },
+            score: self.scorer.map(Scorer::finish),
+            sensors: self.tallies,
+            sources: Vec::new(),
+            unused_rows: self.unused,
+            failures: self.failures,
+            wall_seconds: 0.0,
+            filter_ns_per_epoch: 0.0,
+        })
+    }
+}
+
+impl Observer for Recorder {
+    fn on(&mut self, event: &Event<'_>) {
+        let clock = Instant::now();
+        match event {
+            Event::Started { belief } => self.started = Some(belief.time.seconds()),
+            Event::Predicted { belief } => {
+                self.epochs += 1;
+                let write = self.estimates.is_some() && belief.time >= self.next_output;
+                if write || self.scorer.is_some() {
+                    let solution = self.reader.read(belief);
+                    if let Some(scorer) = &mut self.scorer {
+                        scorer.observe(&solution);
+                    }
+                    if let (true, Some(out)) = (write, &mut self.estimates) {
+                        if self.output_period > 0 {
+                            let slot = belief.time.nanos().div_euclid(self.output_period) + 1;
+                            self.next_output = Time::from_nanos(slot.saturating_mul(self.output_period));
+                        }
+                        self.broken = self.broken.take().or(out.write(&solution, belief).err());
+                    }
+                }
+            }
+            Event::Updated { sensor, update, time } => {
+                let tally = &mut self.tallies[*sensor];
+                match update.verdict {
+                    Verdict::Accepted => tally.accepted += 1,
+                    Verdict::Rejected => tally.rejected += 1,
+                    Verdict::Readopted => tally.readopted += 1,
+                    Verdict::Undefined(_) | Verdict::Unusable => tally.unusable += 1,
+                }
+                if update.nis.is_finite() {
+                    tally.series.push(update.nis);
+                }
+                if let Some(out) = &mut self.updates {
+                    self.broken = self.broken.take().or(out.write(*time, &tally.name, update).err());
+                }
+            }
+            Event::Late { consumer, .. } | Event::NotFinite { consumer, .. } => self.not_used(consumer),
+            Event::Failed { error } => {
+                if self.failures.len() < 10 {
+                    self.failures.push(error.to_string());
+                }
+            }
+            _ => {}
+        }
+        self.spent += clock.elapsed();
+    }
+}

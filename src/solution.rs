@@ -1,0 +1,95 @@
+//! The navigation solution: position, velocity and attitude of any process, with their 1σ.
+//!
+//! A process may carry them as states or derive them as signals; either way they are read here
+//! by name.
+
+use fusion_core::geometry::so3;
+use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::model::{Input, Process, SignalBuffer};
+use fusion_core::state::{Attitude, Belief, Layout, Quantity, Velocity};
+use fusion_core::time::Time;
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use std::sync::Arc;
+
+/// Position, velocity and attitude at one instant. What the process does not have is `None`.
+#[derive(Clone, Copy, Debug)]
+pub struct Solution {
+    /// The instant.
+    pub time: Time,
+    /// Geodetic position of the body origin and its covariance in metres NED.
+    pub position: Option<(Geodetic, Matrix3<f64>)>,
+    /// Velocity v_eb_n [m/s] and its covariance.
+    pub velocity: Option<(Vector3<f64>, Matrix3<f64>)>,
+    /// Attitude q_nb and the covariance of its body-frame error [rad²].
+    pub attitude: Option<(UnitQuaternion<f64>, Matrix3<f64>)>,
+}
+
+impl Solution {
+    /// Roll, pitch, yaw [rad] and their 1σ.
+    #[must_use]
+    pub fn rpy(&self) -> Option<(Vector3<f64>, Vector3<f64>)> {
+        let (q, p) = self.attitude?;
+        let rpy = so3::to_rpy(&q);
+        let e = so3::euler_rate_of_body(rpy.x, rpy.y);
+        Some((rpy, sigmas(&(e * p * e.transpose()))))
+    }
+}
+
+/// Square roots of the diagonal.
+#[must_use]
+pub fn sigmas(p: &Matrix3<f64>) -> Vector3<f64> {
+    p.diagonal().map(|v| v.max(0.0).sqrt())
+}
+
+/// Reads the solution out of beliefs of one layout.
+#[derive(Debug)]
+pub struct SolutionReader {
+    layout: Arc<Layout>,
+    process: Arc<dyn Process>,
+    position: Option<Quantity<Geodetic>>,
+    velocity: Option<Quantity<Velocity>>,
+    attitude: Option<Quantity<Attitude>>,
+    signals: SignalBuffer,
+    input: Vec<f64>,
+    from_signals: bool,
+}
+
+impl SolutionReader {
+    /// For beliefs of `layout` under `process`.
+    #[must_use]
+    pub fn new(layout: &Arc<Layout>, process: Arc<dyn Process>) -> Self {
+        let (position, velocity, attitude) =
+            (layout.quantity("position").ok(), layout.quantity("velocity").ok(), layout.quantity("attitude").ok());
+        let from_signals = matches!(position, Some(Quantity::Signal(_)))
+            || matches!(velocity, Some(Quantity::Signal(_)))
+            || matches!(attitude, Some(Quantity::Signal(_)));
+        let input = vec![0.0; process.input_dim()];
+        Self { layout: layout.clone(), process, position, velocity, attitude, signals: SignalBuffer::new(layout), input, from_signals }
+    }
+
+    /// The layout of the beliefs.
+    #[must_use]
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// The solution of `belief`.
+    pub fn read(&mut self, belief: &Belief) -> Solution {
+        if self.from_signals {
+            // Derived position, velocity and attitude do not depend on the input.
+            self.signals.evaluate(self.process.as_ref(), &belief.x, &Input::alone(&self.input), true);
+        }
+        let view = self.signals.view(&belief.x);
+        let spread = |place: Option<(usize, bool)>| match place {
+            Some((tangent, false)) => Matrix3::from_fn(|i, j| belief.covariance.get(tangent + i, tangent + j)),
+            Some((tangent, true)) => self.signals.covariance(tangent, &belief.covariance),
+            None => Matrix3::zeros(),
+        };
+        Solution {
+            time: belief.time,
+            position: self.position.as_ref().map(|q| (view.get(q), spread(q.place()))),
+            velocity: self.velocity.as_ref().map(|q| (view.get(q), spread(q.place()))),
+            attitude: self.attitude.as_ref().map(|q| (view.get(q), spread(q.place()))),
+        }
+    }
+}

@@ -1,0 +1,148 @@
+//! From the text of a stamp to the time of the log, to the nanosecond.
+
+use super::declaration::TimeSpec;
+use fusion_core::time::nanos;
+use fusion_models::block::BuildError;
+use fusion_models::units::{Dimensional, dim, parse_unit};
+
+/// Digits of a fraction that are read; what follows is below any unit's nanosecond.
+const FRACTION_DIGITS: u32 = 15;
+
+/// Stamps of one column.
+#[derive(Clone, Debug)]
+pub(super) struct Clock {
+    unit: i128,
+    epoch: i128,
+    scale: f64,
+    about: Option<i64>,
+    offset: i64,
+    /// Rows before are left out.
+    pub(super) start: i64,
+    /// The source ends here.
+    pub(super) stop: i64,
+}
+
+impl Clock {
+    pub(super) fn new(spec: &TimeSpec, errors: &mut Vec<BuildError>) -> Self {
+        let mut wrong = |field: &str, message: String| errors.push(BuildError::at(format!("time.{field}"), message));
+        let unit = unit_nanos(&spec.unit).unwrap_or_else(|message| {
+            wrong("unit", message);
+            1
+        });
+        let epoch = spec.epoch.as_ref().map_or(Some(0), |epoch| decimal_nanos(&epoch.0, unit));
+        if epoch.is_none() {
+            wrong("epoch", "the epoch is not a number in the unit of the time column".to_owned());
+        }
+        if !(spec.scale.is_finite() && spec.scale > 0.0) {
+            wrong("scale", format!("a clock's scale is a number near 1, not {}", spec.scale));
+        }
+        let at = |d: fusion_models::units::Duration| nanos(d.si());
+        let (start, stop) = (spec.start.map_or(i64::MIN, at), spec.stop.map_or(i64::MAX, at));
+        if stop <= start {
+            wrong("stop", "the source would stop before it starts".to_owned());
+        }
+        let (about, offset) = (spec.about.map(at), at(spec.offset));
+        Self { unit, epoch: epoch.unwrap_or(0), scale: spec.scale, about, offset, start, stop }
+    }
+
+    /// The stamp in nanoseconds of the log's time; `Err` says what the text is not.
+    pub(super) fn read(&mut self, text: &str) -> Result<i64, &'static str> {
+        let raw = decimal_nanos(text, self.unit).ok_or("is not a number")?;
+        let beyond = "lies beyond the 292 years that a log spans: set `time.epoch`, or another `time.unit`";
+        let stamp = i64::try_from(raw - self.epoch).map_err(|_| beyond)?;
+        let about = *self.about.get_or_insert(stamp);
+        let stretched = (stamp.saturating_sub(about) as f64 * (self.scale - 1.0)).round() as i64;
+        Ok(stamp.saturating_add(stretched).saturating_add(self.offset))
+    }
+}
+
+/// A unit of time in whole nanoseconds.
+fn unit_nanos(text: &str) -> Result<i128, String> {
+    let (factor, dimension) = parse_unit(text).map_err(|e| e.to_string())?;
+    if dimension != dim::Duration::KIND.dimension {
+        return Err(format!("{text:?} is the unit of {}, not of a time", dimension.kind()));
+    }
+    let unit = factor * 1e9;
+    if unit < 0.999 {
+        return Err(format!("{text:?} is finer than the nanosecond in which time is counted"));
+    }
+    Ok(unit.round() as i128)
+}
+
+/// A decimal number of `unit` nanoseconds, in whole nanoseconds: exact as long as it is written
+/// without exponent.
+fn decimal_nanos(text: &str, unit: i128) -> Option<i128> {
+    let (negative, digits) = match text.as_bytes() {
+        [b'-', rest @ ..] => (true, rest),
+        [b'+', rest @ ..] => (false, rest),
+        rest => (false, rest),
+    };
+    let (mut whole, mut fraction, mut fraction_digits) = (0_i128, 0_i128, 0);
+    let (mut point, mut any) = (false, false);
+    for byte in digits {
+        match byte {
+            b'0'..=b'9' => {
+                any = true;
+                let digit = i128::from(byte - b'0');
+                if !point {
+                    // 19 digits fill an i64; more than 25 is no time in any unit.
+                    whole = (whole < 10_i128.pow(25)).then(|| whole * 10 + digit)?;
+                } else if fraction_digits < FRACTION_DIGITS {
+                    fraction = fraction * 10 + digit;
+                    fraction_digits += 1;
+                }
+            }
+            b'.' if !point => point = true,
+            b'e' | b'E' if any => return float_nanos(text, unit),
+            _ => return None,
+        }
+    }
+    let power = 10_i128.pow(fraction_digits);
+    let nanos = whole.checked_mul(unit)? + (fraction * unit + power / 2) / power;
+    any.then_some(if negative { -nanos } else { nanos })
+}
+
+/// With an exponent, rounding is that of the floating-point number.
+fn float_nanos(text: &str, unit: i128) -> Option<i128> {
+    let nanos = text.parse::<f64>().ok()? * unit as f64;
+    (nanos.abs() < 1e30).then_some(nanos.round() as i128)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const S: i128 = 1_000_000_000;
+
+    #[test]
+    fn decimal_stamps_are_exact_to_the_nanosecond() {
+        let cases = [
+            ("1520530308181901469", 1, 1_520_530_308_181_901_469),
+            ("1752003258.123456789", S, 1_752_003_258_123_456_789),
+            ("-0.25", S, -250_000_000),
+            ("+7.", 1_000_000, 7_000_000),
+            (".5", 60 * S, 30 * S),
+            ("0.0000000005", S, 1),
+            ("0.00000000049999999999999999999", S, 0),
+            ("1.5e3", S, 1500 * S),
+        ];
+        for (text, unit, nanos) in cases {
+            assert_eq!(decimal_nanos(text, unit), Some(nanos), "{text}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_number_is_no_stamp() {
+        for text in ["", "-", ".", "1.2.3", "12:30", "e5", "1e", "nan", "inf", "1e400", "0x10", "１", "9999999999999999999999999999999999999999"] {
+            assert_eq!(decimal_nanos(text, S), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn units_of_time_are_whole_nanoseconds() {
+        let read: Vec<_> = ["ns", "us", "ms", "s", "min", "h", "day"].into_iter().map(|u| unit_nanos(u).unwrap()).collect();
+        assert_eq!(read, [1, 1000, 1_000_000, S, 60 * S, 3600 * S, 86_400 * S]);
+        assert_eq!(unit_nanos("ps").unwrap_err(), "\"ps\" is finer than the nanosecond in which time is counted");
+        assert_eq!(unit_nanos("m").unwrap_err(), "\"m\" is the unit of a length [m], not of a time");
+    }
+}

@@ -1,0 +1,349 @@
+//! What TOML says of a table of text.
+
+use core::fmt;
+use core::marker::PhantomData;
+use core::num::NonZeroU64;
+use fusion_models::units::{AnyQuantity, Duration, Positive, Vec3Of, dim};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::Deserialize;
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{Deserializer, Error, IntoDeserializer, MapAccess, SeqAccess, Visitor};
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// Rows of a text file, one stamp and any channels in each: comma- or otherwise separated, plain
+/// or gzip-compressed.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CsvSpec {
+    /// The file, relative to the data directory; gzip is recognised by its content.
+    pub(super) path: PathBuf,
+    /// What separates the fields.
+    #[serde(default = "comma")]
+    pub(super) delimiter: char,
+    /// Lines that begin with this character are no rows, such as `"#"`. Leave it out where the
+    /// header itself begins so: its names are taken as written.
+    pub(super) comment: Option<char>,
+    /// Whether the first line names the columns; without header they are called `1`, `2`, ….
+    #[serde(default = "yes")]
+    pub(super) header: bool,
+    /// Names for the columns of a file without header.
+    pub(super) names: Option<Vec<String>>,
+    /// The stamp of a row.
+    pub(super) time: TimeSpec,
+    /// Nominal rate: the interval that increments cover in the first row and after a gap.
+    pub(super) rate: Option<Positive<dim::Frequency>>,
+    /// What to do at a row that cannot be read: `stop`, or `skip` it and report.
+    #[serde(default)]
+    pub(super) bad_rows: Policy,
+    /// Whether rows that repeat all values of the one before are kept.
+    #[serde(default)]
+    pub(super) repeats: Repeats,
+    /// Conditions that a row has to meet: one table, or an array of them.
+    #[serde(default)]
+    pub(super) valid: OneOrMany<Condition>,
+    /// Which rows are kept, counted by their number in the file.
+    pub(super) keep: Option<Keep>,
+    /// The channels by name.
+    #[serde(default)]
+    pub(super) channels: BTreeMap<String, ChannelSpec>,
+}
+
+const fn comma() -> char {
+    ','
+}
+
+const fn yes() -> bool {
+    true
+}
+
+/// The stamp of a row: log time = about + scale · (stamp − epoch − about) + offset.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TimeSpec {
+    /// Its column.
+    pub(super) column: String,
+    /// Its unit; decimal stamps of any length are read to the nanosecond.
+    #[serde(default = "seconds")]
+    pub(super) unit: String,
+    /// The zero of the log's time, in the unit of the column and as exact as written.
+    pub(super) epoch: Option<Epoch>,
+    /// Rate of the true time against this clock.
+    #[serde(default = "one")]
+    pub(super) scale: f64,
+    /// Where the scaled clock is right, in the time of the log; at its first stamp without it.
+    pub(super) about: Option<Duration>,
+    /// Added to every stamp.
+    #[serde(default)]
+    pub(super) offset: Duration,
+    /// Rows before are left out, in the time of the log.
+    pub(super) start: Option<Duration>,
+    /// The first row at or after ends the source, in the time of the log.
+    pub(super) stop: Option<Duration>,
+    /// What to do at a stamp earlier than the one before: `stop`, or `skip` the row.
+    #[serde(default)]
+    pub(super) backwards: Policy,
+    /// What to do at a stamp equal to the one before: `stop`, `skip` the row or `keep` it.
+    #[serde(default)]
+    pub(super) ties: Ties,
+}
+
+fn seconds() -> String {
+    "s".to_owned()
+}
+
+const fn one() -> f64 {
+    1.0
+}
+
+/// A number kept as it was written, so that no digit is lost.
+#[derive(Clone, Debug)]
+pub(super) struct Epoch(pub(super) String);
+
+impl<'de> Deserialize<'de> for Epoch {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Written;
+
+        impl Visitor<'_> for Written {
+            type Value = Epoch;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a number in the unit of the time column, e.g. 1520530308000000000 or \"1752003258.25\"")
+            }
+
+            fn visit_i64<E: Error>(self, v: i64) -> Result<Epoch, E> {
+                Ok(Epoch(v.to_string()))
+            }
+
+            fn visit_u64<E: Error>(self, v: u64) -> Result<Epoch, E> {
+                Ok(Epoch(v.to_string()))
+            }
+
+            fn visit_f64<E: Error>(self, v: f64) -> Result<Epoch, E> {
+                Ok(Epoch(v.to_string()))
+            }
+
+            fn visit_str<E: Error>(self, v: &str) -> Result<Epoch, E> {
+                Ok(Epoch(v.to_owned()))
+            }
+        }
+
+        deserializer.deserialize_any(Written)
+    }
+}
+
+impl JsonSchema for Epoch {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> Cow<'static, str> {
+        "Epoch".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": ["number", "string"] })
+    }
+}
+
+/// What to do where a row is wrong.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Policy {
+    /// End with an error that points at the row.
+    #[default]
+    Stop,
+    /// Leave the row out and report it.
+    Skip,
+}
+
+/// What to do with equal stamps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Ties {
+    /// End with an error that points at the row.
+    #[default]
+    Stop,
+    /// Leave the later row out and report it.
+    Skip,
+    /// Keep both.
+    Keep,
+}
+
+/// What to do with repeated values.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Repeats {
+    /// Keep them.
+    #[default]
+    Keep,
+    /// Leave a row out that says the same as the one before.
+    Drop,
+}
+
+/// Which rows are kept: one in so many, or the others.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Keep {
+    /// Keeps rows number `offset`, `offset + every`, ….
+    pub(super) every: Option<NonZeroU64>,
+    /// Keeps all rows but those that `every` of this number would keep.
+    pub(super) except_every: Option<NonZeroU64>,
+    /// Number of the first one, from 0.
+    #[serde(default)]
+    pub(super) offset: u64,
+}
+
+/// A condition on a column.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Condition {
+    /// The column.
+    pub(super) column: String,
+    /// The value wanted, a number or text; any of an array.
+    pub(super) equals: Option<OneOrMany<Cell>>,
+    /// The least number wanted.
+    pub(super) at_least: Option<f64>,
+    /// The greatest number wanted.
+    pub(super) at_most: Option<f64>,
+}
+
+/// What a cell may hold.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "expected a number or text")]
+pub(super) enum Cell {
+    /// A number, however it is written.
+    Number(f64),
+    /// Text.
+    Text(String),
+}
+
+/// A channel: the columns that it is made of, and how. One of `column`, `columns`, `quaternion`,
+/// `latitude` with `longitude` and `height`, or `north` with `east` and `down` or `up`.
+///
+/// A column is written as in the header; a minus sign before it turns it round.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ChannelSpec {
+    /// The column of a single number.
+    pub(super) column: Option<String>,
+    /// The columns of a vector.
+    pub(super) columns: Option<Vec<String>>,
+    /// The columns of a quaternion w x y z, body to navigation.
+    pub(super) quaternion: Option<[String; 4]>,
+    /// The column of the latitude; makes a geodetic position.
+    pub(super) latitude: Option<String>,
+    /// The column of the longitude.
+    pub(super) longitude: Option<String>,
+    /// The column of the ellipsoidal height.
+    pub(super) height: Option<String>,
+    /// The column of the metres north of the declared origin; makes a geodetic position.
+    pub(super) north: Option<String>,
+    /// The column of the metres east of it.
+    pub(super) east: Option<String>,
+    /// The column of the metres below it.
+    pub(super) down: Option<String>,
+    /// The column of the metres above it, instead of `down`.
+    pub(super) up: Option<String>,
+    /// The unit of the columns, such as `deg/s`; a pure number without it. Of latitude and
+    /// longitude: `rad` or `deg`.
+    pub(super) unit: Option<String>,
+    /// The unit of the height; metres without it.
+    pub(super) height_unit: Option<String>,
+    /// Factors on the columns, one for all or one each.
+    pub(super) scale: Option<OneOrMany<f64>>,
+    /// Added after unit and scale, one for all or one each.
+    pub(super) offset: Option<OneOrMany<AnyQuantity>>,
+    /// The columns hold variances: the square root is taken. `unit` is that of the columns.
+    #[serde(default)]
+    pub(super) variance: bool,
+    /// The columns hold increments over the interval that ends at the stamp: they become rates.
+    #[serde(default)]
+    pub(super) increment: bool,
+    /// The columns hold instantaneous samples: the mean of this and the previous one is taken, the
+    /// rate over the interval between.
+    #[serde(default)]
+    pub(super) average: bool,
+    /// From sensor axes to body axes: x_body = R x_sensor. Of a quaternion: its body side.
+    pub(super) rotation: Option<RotationSpec>,
+    /// From the file's world axes to north-east-down: the navigation side of a quaternion.
+    pub(super) navigation_rotation: Option<RotationSpec>,
+    /// The quaternion maps navigation to body.
+    #[serde(default)]
+    pub(super) inverse: bool,
+    /// How late the stamp is: the values are valid at stamp − latency.
+    #[serde(default)]
+    pub(super) latency: Duration,
+}
+
+/// A fixed rotation.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RotationSpec {
+    /// Roll, pitch, yaw of the inner axes against the outer.
+    pub(super) rpy: Option<Vec3Of<dim::Angle>>,
+    /// The inner axis along each outer one: `["-x", "y", "-z"]`.
+    pub(super) axes: Option<[String; 3]>,
+}
+
+/// One value, or an array of them.
+#[derive(Clone, Debug)]
+pub(super) struct OneOrMany<T>(pub(super) Vec<T>);
+
+impl<T> Default for OneOrMany<T> {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for OneOrMany<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Either<T>(PhantomData<T>);
+
+        impl<'de, T: Deserialize<'de>> Visitor<'de> for Either<T> {
+            type Value = OneOrMany<T>;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("one value or an array of them")
+            }
+
+            fn visit_f64<E: Error>(self, v: f64) -> Result<Self::Value, E> {
+                T::deserialize(v.into_deserializer()).map(|one| OneOrMany(vec![one]))
+            }
+
+            fn visit_i64<E: Error>(self, v: i64) -> Result<Self::Value, E> {
+                T::deserialize(v.into_deserializer()).map(|one| OneOrMany(vec![one]))
+            }
+
+            fn visit_str<E: Error>(self, v: &str) -> Result<Self::Value, E> {
+                T::deserialize(v.into_deserializer()).map(|one| OneOrMany(vec![one]))
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+                T::deserialize(MapAccessDeserializer::new(map)).map(|one| OneOrMany(vec![one]))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
+                Vec::deserialize(SeqAccessDeserializer::new(seq)).map(OneOrMany)
+            }
+        }
+
+        deserializer.deserialize_any(Either(PhantomData))
+    }
+}
+
+impl<T: JsonSchema> JsonSchema for OneOrMany<T> {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> Cow<'static, str> {
+        format!("OneOrMany{}", T::schema_name()).into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let one = generator.subschema_for::<T>();
+        json_schema!({ "anyOf": [one, { "type": "array", "items": one }] })
+    }
+}

@@ -1,0 +1,101 @@
+//! The rows of several sources in order of their stamps.
+
+use super::{Source, SourceError};
+use fusion_core::time::Time;
+use thiserror::Error;
+
+/// A source failed while it was read.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("{error}")]
+pub struct Failed {
+    /// Its number among the merged ones.
+    pub index: usize,
+    /// What is wrong.
+    pub error: SourceError,
+}
+
+#[derive(Debug)]
+struct Head {
+    source: Box<dyn Source>,
+    /// The stamp of the row at hand; `None` at the end.
+    time: Option<Time>,
+    row: Vec<f64>,
+}
+
+/// Merges sources by time, holding one row of each; rows of one stamp come in the order of
+/// their sources.
+#[derive(Debug)]
+pub struct Merged {
+    heads: Vec<Head>,
+    /// Sources whose row at hand has been handed out, or not yet been read.
+    stale: std::ops::Range<usize>,
+}
+
+impl Merged {
+    /// Nothing is read yet.
+    #[must_use]
+    pub fn new(sources: Vec<Box<dyn Source>>) -> Self {
+        let heads: Vec<Head> = sources.into_iter().map(|source| Head { source, time: None, row: Vec::new() }).collect();
+        Self { stale: 0..heads.len(), heads }
+    }
+
+    /// The next row: its source's number, its stamp and its numbers.
+    ///
+    /// # Errors
+    /// Where a source fails; the others can be read on.
+    #[expect(clippy::should_implement_trait, reason = "a row is lent, which an iterator cannot do")]
+    pub fn next(&mut self) -> Result<Option<(usize, Time, &[f64])>, Failed> {
+        for source in self.stale.by_ref() {
+            let head = &mut self.heads[source];
+            head.time = None;
+            head.time = head.source.next(&mut head.row).map_err(|error| Failed { index: source, error })?;
+        }
+        // Few sources: a scan is faster than a heap, and keeps their order at equal stamps.
+        let heads = self.heads.iter().enumerate();
+        let first = heads.filter_map(|(i, head)| Some((head.time?, i))).min();
+        let Some((time, source)) = first else { return Ok(None) };
+        self.stale = source..source + 1;
+        Ok(Some((source, time, &self.heads[source].row)))
+    }
+
+    /// The sources, for their reports.
+    pub fn sources(&self) -> impl Iterator<Item = &dyn Source> {
+        self.heads.iter().map(|head| &*head.source)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::listed;
+    use super::*;
+
+    fn drain(merged: &mut Merged) -> Vec<Result<(usize, f64), usize>> {
+        let mut seen = Vec::new();
+        loop {
+            match merged.next() {
+                Ok(Some((source, _, row))) => seen.push(Ok((source, row[0]))),
+                Ok(None) => return seen,
+                Err(failed) => seen.push(Err(failed.index)),
+            }
+        }
+    }
+
+    fn rows(rows: &[(f64, f64)]) -> Box<dyn Source> {
+        listed(rows.iter().copied().map(Ok).collect())
+    }
+
+    #[test]
+    fn rows_come_by_time_and_at_equal_stamps_by_source() {
+        let mut merged = Merged::new(vec![rows(&[(2.0, 1.0), (2.0, 2.0), (5.0, 3.0)]), rows(&[]), rows(&[(1.0, 4.0), (2.0, 5.0)])]);
+        assert_eq!(drain(&mut merged), [Ok((2, 4.0)), Ok((0, 1.0)), Ok((0, 2.0)), Ok((2, 5.0)), Ok((0, 3.0))]);
+        assert_eq!(merged.sources().map(|s| s.report().used).collect::<Vec<_>>(), [3, 0, 2]);
+        assert_eq!(drain(&mut merged), []);
+    }
+
+    #[test]
+    fn a_failure_names_its_source_and_the_others_go_on() {
+        let broken = listed(vec![Ok((1.0, 1.0)), Err("torn")]);
+        let mut merged = Merged::new(vec![broken, rows(&[(1.0, 2.0), (3.0, 3.0)])]);
+        assert_eq!(drain(&mut merged), [Ok((0, 1.0)), Err(0), Ok((1, 2.0)), Ok((1, 3.0))]);
+    }
+}

@@ -1,0 +1,166 @@
+//! What came out of a source, and what was left out and why.
+
+use core::fmt;
+use fusion_core::time::Time;
+
+/// Examples kept per reason.
+const EXAMPLES: usize = 3;
+
+/// A row that was left out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Example {
+    /// Its line in the file, from 1.
+    pub line: usize,
+    /// What was found there.
+    pub what: String,
+}
+
+/// Rows that were left out for one reason.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Skipped {
+    /// The reason.
+    pub reason: String,
+    /// How many.
+    pub count: u64,
+    /// The first of them; none where the reason says it all.
+    pub examples: Vec<Example>,
+}
+
+/// What came out of a source.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SourceReport {
+    /// Rows read.
+    pub rows: u64,
+    /// Rows delivered.
+    pub used: u64,
+    /// Rows left out, by reason, in the order in which the reasons came up.
+    pub skipped: Vec<Skipped>,
+    /// Rows delivered but disturbed, by fault.
+    pub disturbed: Vec<(String, u64)>,
+    /// Stamp of the first row delivered.
+    pub first: Option<Time>,
+    /// Stamp of the last row delivered.
+    pub last: Option<Time>,
+    /// The longest stretch between two rows delivered: where it begins, and its seconds.
+    pub longest_gap: Option<(Time, f64)>,
+}
+
+impl SourceReport {
+    /// Seconds from the first row delivered to the last.
+    #[must_use]
+    pub fn span(&self) -> f64 {
+        self.first.zip(self.last).map_or(0.0, |(first, last)| last.seconds_since(first))
+    }
+
+    /// Rows delivered per second; `None` where there are no two stamps.
+    #[must_use]
+    pub fn mean_rate(&self) -> Option<f64> {
+        let span = self.span();
+        (span > 0.0).then(|| (self.used.saturating_sub(1)) as f64 / span)
+    }
+
+    /// Rows left out.
+    #[must_use]
+    pub fn left_out(&self) -> u64 {
+        self.skipped.iter().map(|s| s.count).sum()
+    }
+}
+
+/// `2602 of 2610 rows, 2601.2 s at 1.000 Hz, longest gap 4.0 s at 17.3 s`, then a line per reason.
+impl fmt::Display for SourceReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} of {} rows, {:.1} s", self.used, self.rows, self.span())?;
+        if let Some(rate) = self.mean_rate() {
+            write!(f, " at {rate:.3} Hz")?;
+        }
+        if let Some((at, seconds)) = self.longest_gap {
+            write!(f, ", longest gap {seconds:.3} s at {:.3} s", at.seconds())?;
+        }
+        for skipped in &self.skipped {
+            write!(f, "\n  left out {}: {}", skipped.count, skipped.reason)?;
+            for example in &skipped.examples {
+                write!(f, "\n    line {}: {}", example.line, example.what)?;
+            }
+        }
+        self.disturbed.iter().try_for_each(|(fault, count)| write!(f, "\n  disturbed {count}: fault {fault}"))
+    }
+}
+
+/// Counts towards a report.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Tally(SourceReport);
+
+impl Tally {
+    /// A row was read.
+    pub(super) fn row(&mut self) {
+        self.0.rows += 1;
+    }
+
+    /// Rows read so far.
+    pub(super) fn rows(&self) -> u64 {
+        self.0.rows
+    }
+
+    /// A row is delivered.
+    pub(super) fn used(&mut self, time: Time) {
+        self.0.used += 1;
+        self.0.first.get_or_insert(time);
+        if let Some(last) = self.0.last.replace(time) {
+            let gap = time.seconds_since(last);
+            if self.0.longest_gap.is_none_or(|(_, longest)| gap > longest) {
+                self.0.longest_gap = Some((last, gap));
+            }
+        }
+    }
+
+    /// A row is left out.
+    pub(super) fn skipped(&mut self, reason: &str, example: Option<(usize, String)>) {
+        let entries = &mut self.0.skipped;
+        let at = entries.iter().position(|s| s.reason == reason).unwrap_or_else(|| {
+            entries.push(Skipped { reason: reason.to_owned(), count: 0, examples: Vec::new() });
+            entries.len() - 1
+        });
+        let entry = &mut entries[at];
+        entry.count += 1;
+        if let Some((line, what)) = example.filter(|_| entry.examples.len() < EXAMPLES) {
+            entry.examples.push(Example { line, what });
+        }
+    }
+
+    /// A row is delivered, but disturbed.
+    pub(super) fn disturbed(&mut self, fault: &str) {
+        match self.0.disturbed.iter_mut().find(|(name, _)| name == fault) {
+            Some((_, count)) => *count += 1,
+            None => self.0.disturbed.push((fault.to_owned(), 1)),
+        }
+    }
+
+    pub(super) fn report(&self) -> SourceReport {
+        self.0.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_report_counts_everything_and_shows_the_first_examples() {
+        let mut tally = Tally::default();
+        for (k, t) in [1.0, 2.0, 5.0, 6.0].into_iter().enumerate() {
+            tally.row();
+            tally.used(Time::from_seconds(t));
+            tally.row();
+            tally.skipped("bad rows", Some((k + 1, format!("reason {k}"))));
+        }
+        tally.disturbed("noise");
+        let expected = "\
+4 of 8 rows, 5.0 s at 0.600 Hz, longest gap 3.000 s at 2.000 s
+  left out 4: bad rows
+    line 1: reason 0
+    line 2: reason 1
+    line 3: reason 2
+  disturbed 1: fault noise";
+        assert_eq!(tally.report().to_string(), expected);
+    }
+}
