@@ -254,6 +254,7 @@ pub struct SensorCommon {
     /// The source or stage that it reads or that times it.
     pub source: String,
     /// Its noise.
+    #[serde(default)]
     pub noise: NoiseSpec,
     /// False leaves the sensor out.
     pub enabled: Option<bool>,

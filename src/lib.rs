@@ -18,9 +18,11 @@ pub mod design;
 mod navigator;
 pub mod output;
 pub mod run;
+pub mod schema;
 pub mod score;
 pub mod solution;
 pub mod source;
+pub mod table;
 pub mod world;
 
 pub use fusion_core as core;

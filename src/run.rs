@@ -67,6 +67,8 @@ pub struct FinalState {
     pub value: Vec<f64>,
     /// Its 1σ per tangent axis.
     pub sigma: Vec<f64>,
+    /// Unit of a tangent coordinate.
+    pub unit: &'static str,
 }
 
 /// What a source delivered.
@@ -86,7 +88,7 @@ pub struct SourceTally {
 }
 
 /// The result of a run.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Summary {
     /// The design's own line about itself.
     pub description: String,
@@ -452,10 +454,11 @@ impl Recorder {
             name: b.name.clone(),
             value: last.x[b.storage_range()].to_vec(),
             sigma: b.tangent_range().map(|i| last.covariance.sigma(i)).collect(),
+            unit: b.unit,
         });
         Ok(Summary {
             description: design.run.description.clone(),
-            backend: format!("{:?} / {:?} / {:?}", b.chart, b.update, b.form),
+            backend: crate::table::backend_name(&b),
             started: self.started,
             waiting: Vec::new(),
             epochs: self.epochs,

@@ -169,3 +169,87 @@ attitude_chart!(AdditiveQuaternion, |before, after| {
     let d = before.inverse() * after;
     Some(Matrix3::identity() * d.w - so3::skew(&d.imag()))
 });
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::state::{Declaration, Dynamics, Geodetic, LayoutBuilder, Scalar};
+    use crate::testing::{Lcg, check_chart, check_reset};
+
+    fn layout(q: UnitQuaternion<f64>) -> Layout {
+        fn declare<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M::Value) {
+            let (name, owner, sigma) = (name.to_owned(), String::new(), vec![1.0; M::KIND.dim()]);
+            b.declare::<M>(Declaration { name, owner, unit: "", initial, sigma, dynamics: Dynamics::Process }).unwrap();
+        }
+        let mut b = LayoutBuilder::new();
+        declare::<Geodetic>(&mut b, "position", Geodetic::new(0.6, 2.2, 10.0));
+        declare::<Attitude>(&mut b, "attitude", q);
+        declare::<Scalar>(&mut b, "bias", 0.0);
+        b.finish()
+    }
+
+    /// Random attitudes short of gimbal lock and corrections of up to half a radian.
+    fn cases() -> impl Iterator<Item = (Layout, Vec<f64>)> {
+        let mut r = Lcg::new(3);
+        (0..50).map(move |_| {
+            let layout = layout(so3::from_rpy(3.0 * r.signed(), 1.0 * r.signed(), 3.0 * r.signed()));
+            let delta = (0..7).map(|i| if i < 3 { 20.0 } else { 0.3 } * r.signed()).collect();
+            (layout, delta)
+        })
+    }
+
+    #[test]
+    fn every_chart_with_a_square_map_obeys_the_laws_of_charts() {
+        let charts: [&dyn Chart; 3] = [&Body, &Navigation, &AdditiveEuler];
+        for (layout, delta) in cases() {
+            charts.iter().for_each(|c| check_chart(&layout, *c, layout.initial(), &delta).unwrap());
+        }
+    }
+
+    #[test]
+    fn in_additive_charts_a_correction_is_a_shift_of_coordinates() {
+        for (layout, delta) in cases() {
+            check_reset(&layout, &AdditiveEuler, layout.initial(), &delta, 1.0).unwrap();
+            // |q̂ + δq| = √(1 + |δ|²/4) is divided out by the normalisation.
+            let length = (1.0 + 0.25 * delta[3..6].iter().map(|d| d * d).sum::<f64>()).sqrt();
+            check_reset(&layout, &AdditiveQuaternion, layout.initial(), &delta, 1.0 / length).unwrap();
+        }
+    }
+
+    #[test]
+    fn a_correction_in_the_navigation_chart_turns_about_navigation_axes() {
+        let q = so3::from_rpy(0.4, -0.2, 1.0);
+        let layout = layout(q);
+        let phi_n = Vector3::new(0.0, 0.0, 0.3);
+        let phi_b = q.inverse() * phi_n;
+        let (mut x, mut unused) = (layout.initial().to_vec(), BlockMatrix::identity(7));
+        Navigation.correct(&layout, &mut x, &[0.0, 0.0, 0.0, phi_b.x, phi_b.y, phi_b.z, 0.0], &mut unused);
+        let rpy = so3::to_rpy(&Attitude::read(&x[3..7]));
+        assert!((rpy - Vector3::new(0.4, -0.2, 1.3)).amax() < 1e-15); // 4 ε
+    }
+
+    #[test]
+    fn outside_the_euler_chart_the_canonical_correction_is_applied() {
+        let layout = layout(so3::from_rpy(0.0, core::f64::consts::FRAC_PI_2, 0.0));
+        let delta = [0.0, 0.0, 0.0, 0.1, 0.2, 0.3, 0.0];
+        let (mut x, mut body, mut reset) = (layout.initial().to_vec(), layout.initial().to_vec(), BlockMatrix::identity(7));
+        assert!(!AdditiveEuler.correct(&layout, &mut x, &delta, &mut reset));
+        layout.plus(&mut body, &delta);
+        assert_eq!(x, body);
+    }
+
+    #[test]
+    fn the_laws_see_a_wrong_map_and_a_wrong_reset() {
+        #[derive(Debug)]
+        struct Wrong;
+        impl Chart for Wrong {
+            fn to_canonical(&self, _: &Layout, _: &[f64], _: &mut BlockMatrix) {}
+            fn correct(&self, layout: &Layout, x: &mut [f64], delta: &[f64], reset: &mut BlockMatrix) -> bool {
+                Navigation.correct(layout, x, delta, reset)
+            }
+        }
+        let (layout, delta) = cases().next().unwrap();
+        assert!(check_chart(&layout, &Wrong, layout.initial(), &delta).unwrap_err().contains("`attitude`"));
+        assert!(check_reset(&layout, &Wrong, layout.initial(), &delta, 1.0).unwrap_err().contains("`attitude`"));
+    }
+}

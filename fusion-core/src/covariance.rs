@@ -95,6 +95,11 @@ impl Covariance {
         self.p[j * self.ld + i] = value;
     }
 
+    /// Takes the values of another of the same dimension, without allocating.
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        self.p.copy_from_slice(&other.p);
+    }
+
     /// Forgets what `range` knows of everything else and sets its variances: a reset block.
     pub fn reset_block(&mut self, range: core::ops::Range<usize>, sigma: &[f64]) {
         for (k, i) in range.enumerate() {
@@ -369,5 +374,126 @@ pub(crate) fn solve_rows(l: &[f64], b: &mut [f64], m: usize, ld: usize) {
         }
         let inverse = 1.0 / l[i * m + i];
         row.iter_mut().for_each(|v| *v *= inverse);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::state::{Declaration, Dynamics, Layout, LayoutBuilder, Quantity, Scalar, Slot};
+    use crate::testing::Lcg;
+    use nalgebra::{DMatrix, Matrix1};
+
+    /// A layout of `n` scalars.
+    fn layout(n: usize) -> (Layout, Vec<Slot<Scalar>>) {
+        let mut b = LayoutBuilder::new();
+        let slots = (0..n).map(|i| {
+            let (name, owner) = (format!("x{i}"), String::new());
+            b.declare::<Scalar>(Declaration { name, owner, unit: "", initial: 0.0, sigma: vec![1.0], dynamics: Dynamics::Constant }).unwrap()
+        });
+        let slots = slots.collect();
+        (b.finish(), slots)
+    }
+
+    fn dense(p: &Covariance) -> DMatrix<f64> {
+        DMatrix::from_fn(p.dim(), p.dim(), |i, j| p.get(i, j))
+    }
+
+    /// A random positive covariance.
+    fn random(n: usize, random: &mut Lcg) -> Covariance {
+        let a = DMatrix::from_fn(n, n, |_, _| random.signed());
+        let full = &a * a.transpose() + DMatrix::identity(n, n);
+        let mut p = Covariance::zeros(n);
+        (0..n).for_each(|i| (0..=i).for_each(|j| p.set(i, j, full[(i, j)])));
+        p
+    }
+
+    fn close(a: &DMatrix<f64>, b: &DMatrix<f64>, tolerance: f64) {
+        assert!((a - b).amax() <= tolerance * b.amax(), "{:e} of {:e}", (a - b).amax(), b.amax());
+    }
+
+    #[test]
+    fn congruence_equals_the_dense_product_at_every_padded_size() {
+        let mut r = Lcg::new(1);
+        for n in [1, 3, 8, 9, 15, 21, 31, 33, 40, 48, 49, 60] {
+            let (mut p, mut w, mut phi) = (random(n, &mut r), Scratch::new(n, 1), BlockMatrix::identity(n));
+            // Twice, so that the learnt pattern is used again with other numbers.
+            for _ in 0..2 {
+                phi.reset();
+                for k in 0..n {
+                    phi.set_element((k * 7) % n, (k * 5 + 1) % n, r.signed());
+                }
+                let full = DMatrix::from_fn(n, n, |i, j| phi.get(i, j));
+                let expected = &full * dense(&p) * full.transpose();
+                p.congruence(&phi, &mut w);
+                close(&dense(&p), &expected, 1e-13); // rounding of sums of up to 60 terms
+                assert_eq!(dense(&p), dense(&p).transpose());
+            }
+        }
+    }
+
+    #[test]
+    fn prediction_adds_noise_before_and_after_the_transition() {
+        let (layout, slots) = layout(3);
+        let (mut p, mut w, mut t) = (random(3, &mut Lcg::new(2)), Scratch::new(3, 1), Transition::new(&layout));
+        let before = dense(&p);
+        t.set(slots[0], slots[1], &Matrix1::new(0.5));
+        t.noise(slots[0], slots[2], &Matrix1::new(0.1));
+        t.noise_trapezoid(slots[1], slots[1], &Matrix1::new(0.4));
+        p.predict(&t, &mut w);
+        let mut phi = DMatrix::identity(3, 3);
+        phi[(0, 1)] = 0.5;
+        let mut half = DMatrix::zeros(3, 3);
+        half[(1, 1)] = 0.2;
+        let mut expected = &phi * (before + &half) * phi.transpose() + half;
+        expected[(0, 2)] += 0.1;
+        expected[(2, 0)] += 0.1;
+        close(&dense(&p), &expected, 1e-15); // rounding
+    }
+
+    /// Updates P by `rows` random measurements in `form`; also what dense algebra makes of it.
+    fn updated(n: usize, m: usize, form: Form) -> (DMatrix<f64>, DMatrix<f64>) {
+        let (layout, slots) = layout(n);
+        let mut r = Lcg::new((n * 10 + m) as u64);
+        let (mut p, mut w, mut h) = (random(n, &mut r), Scratch::new(n, m), Jacobian::new(&layout, m));
+        let noise = random(m, &mut r);
+        h.reset(m);
+        for (i, slot) in (0..m).flat_map(|i| slots.iter().map(move |s| (i, s))) {
+            if r.signed() > 0.0 {
+                h.add(i, &Quantity::State(*slot), &Matrix1::new(r.signed()));
+            }
+        }
+        let noise: Vec<f64> = (0..m * m).map(|k| noise.get(k / m, k % m)).collect();
+        p.project(&h, &mut w);
+        w.s = w.hph.iter().zip(&noise).map(|(p, r)| p + r).collect();
+        assert!(cholesky(&w.s, &mut w.l, m));
+        w.kt.copy_from_slice(&w.hp);
+        solve_rows(&w.l, &mut w.kt, m, padded(n));
+        let (before, full) = (dense(&p), DMatrix::from_fn(m, n, |i, j| h.get(i, j)));
+        let s = &full * &before * full.transpose() + DMatrix::from_row_slice(m, m, &noise);
+        let gain = &before * full.transpose() * s.try_inverse().unwrap();
+        p.update(form, &h, &noise, &mut w);
+        (dense(&p), (DMatrix::identity(n, n) - gain * full) * before)
+    }
+
+    #[test]
+    fn both_forms_of_the_update_equal_the_dense_reference() {
+        for (n, m) in [(1, 1), (6, 3), (15, 6), (21, 2), (50, 4)] {
+            for form in [Form::Joseph, Form::Standard] {
+                let (p, reference) = updated(n, m, form);
+                close(&p, &reference, 1e-12); // an inverse of condition about 100
+                assert_eq!(p, p.transpose());
+            }
+        }
+    }
+
+    #[test]
+    fn cholesky_refuses_what_is_not_positive() {
+        let mut l = [0.0; 4];
+        assert!(cholesky(&[4.0, 2.0, 2.0, 3.0], &mut l, 2));
+        assert_eq!(l, [2.0, 0.0, 1.0, 2_f64.sqrt()]);
+        for bad in [[1.0, 1.0, 1.0, 1.0], [1.0, 2.0, 2.0, 1.0], [f64::NAN, 0.0, 0.0, 1.0], [f64::INFINITY, 0.0, 0.0, 1.0]] {
+            assert!(!cholesky(&bad, &mut l, 2), "{bad:?}");
+        }
     }
 }

@@ -342,3 +342,82 @@ impl Jacobian {
         &self.columns
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::SignalsOut;
+    use crate::state::{Declaration, Dynamics, LayoutBuilder, Position, Scalar, Vector};
+    use nalgebra::{Matrix1, Matrix2x3, Matrix3, Vector3};
+
+    fn declare<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M::Value) -> Slot<M> {
+        let (name, owner, sigma) = (name.to_owned(), String::new(), vec![1.0; M::KIND.dim()]);
+        b.declare::<M>(Declaration { name, owner, unit: "", initial, sigma, dynamics: Dynamics::Process }).unwrap()
+    }
+
+    #[test]
+    fn a_reset_map_is_the_identity_and_keeps_its_pattern() {
+        let mut m = BlockMatrix::identity(6);
+        m.set_at(0, 3, &Matrix3::from_element(2.0));
+        m.set_at(3, 3, &Matrix3::from_element(5.0));
+        m.set_element(5, 0, 7.0);
+        let pattern = m.row(5).1.to_vec();
+        assert_eq!(pattern, [(0, 1), (3, 6)]);
+        m.reset();
+        for (i, j) in (0..6).flat_map(|i| (0..6).map(move |j| (i, j))) {
+            assert_eq!(m.get(i, j), f64::from(u8::from(i == j)));
+        }
+        assert_eq!(m.row(5).1, pattern);
+    }
+
+    #[test]
+    fn touching_ranges_merge_into_one() {
+        let mut m = BlockMatrix::identity(8);
+        m.set_at(0, 3, &Matrix1::new(1.0));
+        m.set_at(0, 0, &Matrix1::new(1.0));
+        m.set_at(0, 1, &nalgebra::RowVector2::new(1.0, 1.0));
+        assert_eq!(m.row(0).1, [(0, 4)]);
+    }
+
+    #[test]
+    fn rows_beyond_the_measurement_are_left_out_and_blocks_add_up() {
+        let mut b = LayoutBuilder::new();
+        let (position, bias) = (declare::<Position>(&mut b, "position", Vector3::zeros()), declare::<Scalar>(&mut b, "bias", 0.0));
+        let mut h = Jacobian::new(&b.finish(), 2);
+        h.reset(2);
+        for _ in 0..2 {
+            h.add(0, &Quantity::State(position), &Matrix3::identity());
+        }
+        h.add(1, &Quantity::State(bias), &Vector3::new(4.0, 5.0, 6.0));
+        h.add(0, &Quantity::<Scalar>::Fixed(1.0), &Matrix1::new(9.0));
+        assert_eq!(h.row(0)[..4], [2.0, 0.0, 0.0, 0.0]);
+        assert_eq!(h.row(1)[..4], [0.0, 2.0, 0.0, 4.0]);
+        assert_eq!(h.columns(), [(0, 3), (3, 4)]);
+    }
+
+    #[test]
+    fn signals_follow_the_chain_rule() {
+        let mut b = LayoutBuilder::new();
+        let (position, bias) = (declare::<Position>(&mut b, "position", Vector3::zeros()), declare::<Scalar>(&mut b, "bias", 0.0));
+        let rate = b.signal::<Vector<3>>("rate").unwrap();
+        let layout = b.finish();
+        let (mut signals, mut values) = (Jacobian::new(&layout, 3), [0.0; 3]);
+        signals.reset(3);
+        let mut out = SignalsOut::new(&mut values, Some(&mut signals));
+        let by_position = Matrix3::new(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0);
+        out.add(rate, position, &by_position);
+        out.add(rate, bias, &Vector3::new(-1.0, 0.5, 2.0));
+        let by_rate = Matrix2x3::new(1.0, 0.0, 2.0, 0.0, -3.0, 1.0);
+        let mut h = Jacobian::new(&layout, 2);
+        h.reset(2);
+        h.add(0, &Quantity::State(bias), &nalgebra::Vector2::new(10.0, 20.0));
+        h.add(0, &Quantity::Signal(rate), &by_rate);
+        assert!(h.needs_signals());
+        h.chain(&signals);
+        let (p, s) = (by_rate * by_position, by_rate * Vector3::new(-1.0, 0.5, 2.0));
+        for i in 0..2 {
+            // Small whole numbers: exact.
+            assert_eq!(h.row(i)[..4], [p[(i, 0)], p[(i, 1)], p[(i, 2)], 10.0 * (i + 1) as f64 + s[i]]);
+        }
+    }
+}

@@ -60,3 +60,37 @@ impl Loss for StudentT {
         ((self.nu + dim as f64) / (self.nu + norm * norm)).min(1.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::check_loss;
+
+    #[test]
+    fn every_loss_obeys_the_laws_of_losses() {
+        let losses: [&dyn Loss; 4] = [&Quadratic, &Huber { k: 1.345 }, &Cauchy { c: 2.385 }, &StudentT { nu: 4.0 }];
+        for loss in losses {
+            check_loss(loss).unwrap_or_else(|e| panic!("{loss:?}: {e}"));
+        }
+    }
+
+    #[test]
+    fn weights_match_their_formulas() {
+        assert_eq!(Huber { k: 1.5 }.weight(3.0, 1), 0.5);
+        assert_eq!(Cauchy { c: 2.0 }.weight(2.0, 3), 0.5);
+        assert_eq!(StudentT { nu: 4.0 }.weight(4.0, 2), 0.3);
+    }
+
+    #[test]
+    fn the_law_sees_a_weight_that_grows_and_one_that_vanishes() {
+        #[derive(Debug)]
+        struct Wrong(fn(f64) -> f64);
+        impl Loss for Wrong {
+            fn weight(&self, norm: f64, _: usize) -> f64 {
+                (self.0)(norm)
+            }
+        }
+        assert!(check_loss(&Wrong(|r| if r > 5.0 { 0.0 } else { 1.0 })).unwrap_err().contains("outside"));
+        assert!(check_loss(&Wrong(|r| if r > 5.0 { 1.0 } else { 1.0 / (1.0 + r) })).unwrap_err().contains("grows"));
+    }
+}

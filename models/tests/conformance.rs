@@ -29,11 +29,17 @@ fn spec<T: DeserializeOwned>(r: &Registration) -> T {
     let table: toml::Table = toml::from_str(r.example).unwrap_or_else(|e| panic!("the example of `{}` is not TOML: {e}", r.name));
     let mut tagged = toml::Table::new();
     tagged.insert(r.name.to_owned(), toml::Value::Table(table));
-    tagged.try_into().unwrap_or_else(|e| panic!("the example of `{}` is not its spec: {e}", r.name))
+    tagged
+        .try_into()
+        .unwrap_or_else(|e| panic!("the example of `{}` is not its spec: {e}", r.name))
 }
 
 /// Near the beacon of the range example, and where the documents' experiments took place.
-const ORIGIN: Geodetic = Geodetic { lat: 0.63003, lon: 2.25933, height: -10.0 };
+const ORIGIN: Geodetic = Geodetic {
+    lat: 0.63003,
+    lon: 2.25933,
+    height: -10.0,
+};
 
 /// A process built from its example, the sensors that follow built into the same layout.
 struct Bench {
@@ -43,15 +49,26 @@ struct Bench {
 }
 
 fn build<'a>(name: &'a str, layout: &'a mut LayoutBuilder) -> Build<'a> {
-    Build { name, layout, origin: Some(ORIGIN), gravity: Gravity::default() }
+    Build {
+        name,
+        layout,
+        origin: Some(ORIGIN),
+        gravity: Gravity::default(),
+    }
 }
 
 impl Bench {
     fn new(r: &Registration) -> Self {
         let spec: Box<dyn ProcessSpec> = spec(r);
         let mut layout = LayoutBuilder::new();
-        let process = spec.build(&mut build("process", &mut layout)).unwrap_or_else(|e| panic!("`{}` does not build: {}: {e}", r.name, e.field));
-        Self { layout, process: process.into(), spec }
+        let process = spec
+            .build(&mut build("process", &mut layout))
+            .unwrap_or_else(|e| panic!("`{}` does not build: {}: {e}", r.name, e.field));
+        Self {
+            layout,
+            process: process.into(),
+            spec,
+        }
     }
 
     /// An input sample of the size its channels suggest.
@@ -65,7 +82,11 @@ impl Bench {
             };
             sample.extend((0..channel.width).map(|_| size * random.signed()));
         }
-        assert_eq!(sample.len(), self.process.input_dim(), "the channels of the input and its numbers differ");
+        assert_eq!(
+            sample.len(),
+            self.process.input_dim(),
+            "the channels of the input and its numbers differ"
+        );
         sample
     }
 }
@@ -94,7 +115,13 @@ fn state(layout: &Layout, random: &mut Lcg) -> Vec<f64> {
 
 /// A steady input: corrections for what changes between samples may be left out of Φ.
 fn steady(sample: &[f64], neighbour_is_earlier: bool) -> Input<'_> {
-    Input { sample, neighbour: sample, interval: 0.01, neighbour_interval: 0.01, neighbour_is_earlier }
+    Input {
+        sample,
+        neighbour: sample,
+        interval: 0.01,
+        neighbour_interval: 0.01,
+        neighbour_is_earlier,
+    }
 }
 
 #[test]
@@ -104,10 +131,20 @@ fn every_registered_name_is_unique_and_every_field_is_described() {
     assert!(!registry::all().is_empty());
     for r in registry::all() {
         let schema = serde_json::to_value((r.schema)()).unwrap();
-        assert!(schema.get("description").is_some(), "{} `{}` has no description", r.role.name(), r.name);
+        assert!(
+            schema.get("description").is_some(),
+            "{} `{}` has no description",
+            r.role.name(),
+            r.name
+        );
         let none = serde_json::Map::new();
         for (field, schema) in schema["properties"].as_object().unwrap_or(&none) {
-            assert!(schema.get("description").is_some(), "{} `{}`: field `{field}` has no description", r.role.name(), r.name);
+            assert!(
+                schema.get("description").is_some(),
+                "{} `{}`: field `{field}` has no description",
+                r.role.name(),
+                r.name
+            );
         }
     }
 }
@@ -147,7 +184,12 @@ fn every_sensor_obeys_the_laws_of_measurements_on_every_process_that_takes_it() 
             };
             accepted += 1;
             let size = model.size();
-            assert_eq!(spec.noise().len(), size.residual, "`{}`: dimensions of the noise and rows of the residual", r.name);
+            assert_eq!(
+                spec.noise().len(),
+                size.residual,
+                "`{}`: dimensions of the noise and rows of the residual",
+                r.name
+            );
             let width = match spec.reading() {
                 Reading::Channel(channel) => channel.width,
                 Reading::Constant(value) => value.len(),

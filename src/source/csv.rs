@@ -24,6 +24,7 @@
 
 mod clock;
 mod declaration;
+mod lines;
 mod plan;
 #[cfg(test)]
 mod tests;
@@ -40,6 +41,7 @@ use declaration::{Cell, Condition, Policy, Repeats, Ties};
 use flate2::bufread::MultiGzDecoder;
 use fusion_core::time::Time;
 use fusion_models::block::BuildError;
+use lines::Lines;
 use plan::Plan;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -50,8 +52,14 @@ const GAP: f64 = 1.5;
 /// What a gzip file begins with (RFC 1952).
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 const BUFFER: usize = 1 << 16;
+/// Characters of a cell that messages show.
+const LONGEST_SHOWN: usize = 40;
 
-fusion_models::register!(Source, "csv", CsvSpec, r#"
+fusion_models::register!(
+    Source,
+    "csv",
+    CsvSpec,
+    r#"
 path = "drive/gnss.csv"
 time = { column = "t_s", unit = "s" }
 valid = { column = "q", equals = 1 }
@@ -64,17 +72,27 @@ unit = "deg"
 columns = ["vn_mps", "ve_mps", "vd_mps"]
 unit = "m/s"
 latency = "0.13 s"
-"#);
+"#
+);
+
+type Records = Reader<Lines<Box<dyn Read + Send>>>;
 
 impl CsvSpec {
     /// Everything that can be checked without the file.
     fn plan(&self) -> Result<(Clock, Vec<Plan>), Vec<BuildError>> {
         let mut errors = Vec::new();
         let clock = Clock::new(&self.time, &mut errors);
-        let plans: Vec<Plan> = self.channels.iter().filter_map(|(name, spec)| Plan::new(name, spec, &mut errors)).collect();
+        let plans: Vec<Plan> = self
+            .channels
+            .iter()
+            .filter_map(|(name, spec)| Plan::new(name, spec, &mut errors))
+            .collect();
         let mut one_byte = |field: &str, c: Option<char>| {
             if c.is_some_and(|c| !c.is_ascii() || matches!(c, '\n' | '\r' | '"')) {
-                errors.push(BuildError::at(field, "this is one plain character, such as \",\", \";\" or \"\\t\""));
+                errors.push(BuildError::at(
+                    field,
+                    "this is one plain character, such as \",\", \";\" or \"\\t\"",
+                ));
             }
         };
         one_byte("delimiter", Some(self.delimiter));
@@ -91,7 +109,10 @@ impl CsvSpec {
         if let Some((name, _)) = self.channels.iter().find(|(_, channel)| channel.increment) {
             let message = |what: &str| format!("`{name}` holds increments, {what}");
             if self.keep.is_some() {
-                errors.push(BuildError::at("keep", message("and rows that are left out would take their motion with them")));
+                errors.push(BuildError::at(
+                    "keep",
+                    message("and rows that are left out would take their motion with them"),
+                ));
             }
             if self.time.ties == Ties::Keep {
                 errors.push(BuildError::at("time.ties", message("which have no rate over no time")));
@@ -105,12 +126,16 @@ impl CsvSpec {
         let place = |plan: &Plan| {
             let at = offset;
             offset += plan.channel.width;
-            ProvidedChannel { channel: plan.channel.clone(), offset: at, delay_ns: plan.delay_ns }
+            ProvidedChannel {
+                channel: plan.channel.clone(),
+                offset: at,
+                delay_ns: plan.delay_ns,
+            }
         };
         plans.iter().map(place).collect()
     }
 
-    fn reader(&self, path: &Path, context: &OpenContext) -> Result<Reader<Box<dyn Read + Send>>, SourceError> {
+    fn reader(&self, path: &Path, context: &OpenContext) -> Result<Records, SourceError> {
         let unreadable = |error: std::io::Error| {
             let message = format!("`{}` cannot be read: {}", self.path.display(), in_words(&error));
             BuildError::at("path", message).help(whereabouts(path, context))
@@ -123,14 +148,24 @@ impl CsvSpec {
         let mut file = BufReader::with_capacity(BUFFER, file);
         let is_gzip = file.fill_buf().map_err(unreadable)?.starts_with(&GZIP);
         if !is_gzip && path.extension().is_some_and(|e| e == "gz") {
-            let error = DataError::new(path.display().to_string(), "this file is not gzip-compressed, although its name ends in `.gz`");
+            let error = DataError::new(
+                path.display().to_string(),
+                "this file is not gzip-compressed, although its name ends in `.gz`",
+            );
             return Err(error.help("copy or download it again, or rename it").into());
         }
-        let bytes: Box<dyn Read + Send> = if is_gzip { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) };
+        let bytes: Box<dyn Read + Send> = if is_gzip {
+            Box::new(MultiGzDecoder::new(file))
+        } else {
+            Box::new(file)
+        };
         let byte = |c: char| u8::try_from(c).unwrap_or(b',');
         let mut builder = ReaderBuilder::new();
         builder.has_headers(false).flexible(true).trim(Trim::All).buffer_capacity(BUFFER);
-        Ok(builder.delimiter(byte(self.delimiter)).comment(self.comment.map(byte)).from_reader(bytes))
+        Ok(builder
+            .delimiter(byte(self.delimiter))
+            .comment(self.comment.map(byte))
+            .from_reader(Lines::new(bytes)))
     }
 }
 
@@ -169,10 +204,17 @@ impl SourceSpec for CsvSpec {
                 }
                 is_pending = !self.header;
                 let names = record.iter().map(|name| String::from_utf8_lossy(name).into_owned());
-                if self.header { names.collect() } else { (1..=record.len()).map(|k| k.to_string()).collect() }
+                if self.header {
+                    names.collect()
+                } else {
+                    (1..=record.len()).map(|k| k.to_string()).collect()
+                }
             }
         };
-        let columns = Columns { header: &header, path: &self.path };
+        let columns = Columns {
+            header: &header,
+            path: &self.path,
+        };
         let mut errors = Vec::new();
         let time_column = columns.find("time.column", &self.time.column, false, &mut errors).0;
         let mut cells = Vec::new();
@@ -185,7 +227,12 @@ impl SourceSpec for CsvSpec {
             }
             channels.push((start..cells.len(), plan));
         }
-        let valid = self.valid.0.iter().map(|c| Test::new(c, columns.find("valid", &c.column, false, &mut errors).0)).collect();
+        let valid = self
+            .valid
+            .0
+            .iter()
+            .map(|c| Test::new(c, columns.find("valid", &c.column, false, &mut errors).0))
+            .collect();
         if !errors.is_empty() {
             return Err(errors.into());
         }
@@ -239,7 +286,9 @@ impl Columns<'_> {
             return (at, -1.0);
         }
         let known: Vec<&str> = self.header.iter().map(String::as_str).collect();
-        let meant = did_you_mean(bare.unwrap_or(name), &known).map(|meant| format!("did you mean `{meant}`? ")).unwrap_or_default();
+        let meant = did_you_mean(bare.unwrap_or(name), &known)
+            .map(|meant| format!("did you mean `{meant}`? "))
+            .unwrap_or_default();
         let error = BuildError::at(field, format!("`{}` has no column `{}`", self.path.display(), bare.unwrap_or(name)));
         errors.push(error.help(format!("{meant}its columns: `{}`", known.join("`, `"))));
         (0, 1.0)
@@ -258,7 +307,12 @@ struct Test {
 impl Test {
     fn new(condition: &Condition, column: usize) -> Self {
         let equals = condition.equals.as_ref().map(|cells| cells.0.clone());
-        Self { column, equals, at_least: condition.at_least, at_most: condition.at_most }
+        Self {
+            column,
+            equals,
+            at_least: condition.at_least,
+            at_most: condition.at_most,
+        }
     }
 
     /// Whether the cell meets it; `None` where a number is wanted and the cell holds none.
@@ -282,7 +336,7 @@ impl Test {
 struct CsvSource {
     provided: Vec<ProvidedChannel>,
     row: Row,
-    reader: Reader<Box<dyn Read + Send>>,
+    reader: Records,
     record: ByteRecord,
     /// The record was read while looking for the header and is a row.
     is_pending: bool,
@@ -302,7 +356,12 @@ enum Verdict {
     /// Left out as declared.
     Left(&'static str),
     /// Left out, or the end, by a policy; what is wrong, what to do.
-    Wrong { policy: Policy, reason: &'static str, message: String, help: String },
+    Wrong {
+        policy: Policy,
+        reason: &'static str,
+        message: String,
+        help: String,
+    },
     /// The declared end.
     End,
 }
@@ -346,25 +405,28 @@ impl Row {
         let is_trailing = fields == named + 1 && record.get(named).is_some_and(<[u8]>::is_empty);
         if fields != named && !is_trailing {
             self.is_interval_known = false;
-            let few = if fields < named { "is it cut off?" } else { "is there a delimiter, or a decimal comma, within a field?" };
-            return self.bad(format!("this row has {fields} fields, {named} are wanted"), Some(few));
+            let few = if fields < named {
+                "is it cut off?"
+            } else {
+                "is there a delimiter, or a decimal comma, within a field?"
+            };
+            return self.bad(
+                format!("this row has {fields} field{}, not {named}", if fields == 1 { "" } else { "s" }),
+                Some(few),
+            );
         }
-        let stamp = match text(record, self.time_column).map(|text| self.clock.read(text)) {
-            Some(Ok(stamp)) => stamp,
-            Some(Err(what)) => {
+        let stamp = match text(record, self.time_column).map_or(Err("is not text"), |text| self.clock.read(text)) {
+            Ok(stamp) => stamp,
+            Err(what) => {
                 self.is_interval_known = false;
-                let cell = self.cell(record, self.time_column);
-                return self.bad(format!("the stamp {cell} {what}"), None);
-            }
-            None => {
-                self.is_interval_known = false;
-                return self.bad("the stamp is not text".to_owned(), None);
+                return self.bad(self.complaint(record, self.time_column, what), None);
             }
         };
         if let Some(verdict) = self.out_of_order(stamp) {
             return verdict;
         }
-        let previous = self.stamp.replace(stamp).filter(|_| core::mem::replace(&mut self.is_interval_known, true));
+        let was_known = core::mem::replace(&mut self.is_interval_known, true);
+        let previous = self.stamp.replace(stamp).filter(|_| was_known);
         if stamp < self.clock.start {
             return Verdict::Left("before the declared start");
         }
@@ -375,10 +437,7 @@ impl Row {
             match text(record, test.column).and_then(|text| test.holds(text)) {
                 Some(true) => {}
                 Some(false) => return Verdict::Left("not valid as declared"),
-                None => {
-                    let message = format!("{} is not a number", self.cell(record, test.column));
-                    return self.bad(message, None);
-                }
+                None => return self.bad(self.complaint(record, test.column, "is not a number"), None),
             }
         }
         for (&(column, sign), raw) in self.cells.iter().zip(&mut self.raw) {
@@ -386,9 +445,8 @@ impl Row {
             match number.filter(|number| number.is_finite()) {
                 Some(number) => *raw = sign * number,
                 None => {
-                    let what = if number.is_some() { "not finite" } else { "not a number" };
-                    let message = format!("{} is {what}", self.cell(record, column));
-                    return self.bad(message, None);
+                    let what = if number.is_some() { "is not finite" } else { "is not a number" };
+                    return self.bad(self.complaint(record, column, what), None);
                 }
             }
         }
@@ -416,7 +474,12 @@ impl Row {
         if stamp < last {
             let message = format!("time runs backwards: {now} comes after {before}");
             let help = "sort the file, or leave such rows out: `time.backwards = \"skip\"`".to_owned();
-            return Some(Verdict::Wrong { policy: self.backwards, reason: "time runs backwards", message, help });
+            return Some(Verdict::Wrong {
+                policy: self.backwards,
+                reason: "time runs backwards",
+                message,
+                help,
+            });
         }
         let policy = match self.ties {
             Ties::Keep => return None,
@@ -425,7 +488,12 @@ impl Row {
         };
         let message = format!("the stamp {now} is that of the row before");
         let help = "leave such rows out by `time.ties = \"skip\"`, or use them by `time.ties = \"keep\"`".to_owned();
-        Some(Verdict::Wrong { policy, reason: "the stamp of the row before", message, help })
+        Some(Verdict::Wrong {
+            policy,
+            reason: "the stamp of the row before",
+            message,
+            help,
+        })
     }
 
     /// Seconds that an increment covers; `None` where increments are wanted and it is unknown.
@@ -442,16 +510,28 @@ impl Row {
     }
 
     fn bad(&self, message: String, help: Option<&str>) -> Verdict {
-        let help = help.map_or_else(|| SKIP_BAD.to_owned(), |help| format!("{help} {SKIP_BAD}").replacen("? to", "? To", 1));
-        Verdict::Wrong { policy: self.bad_rows, reason: "bad rows", message, help }
+        let help = help.map_or_else(
+            || SKIP_BAD.to_owned(),
+            |help| format!("{help} {SKIP_BAD}").replacen("? to", "? To", 1),
+        );
+        Verdict::Wrong {
+            policy: self.bad_rows,
+            reason: "bad rows",
+            message,
+            help,
+        }
     }
 
-    /// A cell for messages.
-    fn cell(&self, record: &ByteRecord, column: usize) -> String {
+    /// What is wrong with a cell.
+    fn complaint(&self, record: &ByteRecord, column: usize, what: &str) -> String {
         let content = String::from_utf8_lossy(record.get(column).unwrap_or_default());
-        let shown: String = content.chars().take(40).collect();
+        let shown: String = content.chars().take(LONGEST_SHOWN).collect();
         let name = self.header.get(column).map_or("", String::as_str);
-        if shown.is_empty() { format!("nothing in column `{name}`") } else { format!("`{shown}` in column `{name}`") }
+        if shown.is_empty() {
+            format!("column `{name}` is empty")
+        } else {
+            format!("`{shown}` in column `{name}` {what}")
+        }
     }
 }
 
@@ -489,19 +569,25 @@ impl Source for CsvSource {
 }
 
 impl CsvSource {
+    /// The line of the record read last.
+    fn line(&mut self) -> usize {
+        let end = self.reader.position().byte();
+        self.reader.get_mut().line(end)
+    }
+
     fn advance(&mut self, row: &mut Vec<f64>) -> Result<Option<Time>, SourceError> {
         row.clear();
         row.resize(width(&self.provided), 0.0);
         loop {
-            let line_before = self.record.position().map_or(1, |p| p.line());
             if !core::mem::take(&mut self.is_pending) {
                 let read = self.reader.read_byte_record(&mut self.record);
-                if !read.map_err(|e| broken(&self.row.file, &e, line_before))? {
+                let line = self.line();
+                if !read.map_err(|e| broken(&self.row.file, &e, line))? {
                     return self.end();
                 }
             }
             let number = self.tally.rows();
-            let line = self.record.position().map_or(0, |p| p.line()) as usize;
+            let line = self.line();
             match self.row.read(number, &self.record, row) {
                 Verdict::Used(time) => {
                     self.tally.row();
@@ -512,11 +598,21 @@ impl CsvSource {
                     self.tally.row();
                     self.tally.skipped(reason, None);
                 }
-                Verdict::Wrong { policy: Policy::Skip, reason, message, .. } => {
+                Verdict::Wrong {
+                    policy: Policy::Skip,
+                    reason,
+                    message,
+                    ..
+                } => {
                     self.tally.row();
                     self.tally.skipped(reason, Some((line, message)));
                 }
-                Verdict::Wrong { policy: Policy::Stop, message, help, .. } => {
+                Verdict::Wrong {
+                    policy: Policy::Stop,
+                    message,
+                    help,
+                    ..
+                } => {
                     return Err(DataError::new(self.row.file.as_str(), message).line(line).help(help).into());
                 }
                 Verdict::End => return self.end(),
@@ -535,24 +631,34 @@ impl CsvSource {
             return Err(DataError::new(file, "this file has a header, but no rows").into());
         }
         let reasons: Vec<String> = report.skipped.iter().map(|s| format!("{} × {}", s.count, s.reason)).collect();
-        let why = if reasons.is_empty() { "the first is after the declared stop".to_owned() } else { reasons.join(", ") };
+        let why = if reasons.is_empty() {
+            "the first is after the declared stop".to_owned()
+        } else {
+            reasons.join(", ")
+        };
         let error = DataError::new(file, format!("no row of this file can be used: {why}"));
         let example = report.skipped.iter().flat_map(|s| &s.examples).next();
         Err(match example {
-            Some(example) => error.line(example.line).help(format!("this is the first one: {}", example.what)).into(),
+            Some(example) => error
+                .line(example.line)
+                .help(format!("this is the first one: {}", example.what))
+                .into(),
             None => error.into(),
         })
     }
 }
 
 /// The file could not be read on.
-fn broken(file: &str, error: &::csv::Error, line: u64) -> SourceError {
+fn broken(file: &str, error: &::csv::Error, line: usize) -> SourceError {
     let message = match error.kind() {
         ::csv::ErrorKind::Io(io) if io.kind() == std::io::ErrorKind::UnexpectedEof => "the compressed file is cut off".to_owned(),
         ::csv::ErrorKind::Io(io) => format!("the file is damaged: {io}"),
         _ => format!("the file cannot be read: {error}"),
     };
-    DataError::new(file, message).line(line as usize).help("rows before were sound; copy or download it again").into()
+    DataError::new(file, message)
+        .line(line as usize)
+        .help("rows before were sound; copy or download it again")
+        .into()
 }
 
 fn in_words(error: &std::io::Error) -> String {
@@ -567,7 +673,10 @@ fn in_words(error: &std::io::Error) -> String {
 fn whereabouts(path: &Path, context: &OpenContext) -> String {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let beside = path.parent().and_then(|parent| std::fs::read_dir(parent).ok());
-    let beside = beside.into_iter().flatten().filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned()));
+    let beside = beside
+        .into_iter()
+        .flatten()
+        .filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned()));
     let mut known: Vec<String> = beside.collect();
     known.sort_unstable();
     let known: Vec<&str> = known.iter().map(String::as_str).collect();

@@ -21,7 +21,12 @@ pub struct DataError {
 impl DataError {
     /// About the file as a whole.
     pub fn new(file: impl Into<String>, message: impl Into<String>) -> Self {
-        Self { file: file.into(), line: None, message: message.into(), help: None }
+        Self {
+            file: file.into(),
+            line: None,
+            message: message.into(),
+            help: None,
+        }
     }
 
     /// In this line.
@@ -33,7 +38,10 @@ impl DataError {
     /// With advice.
     #[must_use]
     pub fn help(self, help: impl Into<String>) -> Self {
-        Self { help: Some(help.into()), ..self }
+        Self {
+            help: Some(help.into()),
+            ..self
+        }
     }
 
     fn place(&self) -> String {
@@ -47,7 +55,10 @@ impl DataError {
 /// Points at the line of the data file.
 impl From<&DataError> for Diagnostic {
     fn from(error: &DataError) -> Self {
-        let place = Place::File { path: error.file.clone(), line: error.line };
+        let place = Place::File {
+            path: error.file.clone(),
+            line: error.line,
+        };
         let diagnostic = Self::error(error.message.as_str()).at(&place);
         match &error.help {
             Some(help) => diagnostic.help(help.as_str()),
@@ -74,7 +85,11 @@ impl SourceError {
     #[must_use]
     pub fn diagnostics(&self, declaration: &Node) -> Vec<Diagnostic> {
         let declared = |error: &BuildError| {
-            let place = if error.field.is_empty() { declaration.name_place() } else { declaration.place_of(&error.field) };
+            let place = if error.field.is_empty() {
+                declaration.name_place()
+            } else {
+                declaration.place_of(&error.field)
+            };
             let diagnostic = Diagnostic::error(error.message.as_str()).at(place);
             match &error.help {
                 Some(help) => diagnostic.help(help.as_str()),

@@ -19,23 +19,33 @@ impl Faulted {
     ///
     /// # Errors
     /// All mistakes of the faults, the fields named `fault.<name>.<field>`.
-    pub fn new(
-        source: Box<dyn Source>,
-        declared: &[(String, Box<dyn FaultSpec>)],
-        context: &OpenContext,
-    ) -> Result<Self, Vec<BuildError>> {
+    pub fn new(source: Box<dyn Source>, declared: &[(String, Box<dyn FaultSpec>)], context: &OpenContext) -> Result<Self, Vec<BuildError>> {
         let (mut faults, mut errors) = (Vec::new(), Vec::new());
         for (name, spec) in declared {
             let seed = context.seed_of(&format!("fault.{name}"));
-            match spec.build(&FaultContext { channels: source.channels(), seed }) {
+            match spec.build(&FaultContext {
+                channels: source.channels(),
+                seed,
+            }) {
                 Ok(fault) => faults.push((name.clone(), fault)),
                 Err(error) => {
                     let dot = if error.field.is_empty() { "" } else { "." };
-                    errors.push(BuildError { field: format!("fault.{name}{dot}{}", error.field), ..error });
+                    errors.push(BuildError {
+                        field: format!("fault.{name}{dot}{}", error.field),
+                        ..error
+                    });
                 }
             }
         }
-        if errors.is_empty() { Ok(Self { source, faults, tally: Tally::default() }) } else { Err(errors) }
+        if errors.is_empty() {
+            Ok(Self {
+                source,
+                faults,
+                tally: Tally::default(),
+            })
+        } else {
+            Err(errors)
+        }
     }
 }
 
@@ -108,7 +118,11 @@ mod tests {
     }
 
     fn run(text: &str, name: &str, seed: u64) -> (Vec<(f64, f64)>, SourceReport) {
-        let context = OpenContext { name: name.to_owned(), seed, ..OpenContext::default() };
+        let context = OpenContext {
+            name: name.to_owned(),
+            seed,
+            ..OpenContext::default()
+        };
         let mut source = Faulted::new(ten(), &faults(text), &context).unwrap();
         let (mut row, mut rows) = (Vec::new(), Vec::new());
         while let Some(time) = source.next(&mut row).unwrap() {

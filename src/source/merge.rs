@@ -35,8 +35,18 @@ impl Merged {
     /// Nothing is read yet.
     #[must_use]
     pub fn new(sources: Vec<Box<dyn Source>>) -> Self {
-        let heads: Vec<Head> = sources.into_iter().map(|source| Head { source, time: None, row: Vec::new() }).collect();
-        Self { stale: 0..heads.len(), heads }
+        let heads: Vec<Head> = sources
+            .into_iter()
+            .map(|source| Head {
+                source,
+                time: None,
+                row: Vec::new(),
+            })
+            .collect();
+        Self {
+            stale: 0..heads.len(),
+            heads,
+        }
     }
 
     /// The next row: its source's number, its stamp and its numbers.
@@ -86,8 +96,15 @@ mod tests {
 
     #[test]
     fn rows_come_by_time_and_at_equal_stamps_by_source() {
-        let mut merged = Merged::new(vec![rows(&[(2.0, 1.0), (2.0, 2.0), (5.0, 3.0)]), rows(&[]), rows(&[(1.0, 4.0), (2.0, 5.0)])]);
-        assert_eq!(drain(&mut merged), [Ok((2, 4.0)), Ok((0, 1.0)), Ok((0, 2.0)), Ok((2, 5.0)), Ok((0, 3.0))]);
+        let mut merged = Merged::new(vec![
+            rows(&[(2.0, 1.0), (2.0, 2.0), (5.0, 3.0)]),
+            rows(&[]),
+            rows(&[(1.0, 4.0), (2.0, 5.0)]),
+        ]);
+        assert_eq!(
+            drain(&mut merged),
+            [Ok((2, 4.0)), Ok((0, 1.0)), Ok((0, 2.0)), Ok((2, 5.0)), Ok((0, 3.0))]
+        );
         assert_eq!(merged.sources().map(|s| s.report().used).collect::<Vec<_>>(), [3, 0, 2]);
         assert_eq!(drain(&mut merged), []);
     }

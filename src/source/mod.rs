@@ -110,8 +110,16 @@ mod testing {
     pub(super) fn listed(rows: Vec<Result<(f64, f64), &'static str>>) -> Box<dyn Source> {
         use fusion_models::units::{Dimensional, dim};
         let channel = fusion_models::block::Channel::vector("speed", 1, dim::Speed::KIND.dimension);
-        let channels = vec![ProvidedChannel { channel, offset: 0, delay_ns: 0 }];
-        Box::new(Listed { rows: rows.into_iter(), channels, tally: report::Tally::default() })
+        let channels = vec![ProvidedChannel {
+            channel,
+            offset: 0,
+            delay_ns: 0,
+        }];
+        Box::new(Listed {
+            rows: rows.into_iter(),
+            channels,
+            tally: report::Tally::default(),
+        })
     }
 
     impl Source for Listed {

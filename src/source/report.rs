@@ -82,7 +82,9 @@ impl fmt::Display for SourceReport {
                 write!(f, "\n    line {}: {}", example.line, example.what)?;
             }
         }
-        self.disturbed.iter().try_for_each(|(fault, count)| write!(f, "\n  disturbed {count}: fault {fault}"))
+        self.disturbed
+            .iter()
+            .try_for_each(|(fault, count)| write!(f, "\n  disturbed {count}: fault {fault}"))
     }
 }
 
@@ -117,7 +119,11 @@ impl Tally {
     pub(super) fn skipped(&mut self, reason: &str, example: Option<(usize, String)>) {
         let entries = &mut self.0.skipped;
         let at = entries.iter().position(|s| s.reason == reason).unwrap_or_else(|| {
-            entries.push(Skipped { reason: reason.to_owned(), count: 0, examples: Vec::new() });
+            entries.push(Skipped {
+                reason: reason.to_owned(),
+                count: 0,
+                examples: Vec::new(),
+            });
             entries.len() - 1
         });
         let entry = &mut entries[at];

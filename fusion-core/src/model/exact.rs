@@ -189,3 +189,101 @@ impl<M: ExactModel> Measurement for Exact<M> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::so3::{from_rpy, rotation, skew};
+    use crate::model::{Input, Process, SignalsOut};
+    use crate::state::{Declaration, Dynamics, Layout, LayoutBuilder, Signal, Slot};
+    use crate::testing::check_measurement;
+
+    /// Reads a block of every kind, one of them twice, one fixed and one a signal.
+    #[derive(Debug)]
+    struct Everything {
+        position: Quantity<Geodetic>,
+        attitude: Quantity<Attitude>,
+        lever_arm: Quantity<Vector<3>>,
+        velocity: Quantity<Velocity>,
+        local: Quantity<Position>,
+        heading: Quantity<Angle>,
+        scale: Quantity<Scalar>,
+        rate: Quantity<Vector<3>>,
+    }
+
+    impl ExactModel for Everything {
+        fn dim(&self) -> usize {
+            3
+        }
+        fn h<D: Real>(&self, x: &ExactView<'_, D>, z: &mut [D]) -> Result<(), Undefined> {
+            let [lat, lon, height] = x.geodetic(&self.position);
+            let arm = x.rotate(&self.attitude, &x.vector(&self.lever_arm));
+            let v = x.velocity(&self.velocity);
+            z[0] = (lat.sin() * lon.cos() + height * 1e-3) * x.scalar(&self.scale) + arm.x * v.y;
+            z[1] = x.angle(&self.heading).sin() * v.dot(&v) + arm.z;
+            z[2] = x.position(&self.local).dot(&x.vector(&self.rate)) + x.scalar(&self.scale) * v.x;
+            Ok(())
+        }
+    }
+
+    /// Gives the signal `rate` = 2 × velocity.
+    #[derive(Debug)]
+    struct Turning(Slot<Velocity>, Signal<Vector<3>>);
+
+    impl Process for Turning {
+        fn input_dim(&self) -> usize {
+            0
+        }
+        fn propagate(&self, _: &mut [f64], _: &Input<'_>, _: f64) {}
+        fn linearise(&self, _: &[f64], _: &Input<'_>, _: f64, _: &mut crate::linear::Transition) {}
+        fn signals(&self, x: &[f64], _: &Input<'_>, out: &mut SignalsOut<'_>) {
+            out.set(self.1, &(self.0.read(x) * 2.0));
+            out.add(self.1, self.0, &(nalgebra::Matrix3::identity() * 2.0));
+        }
+    }
+
+    fn problem() -> (Layout, Turning, Everything) {
+        fn state<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M::Value) -> Slot<M> {
+            let (name, owner, sigma) = (name.to_owned(), String::new(), vec![1.0; M::KIND.dim()]);
+            b.declare::<M>(Declaration { name, owner, unit: "", initial, sigma, dynamics: Dynamics::Process }).unwrap()
+        }
+        let mut b = LayoutBuilder::new();
+        let velocity = state::<Velocity>(&mut b, "velocity", Vector3::new(1.0, -2.0, 0.5));
+        let signal = b.signal("rate").unwrap();
+        let model = Everything {
+            position: state::<Geodetic>(&mut b, "position", Geodetic::new(0.6, 2.2, 100.0)).into(),
+            attitude: state::<Attitude>(&mut b, "attitude", from_rpy(0.3, -0.5, 2.0)).into(),
+            lever_arm: state::<Vector<3>>(&mut b, "lever_arm", Vector3::new(0.5, 1.0, -2.0)).into(),
+            velocity: velocity.into(),
+            local: Quantity::Fixed(Vector3::new(10.0, 20.0, 30.0)),
+            heading: state::<Angle>(&mut b, "heading", 1.0).into(),
+            scale: state::<Scalar>(&mut b, "scale", 1.5).into(),
+            rate: Quantity::Signal(signal),
+        };
+        (b.finish(), Turning(velocity, signal), model)
+    }
+
+    #[test]
+    fn exact_jacobians_of_every_kind_match_central_differences() {
+        let (layout, process, model) = problem();
+        check_measurement(&layout, Some(&process), &Exact(model), layout.initial(), &Input::alone(&[])).unwrap();
+    }
+
+    #[test]
+    fn the_exact_derivative_of_a_rotated_vector_is_the_one_by_hand() {
+        let (layout, _, model) = problem();
+        let signals = [0.0; 3];
+        let view = View::new(layout.initial(), &signals);
+        let mut h = Jacobian::new(&layout, 3);
+        h.reset(3);
+        let (c, l, v) = (rotation(&view.get(&model.attitude)), view.get(&model.lever_arm), view.get(&model.velocity));
+        let start = layout.block("attitude").unwrap().tangent;
+        Exact(model).jacobian(&view, &mut h).unwrap();
+        let by_hand = -c * skew(&l);
+        for j in 0..3 {
+            // 4 ε: rounding.
+            assert!((h.get(0, start + j) - by_hand[(0, j)] * v.y).abs() < 1e-14);
+            assert!((h.get(1, start + j) - by_hand[(2, j)]).abs() < 1e-14);
+        }
+    }
+}

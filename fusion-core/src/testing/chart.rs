@@ -19,7 +19,10 @@ pub fn check_kind(kind: Kind, x: &[f64], delta: &[f64]) -> Result<(), String> {
     let size = |v: &[f64]| v.iter().fold(1.0, |m: f64, v| m.max(v.abs()));
     for i in 0..kind.dim() {
         if !((back[i] - delta[i]).abs() <= tolerance * size(delta) * size(x)) {
-            return Err(format!("{kind:?}: (x ⊞ δ) ⊟ x differs from δ on axis {i}: {} instead of {}", back[i], delta[i]));
+            return Err(format!(
+                "{kind:?}: (x ⊞ δ) ⊟ x differs from δ on axis {i}: {} instead of {}",
+                back[i], delta[i]
+            ));
         }
     }
     kind.plus(&mut still, &vec![0.0; kind.dim()]);
@@ -52,7 +55,10 @@ pub fn check_chart(layout: &Layout, chart: &dyn Chart, x: &[f64], delta: &[f64])
         // 1e-12: an inverse and two products of 3×3 matrices of condition up to 1e2.
         if !((carried - t_after.get(i, j)).abs() <= 1e-12 * (1.0 + t_after.get(i, j).abs())) {
             let name = name_of(layout, i);
-            return Err(format!("{chart:?}, `{name}`: reset·T(x⁻) has {carried} at ({i}, {j}), T(x⁺) has {}", t_after.get(i, j)));
+            return Err(format!(
+                "{chart:?}, `{name}`: reset·T(x⁻) has {carried} at ({i}, {j}), T(x⁺) has {}",
+                t_after.get(i, j)
+            ));
         }
     }
     Ok(())
@@ -76,7 +82,10 @@ pub fn check_reset(layout: &Layout, chart: &dyn Chart, x: &[f64], delta: &[f64],
                 let analytic = reset.get(i, j) * factor;
                 // 1e-7: h²/6·f''' with f''' of up to 10 for h = 1e-4, rounding ε/h = 2e-12.
                 if !((numeric[i] - analytic).abs() <= 1e-7) {
-                    return Err(format!("{chart:?}, `{}`: reset ({i}, {j}) is {analytic}, numerically {}", b.name, numeric[i]));
+                    return Err(format!(
+                        "{chart:?}, `{}`: reset ({i}, {j}) is {analytic}, numerically {}",
+                        b.name, numeric[i]
+                    ));
                 }
             }
         }
@@ -95,7 +104,10 @@ fn check_retraction(layout: &Layout, chart: &dyn Chart, x: &[f64]) -> Result<(),
             let wanted = f64::from(u8::from(i == j));
             // 1e-6: h²/6·f''' with f''' of up to 100 near the edge of the Euler chart.
             if !((v - wanted).abs() <= 1e-6) {
-                return Err(format!("{chart:?}, `{}`: the retraction's derivative is {v} at ({i}, {j}) instead of {wanted}", b.name));
+                return Err(format!(
+                    "{chart:?}, `{}`: the retraction's derivative is {v} at ({i}, {j}) instead of {wanted}",
+                    b.name
+                ));
             }
         }
     }
@@ -116,5 +128,9 @@ fn derivative(layout: &Layout, chart: &dyn Chart, x: &[f64], at: &[f64], base: &
 }
 
 fn name_of(layout: &Layout, axis: usize) -> &str {
-    layout.blocks().iter().find(|b| b.tangent_range().contains(&axis)).map_or("?", |b| b.name.as_str())
+    layout
+        .blocks()
+        .iter()
+        .find(|b| b.tangent_range().contains(&axis))
+        .map_or("?", |b| b.name.as_str())
 }

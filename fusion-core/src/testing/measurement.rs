@@ -92,3 +92,79 @@ fn round_trip(model: &dyn Measurement, z: &[f64], m: usize) -> Result<(), String
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::Undefined;
+    use crate::state::{Angle, Declaration, Dynamics, LayoutBuilder, Manifold, Position, Quantity, Slot, View};
+    use nalgebra::{RowVector3, Vector3};
+
+    /// The distance from the origin, its slope off by a factor, its errors undone wrongly.
+    #[derive(Debug)]
+    struct Distance {
+        position: Quantity<Position>,
+        factor: f64,
+        undone: f64,
+    }
+
+    impl Measurement for Distance {
+        fn size(&self) -> Size {
+            Size::same(1)
+        }
+        fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {
+            value[0] = at.get(&self.position).norm();
+            Ok(())
+        }
+        fn jacobian(&self, at: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined> {
+            let p = at.get(&self.position);
+            h.add(
+                0,
+                &self.position,
+                &RowVector3::new(p.x / p.norm(), p.y / p.norm() * self.factor, p.z / p.norm()),
+            );
+            Ok(())
+        }
+        fn perturb(&self, z: &mut [f64], e: &[f64]) {
+            z[0] += self.undone * e[0];
+        }
+    }
+
+    fn law(factor: f64, undone: f64) -> Result<(), String> {
+        fn declare<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M::Value) -> Slot<M> {
+            let (name, owner, sigma) = (name.to_owned(), String::new(), vec![1.0; M::KIND.dim()]);
+            b.declare::<M>(Declaration {
+                name,
+                owner,
+                unit: "",
+                initial,
+                sigma,
+                dynamics: Dynamics::Process,
+            })
+            .unwrap()
+        }
+        let mut b = LayoutBuilder::new();
+        declare::<Angle>(&mut b, "unread", 3.0);
+        let position = declare::<Position>(&mut b, "place", Vector3::new(30.0, -40.0, 20.0)).into();
+        let layout = b.finish();
+        check_measurement(
+            &layout,
+            None,
+            &Distance { position, factor, undone },
+            layout.initial(),
+            &Input::alone(&[]),
+        )
+    }
+
+    #[test]
+    fn a_true_jacobian_passes_and_one_off_by_a_hundred_thousandth_is_named() {
+        law(1.0, 1.0).unwrap();
+        let message = law(1.000_01, 1.0).unwrap_err();
+        assert!(message.contains("`place`") && message.contains("row 0, axis 1"), "{message}");
+    }
+
+    #[test]
+    fn an_error_that_the_residual_does_not_undo_is_seen() {
+        assert!(law(1.0, 0.9).unwrap_err().contains("perturb"));
+    }
+}

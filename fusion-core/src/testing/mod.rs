@@ -4,9 +4,10 @@
 //! numbers that disagree. A test applies the laws to every registered block; a block added later
 //! is then tested without anyone writing that test.
 //!
-//! Numeric derivatives are central differences at two step sizes, extrapolated (Richardson). The
-//! two differ by the truncation and rounding of the coarser one, which bounds what may be asked
-//! of the comparison; where even that bound is coarse the law fails rather than pass unseen.
+//! Numeric derivatives are central differences at three step sizes, extrapolated in pairs
+//! (Richardson). How the two extrapolations differ bounds their truncation and rounding, and so
+//! what may be asked of the comparison; where that bound is coarse the law fails rather than
+//! pass unseen.
 //! Steps are those of the block's kind: 1 m of position, 0.01 rad of attitude, see [`step`].
 
 mod chart;

@@ -40,7 +40,11 @@ struct Feed {
 
 impl Feed {
     fn new(gate: &dyn Gate, dim: usize) -> Self {
-        Self { gate: gate.boxed_clone(), time: 0.0, dim }
+        Self {
+            gate: gate.boxed_clone(),
+            time: 0.0,
+            dim,
+        }
     }
 
     fn judge(&mut self, after: f64, sigmas: &[f64]) -> Answer {
@@ -51,7 +55,14 @@ impl Feed {
         let residual: Vec<f64> = sigmas[..m].iter().map(|s| s * 2_f64.sqrt()).collect();
         let nis = sigmas[..m].iter().map(|s| s * s).sum();
         let time = Time::from_seconds(self.time);
-        self.gate.judge(&GateInput { time, residual: &residual, predicted: &one, noise: &one, innovation: &two, nis })
+        self.gate.judge(&GateInput {
+            time,
+            residual: &residual,
+            predicted: &one,
+            noise: &one,
+            innovation: &two,
+            nis,
+        })
     }
 }
 
@@ -121,10 +132,16 @@ fn copies_agree(gate: &dyn Gate, dim: usize) -> Result<(), String> {
     let mut original = Feed::new(gate, dim);
     for _ in 0..200 {
         let sigmas = ZERO.map(|_| 6.0 * random.signed());
-        let mut copy = Feed { gate: original.gate.boxed_clone(), time: original.time, dim };
+        let mut copy = Feed {
+            gate: original.gate.boxed_clone(),
+            time: original.time,
+            dim,
+        };
         let (a, b) = (original.judge(1.0, &sigmas), copy.judge(1.0, &sigmas));
         if a != b {
-            return Err(format!("dimension {dim}: a copy of the gate answers {b:?} where the gate answers {a:?}"));
+            return Err(format!(
+                "dimension {dim}: a copy of the gate answers {b:?} where the gate answers {a:?}"
+            ));
         }
     }
     Ok(())

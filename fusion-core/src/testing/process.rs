@@ -61,7 +61,13 @@ fn check_noise(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<
     let phi = DMatrix::from_fn(n, n, |i, j| t.phi.get(i, j));
     let q = &phi * dense(&t.before.entries) * phi.transpose() + dense(&t.after.entries);
     finite("the process noise", q.as_slice())?;
-    let name = |i: usize| layout.blocks().iter().find(|b| b.tangent_range().contains(&i)).map_or("?", |b| b.name.as_str());
+    let name = |i: usize| {
+        layout
+            .blocks()
+            .iter()
+            .find(|b| b.tangent_range().contains(&i))
+            .map_or("?", |b| b.name.as_str())
+    };
     // As correlations, so that metres and radians weigh alike.
     let scale: Vec<f64> = (0..n).map(|i| q[(i, i)].max(0.0).sqrt()).collect();
     let mut correlation = DMatrix::zeros(n, n);
@@ -69,17 +75,32 @@ fn check_noise(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<
         let size = scale[i] * scale[j];
         // 1e-12: rounding of two products of Φ.
         if !((q[(i, j)] - q[(j, i)]).abs() <= 1e-12 * size) {
-            return Err(format!("Q is not symmetric between `{}` and `{}`: {:e}, {:e}", name(i), name(j), q[(i, j)], q[(j, i)]));
+            return Err(format!(
+                "Q is not symmetric between `{}` and `{}`: {:e}, {:e}",
+                name(i),
+                name(j),
+                q[(i, j)],
+                q[(j, i)]
+            ));
         }
         if size > 0.0 {
             correlation[(i, j)] = q[(i, j)] / size;
         } else if q[(i, j)] != 0.0 {
-            return Err(format!("Q has {:e} between `{}` and `{}`, one of which has no variance", q[(i, j)], name(i), name(j)));
+            return Err(format!(
+                "Q has {:e} between `{}` and `{}`, one of which has no variance",
+                q[(i, j)],
+                name(i),
+                name(j)
+            ));
         }
     }
     let least = correlation.symmetric_eigen().eigenvalues.min();
     // −1e-9: a noise of rank below n has zeros that rounding puts on either side.
-    if least < -1e-9 { Err(format!("Q is not positive: least eigenvalue of its correlations {least:e}")) } else { Ok(()) }
+    if least < -1e-9 {
+        Err(format!("Q is not positive: least eigenvalue of its correlations {least:e}"))
+    } else {
+        Ok(())
+    }
 }
 
 /// What Φ may be off by at one element, and by how much it is.
@@ -106,13 +127,20 @@ fn gaps(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>, dt
     for row in layout.blocks() {
         let noise = 8.0 * rounding(row.kind, &base[row.storage_range()]) / numeric.step;
         let identity = |i: usize| f64::from(u8::from(i == j));
-        let moved = row.tangent_range().fold(0.0, |m: f64, i| m.max((numeric.value[i] - identity(i)).abs()));
+        let moved = row
+            .tangent_range()
+            .fold(0.0, |m: f64, i| m.max((numeric.value[i] - identity(i)).abs()));
         for i in row.tangent_range() {
             let (analytic, numeric) = (t.phi.get(i, j), numeric.value[i]);
             if !analytic.is_finite() {
                 return Err(format!("Φ of `{}` by `{}` is not finite", row.name, col.name));
             }
-            out.push(Gap { gap: (analytic - numeric).abs(), floor: noise + 1e-6 * moved, analytic, numeric });
+            out.push(Gap {
+                gap: (analytic - numeric).abs(),
+                floor: noise + 1e-6 * moved,
+                analytic,
+                numeric,
+            });
         }
     }
     Ok(out)
@@ -182,4 +210,116 @@ fn check_signals(layout: &Layout, process: &dyn Process, x: &[f64], input: &Inpu
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::SignalsOut;
+    use crate::state::{Declaration, LayoutBuilder, Scalar, Signal, Slot};
+    use nalgebra::Matrix1;
+
+    /// What is wrong with a pendulum.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    enum Fault {
+        None,
+        Generator,
+        Noise,
+        Signal,
+        Foreign,
+        Restless,
+    }
+
+    /// A pendulum by Euler's step, with Φ = I + FΔt of its middle: true to first order only.
+    #[derive(Debug)]
+    struct Pendulum {
+        angle: Slot<Scalar>,
+        rate: Slot<Scalar>,
+        foreign: Slot<Scalar>,
+        sine: Signal<Scalar>,
+        fault: Fault,
+    }
+
+    impl Process for Pendulum {
+        fn input_dim(&self) -> usize {
+            0
+        }
+        fn propagate(&self, x: &mut [f64], _: &Input<'_>, dt: f64) {
+            let (a, w) = (self.angle.read(x), self.rate.read(x));
+            let middle = a + 0.5 * dt * w;
+            self.angle.write(&(a + dt * w - 0.5 * dt * dt * a.sin()), x);
+            self.rate
+                .write(&(w - dt * middle.sin() + if self.fault == Fault::Restless { 1e-3 } else { 0.0 }), x);
+            if self.fault == Fault::Foreign {
+                self.foreign.write(&1.0, x);
+            }
+        }
+        fn linearise(&self, x: &[f64], _: &Input<'_>, dt: f64, out: &mut Transition) {
+            let wrong = if self.fault == Fault::Generator { 1.01 } else { 1.0 };
+            out.set(self.angle, self.rate, &Matrix1::new(dt));
+            out.set(self.rate, self.angle, &Matrix1::new(-dt * wrong * self.angle.read(x).cos()));
+            out.noise(self.rate, self.rate, &Matrix1::new(dt));
+            out.noise(self.angle, self.angle, &Matrix1::new(dt));
+            let cross = if self.fault == Fault::Noise { 1.1 } else { 0.9 };
+            out.noise(self.angle, self.rate, &Matrix1::new(cross * dt));
+        }
+        fn signals(&self, x: &[f64], _: &Input<'_>, out: &mut SignalsOut<'_>) {
+            let wrong = if self.fault == Fault::Signal { 1.001 } else { 1.0 };
+            out.set(self.sine, &self.angle.read(x).sin());
+            out.add(self.sine, self.angle, &Matrix1::new(wrong * self.angle.read(x).cos()));
+        }
+    }
+
+    fn law(fault: Fault) -> Result<(), String> {
+        let mut b = LayoutBuilder::new();
+        let mut declare = |name: &str, initial: f64, dynamics: Dynamics| {
+            let (name, owner) = (name.to_owned(), String::new());
+            b.declare::<Scalar>(Declaration {
+                name,
+                owner,
+                unit: "",
+                initial,
+                sigma: vec![1.0],
+                dynamics,
+            })
+            .unwrap()
+        };
+        let angle = declare("angle", 0.7, Dynamics::Process);
+        let rate = declare("rate", -0.4, Dynamics::Process);
+        let foreign = declare("foreign", 0.0, Dynamics::Constant);
+        let sine = b.signal("sine").unwrap();
+        let layout = b.finish();
+        check_process(
+            &layout,
+            &Pendulum {
+                angle,
+                rate,
+                foreign,
+                sine,
+                fault,
+            },
+            layout.initial(),
+            &Input::alone(&[]),
+            0.01,
+        )
+    }
+
+    #[test]
+    fn a_process_true_to_first_order_passes() {
+        law(Fault::None).unwrap();
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_process_is_named() {
+        for (fault, words) in [
+            (Fault::Generator, ["Φ of `rate` by `angle`", "wrong"]),
+            (Fault::Noise, ["Q is not positive", "eigenvalue"]),
+            (Fault::Signal, ["∂`sine`/∂`angle`", "wrong"]),
+            (Fault::Foreign, ["`foreign`", "Constant"]),
+            (Fault::Restless, ["no time", "`rate`"]),
+        ] {
+            let message = law(fault).unwrap_err();
+            assert!(words.iter().all(|w| message.contains(w)), "{fault:?}: {message}");
+        }
+    }
 }

@@ -24,7 +24,7 @@ impl Amounts {
         match values[..] {
             [one] => Ok(vec![one; width]),
             _ if values.len() == width => Ok(values),
-            _ => Err(BuildError::at(field, format!("{} quantities are given, {width} are wanted: one per axis", values.len()))),
+            _ => Err(BuildError::at(field, wrong_number(values.len(), width))),
         }
     }
 
@@ -33,6 +33,11 @@ impl Amounts {
     pub fn written(&self) -> usize {
         self.0.len()
     }
+}
+
+/// What is said of a wrong number of them.
+pub(super) fn wrong_number(given: usize, wanted: usize) -> String {
+    format!("one quantity per axis is wanted: {wanted}, not {given}")
 }
 
 impl<'de> Deserialize<'de> for Amounts {

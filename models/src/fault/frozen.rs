@@ -17,15 +17,24 @@ pub struct FrozenSpec {
     window: Windows,
 }
 
-crate::register!(Fault, "frozen", FrozenSpec, r#"
+crate::register!(
+    Fault,
+    "frozen",
+    FrozenSpec,
+    r#"
 window = { from = "200 s", to = "210 s" }
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "frozen")]
 impl FaultSpec for FrozenSpec {
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
         let target = self.channel.as_deref().map(|name| Target::find(context, Some(name))).transpose()?;
-        Ok(Box::new(Frozen { target, window: self.window.clone(), last: None }))
+        Ok(Box::new(Frozen {
+            target,
+            window: self.window.clone(),
+            last: None,
+        }))
     }
 }
 

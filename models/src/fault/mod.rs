@@ -94,14 +94,29 @@ mod testing {
 
     /// A source of position, velocity, heading and attitude: 3 + 3 + 1 + 4 numbers.
     pub(super) fn channels() -> Vec<ProvidedChannel> {
-        let heading = Channel { shape: Shape::Angle, ..Channel::vector("heading", 1, dim::Angle::KIND.dimension) };
-        let attitude = Channel { shape: Shape::Quaternion, ..Channel::vector("attitude", 4, crate::units::Dimension::NONE) };
-        let channels = [Channel::geodetic("position"), Channel::vector("velocity", 3, dim::Speed::KIND.dimension), heading, attitude];
+        let heading = Channel {
+            shape: Shape::Angle,
+            ..Channel::vector("heading", 1, dim::Angle::KIND.dimension)
+        };
+        let attitude = Channel {
+            shape: Shape::Quaternion,
+            ..Channel::vector("attitude", 4, crate::units::Dimension::NONE)
+        };
+        let channels = [
+            Channel::geodetic("position"),
+            Channel::vector("velocity", 3, dim::Speed::KIND.dimension),
+            heading,
+            attitude,
+        ];
         let mut offset = 0;
         let place = |channel: Channel| {
             let at = offset;
             offset += channel.width;
-            ProvidedChannel { channel, offset: at, delay_ns: 0 }
+            ProvidedChannel {
+                channel,
+                offset: at,
+                delay_ns: 0,
+            }
         };
         channels.into_iter().map(place).collect()
     }
@@ -109,10 +124,7 @@ mod testing {
     pub(super) const ROW: [f64; 11] = [0.7, -1.4, 200.0, 1.0, 2.0, 3.0, 0.5, 1.0, 0.0, 0.0, 0.0];
 
     /// Reads a spec and builds it on [`channels`].
-    pub(super) fn build<S: super::FaultSpec + serde::de::DeserializeOwned>(
-        text: &str,
-        seed: u64,
-    ) -> Result<Box<dyn super::Fault>, String> {
+    pub(super) fn build<S: super::FaultSpec + serde::de::DeserializeOwned>(text: &str, seed: u64) -> Result<Box<dyn super::Fault>, String> {
         let spec: S = toml::from_str(text).map_err(|e| e.message().to_owned())?;
         let channels = channels();
         spec.build(&FaultContext { channels: &channels, seed }).map_err(|e| {

@@ -23,10 +23,15 @@ pub struct NoiseSpec {
     window: Windows,
 }
 
-crate::register!(Fault, "noise", NoiseSpec, r#"
+crate::register!(
+    Fault,
+    "noise",
+    NoiseSpec,
+    r#"
 channel = "position"
 sigma = ["1 m", "1 m", "2 m"]
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "noise")]
 impl FaultSpec for NoiseSpec {
@@ -37,7 +42,13 @@ impl FaultSpec for NoiseSpec {
             return Err(BuildError::at("sigma", "a standard deviation is not negative"));
         }
         let by = vec![0.0; sigma.len()];
-        Ok(Box::new(Noise { target, sigma, by, window: self.window.clone(), seed: context.seed }))
+        Ok(Box::new(Noise {
+            target,
+            sigma,
+            by,
+            window: self.window.clone(),
+            seed: context.seed,
+        }))
     }
 }
 
@@ -73,14 +84,23 @@ mod tests {
     #[test]
     fn a_position_is_disturbed_in_metres_with_the_declared_sigma() {
         let mut noise = build::<NoiseSpec>("channel = 'position'\nsigma = [1, '2 m', 3]", 3).unwrap();
-        let truth = Geodetic { lat: ROW[0], lon: ROW[1], height: ROW[2] };
+        let truth = Geodetic {
+            lat: ROW[0],
+            lon: ROW[1],
+            height: ROW[2],
+        };
         let mut sums = [0.0; 3];
         const N: i64 = 4000;
         for k in 0..N {
             let mut row = ROW;
             assert_eq!(noise.apply(Time::from_nanos(k * 1_000_000), &mut row), Outcome::Disturbed);
             assert_eq!(row[3..], ROW[3..]);
-            let d = Geodetic { lat: row[0], lon: row[1], height: row[2] }.difference(&truth);
+            let d = Geodetic {
+                lat: row[0],
+                lon: row[1],
+                height: row[2],
+            }
+            .difference(&truth);
             sums.iter_mut().zip(d.iter()).for_each(|(s, d)| *s += d * d);
         }
         for (sum, sigma) in sums.into_iter().zip([1.0, 2.0, 3.0]) {
@@ -97,10 +117,13 @@ mod tests {
             said("channel = 'position'\nsigma = '1 deg'"),
             "sigma: \"1 deg\" is an angle [rad]; a length [m] is wanted here, e.g. \"0.5 m\""
         );
-        assert_eq!(said("channel = 'heading'\nsigma = -1"), "sigma: a standard deviation is not negative");
+        assert_eq!(
+            said("channel = 'heading'\nsigma = -1"),
+            "sigma: a standard deviation is not negative"
+        );
         assert_eq!(
             said("channel = 'velocity'\nsigma = [1, 2]"),
-            "sigma: 2 quantities are given, 3 are wanted: one per axis"
+            "sigma: one quantity per axis is wanted: 3, not 2"
         );
         assert_eq!(
             said("channel = 'speed'\nsigma = 1"),

@@ -17,9 +17,14 @@ pub struct OutageSpec {
     window: Windows,
 }
 
-crate::register!(Fault, "outage", OutageSpec, r#"
+crate::register!(
+    Fault,
+    "outage",
+    OutageSpec,
+    r#"
 window = { from = "300 s", duration = "60 s", every = "180 s" }
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "outage")]
 impl FaultSpec for OutageSpec {
@@ -28,7 +33,9 @@ impl FaultSpec for OutageSpec {
     }
 
     fn build(&self, _: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
-        Ok(Box::new(Outage { window: self.window.clone() }))
+        Ok(Box::new(Outage {
+            window: self.window.clone(),
+        }))
     }
 }
 
@@ -39,7 +46,11 @@ struct Outage {
 
 impl Fault for Outage {
     fn apply(&mut self, time: Time, _: &mut [f64]) -> Outcome {
-        if self.window.contains(time) { Outcome::Withheld } else { Outcome::Untouched }
+        if self.window.contains(time) {
+            Outcome::Withheld
+        } else {
+            Outcome::Untouched
+        }
     }
 }
 
@@ -54,14 +65,23 @@ pub struct DropSpec {
     window: Windows,
 }
 
-crate::register!(Fault, "drop", DropSpec, r#"
+crate::register!(
+    Fault,
+    "drop",
+    DropSpec,
+    r#"
 rate = "5 %"
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "drop")]
 impl FaultSpec for DropSpec {
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
-        Ok(Box::new(Drop { rate: self.rate.si(), window: self.window.clone(), seed: context.seed }))
+        Ok(Box::new(Drop {
+            rate: self.rate.si(),
+            window: self.window.clone(),
+            seed: context.seed,
+        }))
     }
 }
 
@@ -101,7 +121,9 @@ mod tests {
         let lost = |first: i64| -> Vec<i64> {
             let mut drop = build::<DropSpec>("rate = '20 %'", 7).unwrap();
             let stamp = |k: i64| Time::from_nanos(k * 10_000_000);
-            (first..10_000).filter(|k| drop.apply(stamp(*k), &mut ROW.clone()) == Outcome::Withheld).collect()
+            (first..10_000)
+                .filter(|k| drop.apply(stamp(*k), &mut ROW.clone()) == Outcome::Withheld)
+                .collect()
         };
         let all = lost(0);
         // 2000 ± 40 (1σ of the binomial): 5σ.

@@ -30,11 +30,16 @@ pub struct OutliersSpec {
     window: Windows,
 }
 
-crate::register!(Fault, "outliers", OutliersSpec, r#"
+crate::register!(
+    Fault,
+    "outliers",
+    OutliersSpec,
+    r#"
 channel = "position"
 rate = "10 %"
 size = ["20 m", "100 m"]
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "outliers")]
 impl FaultSpec for OutliersSpec {
@@ -48,7 +53,15 @@ impl FaultSpec for OutliersSpec {
         }
         let by = vec![0.0; target.outlier_degrees()];
         let (rate, window, seed) = (self.rate.si(), self.window.clone(), context.seed);
-        Ok(Box::new(Outliers { target, rate, least, greatest, by, window, seed }))
+        Ok(Box::new(Outliers {
+            target,
+            rate,
+            least,
+            greatest,
+            by,
+            window,
+            seed,
+        }))
     }
 }
 
@@ -113,12 +126,25 @@ mod tests {
 
     #[test]
     fn a_position_errs_horizontally_in_all_directions_by_the_declared_size() {
-        let truth = Geodetic { lat: ROW[0], lon: ROW[1], height: ROW[2] };
+        let truth = Geodetic {
+            lat: ROW[0],
+            lon: ROW[1],
+            height: ROW[2],
+        };
         let rows = wild("position", "['20 m', 100]");
         // 1000 ± 27 (1σ of the binomial): 5σ.
         assert!(rows.len().abs_diff(1000) < 137, "{}", rows.len());
-        let errors: Vec<Vector3<f64>> =
-            rows.iter().map(|r| Geodetic { lat: r[0], lon: r[1], height: r[2] }.difference(&truth)).collect();
+        let errors: Vec<Vector3<f64>> = rows
+            .iter()
+            .map(|r| {
+                Geodetic {
+                    lat: r[0],
+                    lon: r[1],
+                    height: r[2],
+                }
+                .difference(&truth)
+            })
+            .collect();
         // 1 cm: the metres of a displacement and of a difference are taken at two latitudes.
         assert!(errors.iter().all(|e| e.z == 0.0 && (19.99..100.01).contains(&e.norm())));
         let mean = errors.iter().map(|e| e.xy().normalize()).sum::<nalgebra::Vector2<f64>>() / errors.len() as f64;
@@ -133,7 +159,11 @@ mod tests {
         let ups = wild("heading", "['90 deg', '90 deg']").iter().filter(|r| r[6] > 0.5).count();
         assert!(ups.abs_diff(500) < 137, "{ups}");
         let turn = |r: &[f64; 11]| so3::log(&so3::from_scalar_first(&Vector4::from_column_slice(&r[7..11]))).norm();
-        assert!(wild("attitude", "['20 deg', '20 deg']").iter().all(|r| (turn(r) - 20f64.to_radians()).abs() < 1e-12));
+        assert!(
+            wild("attitude", "['20 deg', '20 deg']")
+                .iter()
+                .all(|r| (turn(r) - 20f64.to_radians()).abs() < 1e-12)
+        );
     }
 
     #[test]

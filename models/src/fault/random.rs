@@ -44,7 +44,11 @@ mod tests {
     #[test]
     fn seeds_differ_by_run_source_and_fault_and_never_change() {
         let seed = derive_seed(1, &["gnss", "outliers"]);
-        let others = [derive_seed(2, &["gnss", "outliers"]), derive_seed(1, &["gnssoutliers"]), derive_seed(1, &["gnss", "noise"])];
+        let others = [
+            derive_seed(2, &["gnss", "outliers"]),
+            derive_seed(1, &["gnssoutliers"]),
+            derive_seed(1, &["gnss", "noise"]),
+        ];
         assert!(!others.contains(&seed));
         assert_eq!(seed, PINNED);
     }

@@ -1,5 +1,6 @@
 //! A constant offset, from an instant on or for a while.
 
+use super::amount::wrong_number;
 use super::target::Target;
 use super::{Amounts, Fault, FaultContext, FaultSpec, Outcome, Windows};
 use crate::block::BuildError;
@@ -20,17 +21,26 @@ pub struct BiasStepSpec {
     value: Amounts,
 }
 
-crate::register!(Fault, "bias_step", BiasStepSpec, r#"
+crate::register!(
+    Fault,
+    "bias_step",
+    BiasStepSpec,
+    r#"
 channel = "position"
 at = "120 s"
 value = ["5 m", 0, 0]
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "bias_step")]
 impl FaultSpec for BiasStepSpec {
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
         let (target, by) = offset(context, self.channel.as_deref(), &self.value)?;
-        Ok(Box::new(Shift { target, by, when: When::From(Time::from_seconds(self.at.si())) }))
+        Ok(Box::new(Shift {
+            target,
+            by,
+            when: When::From(Time::from_seconds(self.at.si())),
+        }))
     }
 }
 
@@ -46,17 +56,26 @@ pub struct SpikeSpec {
     value: Amounts,
 }
 
-crate::register!(Fault, "spike", SpikeSpec, r#"
+crate::register!(
+    Fault,
+    "spike",
+    SpikeSpec,
+    r#"
 channel = "position"
 window = { from = "120 s", duration = "2 s" }
 value = ["30 m", "-20 m", 0]
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "spike")]
 impl FaultSpec for SpikeSpec {
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
         let (target, by) = offset(context, self.channel.as_deref(), &self.value)?;
-        Ok(Box::new(Shift { target, by, when: When::During(self.window.clone()) }))
+        Ok(Box::new(Shift {
+            target,
+            by,
+            when: When::During(self.window.clone()),
+        }))
     }
 }
 
@@ -64,8 +83,7 @@ impl FaultSpec for SpikeSpec {
 fn offset(context: &FaultContext<'_>, channel: Option<&str>, value: &Amounts) -> Result<(Target, Vec<f64>), BuildError> {
     let target = Target::find(context, channel)?;
     if value.written() != target.degrees() {
-        let message = format!("{} quantities are given, {} are wanted: one per axis", value.written(), target.degrees());
-        return Err(BuildError::at("value", message));
+        return Err(BuildError::at("value", wrong_number(value.written(), target.degrees())));
     }
     Ok((target, value.expect("value", target.degrees(), target.dimension())?))
 }
@@ -122,6 +140,6 @@ mod tests {
     #[test]
     fn one_number_is_no_direction() {
         let said = build::<BiasStepSpec>("channel = 'position'\nat = 5\nvalue = 3", 1).unwrap_err();
-        assert_eq!(said, "value: 1 quantities are given, 3 are wanted: one per axis");
+        assert_eq!(said, "value: one quantity per axis is wanted: 3, not 1");
     }
 }

@@ -19,7 +19,14 @@ pub(super) struct Target {
 impl Target {
     /// The channel `name`; without a name, the only one.
     pub(super) fn find(context: &FaultContext<'_>, name: Option<&str>) -> Result<Self, BuildError> {
-        let known = || context.channels.iter().map(|c| format!("`{}`", c.channel.name)).collect::<Vec<_>>().join(", ");
+        let known = || {
+            context
+                .channels
+                .iter()
+                .map(|c| format!("`{}`", c.channel.name))
+                .collect::<Vec<_>>()
+                .join(", ")
+        };
         let found = match (name, context.channels) {
             (None, [one]) => one,
             (None, _) => {
@@ -36,7 +43,12 @@ impl Target {
 
     fn of(provided: &ProvidedChannel) -> Self {
         let c = &provided.channel;
-        Self { offset: provided.offset, width: c.width, shape: c.shape, dimension: c.dimension }
+        Self {
+            offset: provided.offset,
+            width: c.width,
+            shape: c.shape,
+            dimension: c.dimension,
+        }
     }
 
     /// How many numbers a displacement has.
@@ -76,7 +88,12 @@ impl Target {
         let z = self.of_row(row);
         match self.shape {
             Shape::Geodetic => {
-                let moved = Geodetic { lat: z[0], lon: z[1], height: z[2] }.offset(&by);
+                let moved = Geodetic {
+                    lat: z[0],
+                    lon: z[1],
+                    height: z[2],
+                }
+                .offset(&by);
                 z.copy_from_slice(&[moved.lat, moved.lon, moved.height]);
             }
             Shape::Quaternion => {
@@ -84,7 +101,10 @@ impl Target {
                 z.copy_from_slice(so3::to_scalar_first(&q).as_slice());
             }
             Shape::Vector => z.iter_mut().enumerate().for_each(|(i, z)| *z += by_axis(&by, i)),
-            Shape::Angle => z.iter_mut().enumerate().for_each(|(i, z)| *z = so3::wrap_angle(*z + by_axis(&by, i))),
+            Shape::Angle => z
+                .iter_mut()
+                .enumerate()
+                .for_each(|(i, z)| *z = so3::wrap_angle(*z + by_axis(&by, i))),
         }
     }
 }

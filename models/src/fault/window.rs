@@ -31,7 +31,14 @@ pub struct Windows(Vec<Repeated>);
 impl Default for Windows {
     /// Always.
     fn default() -> Self {
-        Self(vec![Repeated { first: Window { from: Time::MIN, to: Time::MAX }, every: None, until: Time::MAX }])
+        Self(vec![Repeated {
+            first: Window {
+                from: Time::MIN,
+                to: Time::MAX,
+            },
+            every: None,
+            until: Time::MAX,
+        }])
     }
 }
 
@@ -79,8 +86,15 @@ impl Repeated {
         core::iter::from_fn(move || {
             let start = next.filter(|start| *start < to.min(self.until))?;
             next = self.every.map(|every| start.shifted(every)).filter(|n| *n > start);
-            let end = if self.first.to == Time::MAX { to } else { start.shifted(self.length()) };
-            Some(Window { from: start, to: end.min(self.until) })
+            let end = if self.first.to == Time::MAX {
+                to
+            } else {
+                start.shifted(self.length())
+            };
+            Some(Window {
+                from: start,
+                to: end.min(self.until),
+            })
         })
         .filter(move |w| w.to > from)
     }
@@ -114,9 +128,15 @@ impl Keys {
                 None => return Err("a window with a `duration` needs `from`".to_owned()),
             },
         };
-        let first = Window { from: from.unwrap_or(Time::MIN), to: to.unwrap_or(Time::MAX) };
+        let first = Window {
+            from: from.unwrap_or(Time::MIN),
+            to: to.unwrap_or(Time::MAX),
+        };
         if first.to <= first.from {
-            return Err(format!("the window ends at {}, not after its beginning at {}", first.to, first.from));
+            return Err(format!(
+                "the window ends at {}, not after its beginning at {}",
+                first.to, first.from
+            ));
         }
         let every = self.every.map(|e| nanos(e.si()));
         match (every, from, to) {
@@ -125,7 +145,11 @@ impl Keys {
             (Some(every), Some(from), Some(to)) if every < to.nanos().saturating_sub(from.nanos()) => {
                 Err("the window is longer than the interval at which it repeats".to_owned())
             }
-            _ => Ok(Repeated { first, every, until: instant(&self.until).unwrap_or(Time::MAX) }),
+            _ => Ok(Repeated {
+                first,
+                every,
+                until: instant(&self.until).unwrap_or(Time::MAX),
+            }),
         }
     }
 }
@@ -190,7 +214,10 @@ mod tests {
     }
 
     fn seconds(windows: &[Window]) -> Vec<(i64, i64)> {
-        windows.iter().map(|w| (w.from.nanos() / 1_000_000_000, w.to.nanos() / 1_000_000_000)).collect()
+        windows
+            .iter()
+            .map(|w| (w.from.nanos() / 1_000_000_000, w.to.nanos() / 1_000_000_000))
+            .collect()
     }
 
     fn t(seconds: f64) -> Time {
@@ -226,11 +253,23 @@ mod tests {
     #[test]
     fn windows_that_make_no_sense_are_refused() {
         let said = |text| read(text).unwrap_err();
-        assert_eq!(said("{ from = 5, to = 5 }"), "the window ends at 5.000000 s, not after its beginning at 5.000000 s");
-        assert_eq!(said("{ from = 5, to = 6, duration = 1 }"), "a window has an end, `to`, or a `duration`, not both");
+        assert_eq!(
+            said("{ from = 5, to = 5 }"),
+            "the window ends at 5.000000 s, not after its beginning at 5.000000 s"
+        );
+        assert_eq!(
+            said("{ from = 5, to = 6, duration = 1 }"),
+            "a window has an end, `to`, or a `duration`, not both"
+        );
         assert_eq!(said("{ duration = 1 }"), "a window with a `duration` needs `from`");
         assert_eq!(said("{ from = 5, every = 9 }"), "a repeated window needs `from` and an end");
-        assert_eq!(said("{ from = 5, to = 9, every = 3 }"), "the window is longer than the interval at which it repeats");
-        assert_eq!(said("{ from = 5, to = 9, until = 30 }"), "`until` ends a repetition and needs `every`");
+        assert_eq!(
+            said("{ from = 5, to = 9, every = 3 }"),
+            "the window is longer than the interval at which it repeats"
+        );
+        assert_eq!(
+            said("{ from = 5, to = 9, until = 30 }"),
+            "`until` ends a repetition and needs `every`"
+        );
     }
 }

@@ -37,13 +37,18 @@ pub struct ConstantVelocitySpec {
     velocity_sigma: Axes<dim::Speed, range::NonNegative>,
 }
 
-crate::register!(Process, "constant_velocity", ConstantVelocitySpec, r#"
+crate::register!(
+    Process,
+    "constant_velocity",
+    ConstantVelocitySpec,
+    r#"
 acceleration_noise = ["0.1 m/s^2/sqrt(Hz)", "0.1 m/s^2/sqrt(Hz)", "0.02 m/s^2/sqrt(Hz)"]
 initial_position = [0, 0, 0]
 position_sigma = "10 m"
 initial_velocity = [0, 0, 0]
 velocity_sigma = "1 m/s"
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "constant_velocity")]
 impl ProcessSpec for ConstantVelocitySpec {
@@ -55,7 +60,13 @@ impl ProcessSpec for ConstantVelocitySpec {
         let frame = LocalFrame::new(b.origin()?);
         let (position, velocity) = (Vector3::from(self.initial_position.si()), Vector3::from(self.initial_velocity.si()));
         Ok(Box::new(ConstantVelocity {
-            position: b.declare("local_position", "m", position, self.position_sigma.si().to_vec(), Dynamics::Process)?,
+            position: b.declare(
+                "local_position",
+                "m",
+                position,
+                self.position_sigma.si().to_vec(),
+                Dynamics::Process,
+            )?,
             velocity: b.declare("velocity", "m/s", velocity, self.velocity_sigma.si().to_vec(), Dynamics::Process)?,
             geodetic: b.signal("position")?,
             acceleration: b.signal("acceleration")?,
@@ -103,7 +114,11 @@ impl Process for ConstantVelocity {
         out.set(self.acceleration, &Vector3::zeros());
         if out.wants_jacobian() {
             // From the axes at the origin to those at the position.
-            out.add(self.geodetic, self.position, &(rotation_en(position.lat, position.lon).transpose() * self.c_en));
+            out.add(
+                self.geodetic,
+                self.position,
+                &(rotation_en(position.lat, position.lon).transpose() * self.c_en),
+            );
         }
     }
 }
@@ -117,7 +132,12 @@ mod tests {
     #[test]
     fn two_half_steps_grow_the_covariance_as_one_whole_step() {
         let mut layout = LayoutBuilder::new();
-        let mut build = Build { name: "process", layout: &mut layout, origin: Some(Geodetic::new(0.6, 2.2, 0.0)), gravity: Default::default() };
+        let mut build = Build {
+            name: "process",
+            layout: &mut layout,
+            origin: Some(Geodetic::new(0.6, 2.2, 0.0)),
+            gravity: Default::default(),
+        };
         let spec: ConstantVelocitySpec = toml::from_str("acceleration_noise = 0.3\nposition_sigma = 2\nvelocity_sigma = 1").unwrap();
         let model = spec.build(&mut build).unwrap();
         let layout = layout.finish();

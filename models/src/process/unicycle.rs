@@ -122,7 +122,11 @@ fn tenth() -> Positive<dim::Duration> {
     Positive::try_from_si(Duration::from_si(0.1).si()).unwrap()
 }
 
-crate::register!(Process, "unicycle", UnicycleSpec, r#"
+crate::register!(
+    Process,
+    "unicycle",
+    UnicycleSpec,
+    r#"
 speed_noise = "0.3 m/s^2/sqrt(Hz)"
 yaw_rate_noise = "5 deg/s^2/sqrt(Hz)"
 heading_noise = "0.1 deg/sqrt(s)"
@@ -134,7 +138,8 @@ initial_speed = "1 m/s"
 speed_sigma = "1 m/s"
 yaw_rate_sigma = "5 deg/s"
 max_step = "0.1 s"
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "unicycle")]
 impl ProcessSpec for UnicycleSpec {
@@ -149,7 +154,13 @@ impl ProcessSpec for UnicycleSpec {
         Ok(Box::new(Unicycle {
             position: b.declare("position", "m", origin, self.position_sigma.si().to_vec(), Dynamics::Process)?,
             heading: b.declare("heading", "rad", heading, vec![self.heading_sigma.si()], Dynamics::Process)?,
-            speed: b.declare("speed", "m/s", self.initial_speed.si(), vec![self.speed_sigma.si()], Dynamics::Process)?,
+            speed: b.declare(
+                "speed",
+                "m/s",
+                self.initial_speed.si(),
+                vec![self.speed_sigma.si()],
+                Dynamics::Process,
+            )?,
             yaw_rate: b.declare("yaw_rate", "rad/s", 0.0, vec![self.yaw_rate_sigma.si()], Dynamics::Process)?,
             velocity: b.signal("velocity")?,
             attitude: b.signal("attitude")?,

@@ -60,11 +60,16 @@ fn standard_pressure() -> ScalarParam<dim::Pressure> {
     ParamSpec::Fixed(Pressure::from_si(101_325.0))
 }
 
-crate::register!(Sensor, "barometer", BarometerSpec, r#"
+crate::register!(
+    Sensor,
+    "barometer",
+    BarometerSpec,
+    r#"
 lever_arm = [0.5, 0, "-20 cm"]
 sea_level_pressure = { estimate = true, initial = "1013.25 hPa", sigma = "10 hPa", random_walk = "2 Pa/sqrt(s)" }
 bias = { estimate = true, initial = 0, sigma = "5 m", correlation_time = "600 s" }
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "barometer")]
 impl SensorSpec for BarometerSpec {
@@ -99,7 +104,11 @@ struct Barometer {
 impl Barometer {
     fn height(&self, at: &View<'_>) -> Result<f64, Undefined> {
         let height = self.point.height(at) + at.get(&self.bias);
-        if height < TROPOPAUSE { Ok(height) } else { Err(Undefined("the barometer is above the troposphere")) }
+        if height < TROPOPAUSE {
+            Ok(height)
+        } else {
+            Err(Undefined("the barometer is above the troposphere"))
+        }
     }
 }
 

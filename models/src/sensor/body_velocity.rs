@@ -40,11 +40,16 @@ pub struct BodyVelocitySpec {
     scale: ScalarParam<dim::Ratio>,
 }
 
-crate::register!(Sensor, "body_velocity", BodyVelocitySpec, r#"
+crate::register!(
+    Sensor,
+    "body_velocity",
+    BodyVelocitySpec,
+    r#"
 lever_arm = { estimate = true, initial = [0.4, 0.1, "60 cm"], sigma = "10 cm" }
 mounting = { estimate = true, initial = [0, 0, "45 deg"], sigma = "1 deg" }
 scale = { estimate = true, initial = 0, sigma = "1 %" }
-"#);
+"#
+);
 
 /// Speed along the forward axis of a vehicle: an odometer, a wheel encoder, a water log.
 #[derive(Debug, Deserialize, JsonSchema)]
@@ -62,11 +67,16 @@ pub struct OdometerSpec {
     scale: ScalarParam<dim::Ratio>,
 }
 
-crate::register!(Sensor, "odometer", OdometerSpec, r#"
+crate::register!(
+    Sensor,
+    "odometer",
+    OdometerSpec,
+    r#"
 lever_arm = ["-1.2 m", "0.7 m", "0.4 m"]
 mounting = { estimate = true, initial = ["0.5 deg", "-1 deg", "2 deg"], sigma = [0, "1 deg", "1 deg"] }
 scale = { estimate = true, initial = "1 %", sigma = "3 %", random_walk = "0.01 %/sqrt(s)" }
-"#);
+"#
+);
 
 /// A wheeled or tracked vehicle moves neither sideways nor up: a constant of zero.
 #[derive(Debug, Deserialize, JsonSchema)]
@@ -107,11 +117,16 @@ impl Constraint {
     }
 }
 
-crate::register!(Sensor, "nonholonomic", NonholonomicSpec, r#"
+crate::register!(
+    Sensor,
+    "nonholonomic",
+    NonholonomicSpec,
+    r#"
 lever_arm = ["-1.2 m", 0, "0.4 m"]
 mounting = { estimate = true, initial = [0, 0, 0], sigma = [0, "1 deg", "1 deg"] }
 axes = "both"
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "body_velocity")]
 impl SensorSpec for BodyVelocitySpec {
@@ -157,7 +172,13 @@ impl SensorSpec for NonholonomicSpec {
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
         let rows = self.axes.rows();
-        Ok(Box::new(BodyVelocity::build(b, &self.lever_arm, &self.mounting, Param::Fixed(0.0), rows)?))
+        Ok(Box::new(BodyVelocity::build(
+            b,
+            &self.lever_arm,
+            &self.mounting,
+            Param::Fixed(0.0),
+            rows,
+        )?))
     }
 }
 
@@ -272,7 +293,10 @@ mod tests {
     fn behind_and_right_of_a_right_turn_the_vehicle_is_slower_and_swings_left() {
         // w × l = 0.2·[−0.5, −2, 0]; 4 ε: rounding.
         let z = predict(&model(0.0, ALL));
-        assert!((Vector3::from_column_slice(&z) - Vector3::new(2.9, -0.4, 0.0) * 1.1).amax() < 2e-15, "{z:?}");
+        assert!(
+            (Vector3::from_column_slice(&z) - Vector3::new(2.9, -0.4, 0.0) * 1.1).amax() < 2e-15,
+            "{z:?}"
+        );
         assert_eq!(predict(&model(0.0, Constraint::Both.rows())), z[1..]);
     }
 
@@ -280,6 +304,9 @@ mod tests {
     fn axes_mounted_to_the_right_see_the_forward_motion_from_their_left() {
         // x_b = C x_s with a yaw of 90°: the sensor's forward is the body's right.
         let z = predict(&model(core::f64::consts::FRAC_PI_2, ALL));
-        assert!((Vector3::from_column_slice(&z) - Vector3::new(-0.4, -2.9, 0.0) * 1.1).amax() < 2e-15, "{z:?}");
+        assert!(
+            (Vector3::from_column_slice(&z) - Vector3::new(-0.4, -2.9, 0.0) * 1.1).amax() < 2e-15,
+            "{z:?}"
+        );
     }
 }

@@ -33,11 +33,16 @@ pub struct DepthSpec {
     bias: ScalarParam<dim::Length>,
 }
 
-crate::register!(Sensor, "depth", DepthSpec, r#"
+crate::register!(
+    Sensor,
+    "depth",
+    DepthSpec,
+    r#"
 lever_arm = [0, 0, "30 cm"]
 surface = { estimate = true, initial = "28 m", sigma = "1 m", random_walk = "5 mm/sqrt(s)" }
 bias = { estimate = true, initial = 0, sigma = "10 cm" }
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "depth")]
 impl SensorSpec for DepthSpec {

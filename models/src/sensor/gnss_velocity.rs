@@ -36,11 +36,16 @@ pub struct GnssVelocitySpec {
     horizontal: bool,
 }
 
-crate::register!(Sensor, "gnss_velocity", GnssVelocitySpec, r#"
+crate::register!(
+    Sensor,
+    "gnss_velocity",
+    GnssVelocitySpec,
+    r#"
 lever_arm = { estimate = true, initial = [0.1, -0.2, "-1 m"], sigma = "20 cm" }
 time_offset = { estimate = true, initial = "0.1 s", sigma = "50 ms" }
 horizontal = false
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "gnss_velocity")]
 impl SensorSpec for GnssVelocitySpec {
@@ -62,8 +67,16 @@ impl SensorSpec for GnssVelocitySpec {
         Ok(Box::new(GnssVelocity {
             velocity: b.quantity("velocity")?,
             // A process that does not turn serves an antenna at the body origin.
-            turning: if at_the_body { None } else { Some((b.quantity("attitude")?, b.quantity("angular_rate")?)) },
-            acceleration: if self.time_offset.is_state() { Some(b.quantity("acceleration")?) } else { None },
+            turning: if at_the_body {
+                None
+            } else {
+                Some((b.quantity("attitude")?, b.quantity("angular_rate")?))
+            },
+            acceleration: if self.time_offset.is_state() {
+                Some(b.quantity("acceleration")?)
+            } else {
+                None
+            },
             lever_arm,
             time_offset: b.param("time_offset", &self.time_offset)?,
             delay: self.delay(),
@@ -92,7 +105,10 @@ impl GnssVelocity {
 
 impl Measurement for GnssVelocity {
     fn size(&self) -> Size {
-        Size { value: 3, residual: self.rows }
+        Size {
+            value: 3,
+            residual: self.rows,
+        }
     }
 
     fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {

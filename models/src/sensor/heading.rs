@@ -43,16 +43,26 @@ pub struct HeadingSpec {
     declination: units::Angle,
 }
 
-crate::register!(Sensor, "heading", HeadingSpec, r#"
+crate::register!(
+    Sensor,
+    "heading",
+    HeadingSpec,
+    r#"
 bias = { estimate = true, initial = 0, sigma = "2 deg", correlation_time = "300 s" }
 declination = "-8 deg"
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "heading")]
 impl SensorSpec for HeadingSpec {
     fn reading(&self) -> Reading {
         let dimension = dim::Angle::KIND.dimension;
-        Reading::Channel(Channel { name: Cow::Borrowed("heading"), width: 1, dimension, shape: Shape::Angle })
+        Reading::Channel(Channel {
+            name: Cow::Borrowed("heading"),
+            width: 1,
+            dimension,
+            shape: Shape::Angle,
+        })
     }
 
     fn noise(&self) -> Vec<Dimension> {
@@ -65,7 +75,11 @@ impl SensorSpec for HeadingSpec {
             Ok(heading) => Source::Heading(heading),
             Err(_) => Source::Attitude(b.quantity("attitude")?),
         };
-        Ok(Box::new(Heading { heading, bias: b.param("bias", &self.bias)?, declination: self.declination.si() }))
+        Ok(Box::new(Heading {
+            heading,
+            bias: b.param("bias", &self.bias)?,
+            declination: self.declination.si(),
+        }))
     }
 }
 
@@ -123,7 +137,11 @@ mod tests {
 
     fn compass(roll: f64, pitch: f64, yaw: f64) -> Heading {
         let attitude = Source::Attitude(Quantity::Fixed(from_rpy(roll, pitch, yaw)));
-        Heading { heading: attitude, bias: Param::Fixed(0.02), declination: -0.1 }
+        Heading {
+            heading: attitude,
+            bias: Param::Fixed(0.02),
+            declination: -0.1,
+        }
     }
 
     #[test]

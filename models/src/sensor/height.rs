@@ -29,10 +29,15 @@ pub struct HeightSpec {
     bias: ScalarParam<dim::Length>,
 }
 
-crate::register!(Sensor, "height", HeightSpec, r#"
+crate::register!(
+    Sensor,
+    "height",
+    HeightSpec,
+    r#"
 lever_arm = [0.5, 0, "-20 cm"]
 bias = { estimate = true, initial = 0, sigma = "5 m", correlation_time = "600 s" }
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "height")]
 impl SensorSpec for HeightSpec {
@@ -45,7 +50,10 @@ impl SensorSpec for HeightSpec {
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        Ok(Box::new(Height { point: Vertical::build(b, &self.lever_arm)?, bias: b.param("bias", &self.bias)? }))
+        Ok(Box::new(Height {
+            point: Vertical::build(b, &self.lever_arm)?,
+            bias: b.param("bias", &self.bias)?,
+        }))
     }
 }
 

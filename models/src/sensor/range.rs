@@ -38,14 +38,19 @@ pub struct RangeSpec {
     bias: ScalarParam<dim::Length>,
 }
 
-crate::register!(Sensor, "range", RangeSpec, r#"
+crate::register!(
+    Sensor,
+    "range",
+    RangeSpec,
+    r#"
 latitude = "36.0985 deg"
 longitude = "129.4505 deg"
 height = "-20 m"
 lever_arm = { estimate = true, initial = [0.5, 0, "-20 cm"], sigma = "10 cm" }
 scale = { estimate = true, initial = 0, sigma = "0.3 %", correlation_time = "1 h" }
 bias = { estimate = true, initial = 0, sigma = "20 cm" }
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "range")]
 impl SensorSpec for RangeSpec {
@@ -142,7 +147,11 @@ mod tests {
             0.0,
         );
         let by_attitude = -unit_n * c_nb * skew(&l);
-        (k * d.norm() + at.get(&model.bias), [unit_n + turning, by_attitude, unit_n * c_nb], d.norm())
+        (
+            k * d.norm() + at.get(&model.bias),
+            [unit_n + turning, by_attitude, unit_n * c_nb],
+            d.norm(),
+        )
     }
 
     fn problem() -> (Layout, Range, Vec<f64>) {
@@ -150,7 +159,17 @@ mod tests {
         fn state<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M::Value) -> Quantity<M> {
             let (sigma, dynamics) = (vec![1.0; M::KIND.dim()], Dynamics::Constant);
             let owner = "test".to_owned();
-            Quantity::State(b.declare::<M>(Declaration { name: name.to_owned(), owner, unit: "", initial, sigma, dynamics }).unwrap())
+            Quantity::State(
+                b.declare::<M>(Declaration {
+                    name: name.to_owned(),
+                    owner,
+                    unit: "",
+                    initial,
+                    sigma,
+                    dynamics,
+                })
+                .unwrap(),
+            )
         }
         let model = Range {
             beacon_e: ecef_from_geodetic(&Geodetic::new(0.6301, 2.2594, -20.0)),
@@ -177,10 +196,20 @@ mod tests {
         exact.jacobian(&view, &mut h).unwrap();
         // 1e-8 m: differences of Earth-centred coordinates of 6e6 m.
         assert!((z[0] - range).abs() < 1e-8, "{} {range}", z[0]);
-        let by_hand: Vec<f64> = position.iter().chain(&attitude).chain(&lever_arm).copied().chain([distance, 1.0]).collect();
+        let by_hand: Vec<f64> = position
+            .iter()
+            .chain(&attitude)
+            .chain(&lever_arm)
+            .copied()
+            .chain([distance, 1.0])
+            .collect();
         for (j, want) in by_hand.iter().enumerate() {
             // 1e-9 relative to the block: 1e-9 m of rounding over 1 km is 1e-12.
-            assert!((h.get(0, j) - want).abs() <= 1e-9 * want.abs().max(1.0), "{j}: {} {want}", h.get(0, j));
+            assert!(
+                (h.get(0, j) - want).abs() <= 1e-9 * want.abs().max(1.0),
+                "{j}: {} {want}",
+                h.get(0, j)
+            );
         }
     }
 

@@ -33,7 +33,9 @@ impl Vertical {
     /// Height above the ellipsoid [m].
     pub(super) fn height(&self, at: &View<'_>) -> f64 {
         let height = at.get(&self.position).height;
-        self.attitude.as_ref().map_or(height, |a| height - (at.get(a) * at.get(&self.lever_arm)).z)
+        self.attitude
+            .as_ref()
+            .map_or(height, |a| height - (at.get(a) * at.get(&self.lever_arm)).z)
     }
 
     /// Adds `slope` times the derivative of the height to row 0.

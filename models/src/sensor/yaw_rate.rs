@@ -24,9 +24,14 @@ pub struct YawRateSpec {
     bias: ScalarParam<dim::AngularRate>,
 }
 
-crate::register!(Sensor, "yaw_rate", YawRateSpec, r#"
+crate::register!(
+    Sensor,
+    "yaw_rate",
+    YawRateSpec,
+    r#"
 bias = { estimate = true, initial = 0, sigma = "1 deg/s", random_walk = "0.01 deg/s/sqrt(s)" }
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "yaw_rate")]
 impl SensorSpec for YawRateSpec {
@@ -39,7 +44,10 @@ impl SensorSpec for YawRateSpec {
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        Ok(Box::new(YawRate { rate: b.quantity("yaw_rate")?, bias: b.param("bias", &self.bias)? }))
+        Ok(Box::new(YawRate {
+            rate: b.quantity("yaw_rate")?,
+            bias: b.param("bias", &self.bias)?,
+        }))
     }
 }
 

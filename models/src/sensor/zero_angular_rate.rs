@@ -33,7 +33,11 @@ fn rate_in(p: &Geodetic, v: &Vector3<f64>) -> (Vector3<f64>, Matrix3<f64>, Matri
     );
     let by_height = Vector3::new(-east / earth.normal, north / earth.meridian, east * tan / earth.normal);
     let by_position = Matrix3::from_columns(&[by_latitude / earth.meridian, Vector3::zeros(), -by_height]);
-    (earth.earth_rate_n() + earth.transport_rate_n(v), by_position, earth.transport_matrix())
+    (
+        earth.earth_rate_n() + earth.transport_rate_n(v),
+        by_position,
+        earth.transport_matrix(),
+    )
 }
 
 /// At rest the gyros read their bias and the turning of the Earth.

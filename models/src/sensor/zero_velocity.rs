@@ -33,7 +33,9 @@ impl SensorSpec for ZeroVelocitySpec {
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        Ok(Box::new(ZeroVelocity { velocity: b.quantity("velocity")? }))
+        Ok(Box::new(ZeroVelocity {
+            velocity: b.quantity("velocity")?,
+        }))
     }
 }
 

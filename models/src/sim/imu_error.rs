@@ -138,7 +138,16 @@ impl Numbers {
     fn new(bias: f64, markov: f64, noise: f64) -> Self {
         let none = [0.0; 3];
         let (bias, markov, noise) = ([bias; 3], [markov; 3], [noise; 3]);
-        Self { bias, markov, tau: 300.0, walk: none, noise, scale: none, misalignment: none, resolution: none }
+        Self {
+            bias,
+            markov,
+            tau: 300.0,
+            walk: none,
+            noise,
+            scale: none,
+            misalignment: none,
+            resolution: none,
+        }
     }
 }
 
@@ -150,13 +159,18 @@ impl ImuPreset {
         let mg = 1e-3 * STANDARD_GRAVITY;
         match self {
             Self::Perfect => (Numbers::new(0.0, 0.0, 0.0), Numbers::new(0.0, 0.0, 0.0)),
-            Self::Hg1700 => (Numbers::new(per_hour, 0.0, 0.125 * per_root_hour), Numbers::new(mg, 0.0, 0.065 * 0.3048 / 60.0)),
-            Self::Navigation => {
-                (Numbers::new(0.01 * per_hour, 0.0, 0.002 * per_root_hour), Numbers::new(0.05 * mg, 0.0, 0.01 * mg))
-            }
-            Self::Consumer => {
-                (Numbers::new(0.2 * deg, 20.0 * per_hour, 0.3 * per_root_hour), Numbers::new(20.0 * mg, 0.3 * mg, 0.15 * mg))
-            }
+            Self::Hg1700 => (
+                Numbers::new(per_hour, 0.0, 0.125 * per_root_hour),
+                Numbers::new(mg, 0.0, 0.065 * 0.3048 / 60.0),
+            ),
+            Self::Navigation => (
+                Numbers::new(0.01 * per_hour, 0.0, 0.002 * per_root_hour),
+                Numbers::new(0.05 * mg, 0.0, 0.01 * mg),
+            ),
+            Self::Consumer => (
+                Numbers::new(0.2 * deg, 20.0 * per_hour, 0.3 * per_root_hour),
+                Numbers::new(20.0 * mg, 0.3 * mg, 0.15 * mg),
+            ),
         }
     }
 }
@@ -183,13 +197,29 @@ impl ImuError {
     /// over them.
     #[must_use]
     pub fn measure(&mut self, truth: &Sample, dt: f64) -> Sample {
-        Sample { rate: self.gyro.measure(&truth.rate, dt), force: self.accelerometer.measure(&truth.force, dt) }
+        Sample {
+            rate: self.gyro.measure(&truth.rate, dt),
+            force: self.accelerometer.measure(&truth.force, dt),
+        }
+    }
+
+    /// The scale factor errors.
+    #[must_use]
+    pub fn scale(&self) -> Sample {
+        let of = |triad: &Triad| triad.map.diagonal().add_scalar(-1.0);
+        Sample {
+            rate: of(&self.gyro),
+            force: of(&self.accelerometer),
+        }
     }
 
     /// The biases of the last sample.
     #[must_use]
     pub fn bias(&self) -> Sample {
-        Sample { rate: self.gyro.bias(), force: self.accelerometer.bias() }
+        Sample {
+            rate: self.gyro.bias(),
+            force: self.accelerometer.bias(),
+        }
     }
 }
 
@@ -213,7 +243,11 @@ impl Triad {
         let constant = Vector3::from_fn(|i, _| numbers.bias[i] * turn_on.normal());
         let map = Matrix3::from_fn(|i, j| {
             let draw = mounting.normal();
-            if i == j { 1.0 + numbers.scale[i] * draw } else { numbers.misalignment[i] * draw }
+            if i == j {
+                1.0 + numbers.scale[i] * draw
+            } else {
+                numbers.misalignment[i] * draw
+            }
         });
         Self {
             constant,
@@ -275,8 +309,13 @@ mod tests {
 
     #[test]
     fn white_noise_at_100_hz_has_the_tabulated_sigma() {
-        let mut imu = ImuError::new(&spec(r#"rate = "100 Hz"
-preset = "hg1700""#), 1);
+        let mut imu = ImuError::new(
+            &spec(
+                r#"rate = "100 Hz"
+preset = "hg1700""#,
+            ),
+            1,
+        );
         let [gyro, accelerometer] = statistics(&mut imu, &Sample::default(), 100_000);
         // 1 %: 1/√(2n) = 0.22 % of 1σ, and 0.2 % of digits in the table.
         assert!((gyro.1.to_degrees() / 0.0208 - 1.0).abs() < 0.01, "{}", gyro.1.to_degrees());
@@ -288,8 +327,10 @@ preset = "hg1700""#), 1);
 
     #[test]
     fn turn_on_biases_over_many_seeds_have_the_sigma_of_the_preset() {
-        let spec = spec(r#"rate = 100
-preset = "hg1700""#);
+        let spec = spec(
+            r#"rate = 100
+preset = "hg1700""#,
+        );
         let (mut gyro, mut accelerometer) = (0.0, 0.0);
         for seed in 0..2000 {
             let bias = ImuError::new(&spec, seed).bias();
@@ -303,7 +344,10 @@ preset = "hg1700""#);
 
     #[test]
     fn perfect_is_perfect_and_an_override_wins_over_the_preset() {
-        let truth = Sample { rate: Vector3::new(0.1, -0.2, 0.3), force: Vector3::new(0.5, 1.0, -9.8) };
+        let truth = Sample {
+            rate: Vector3::new(0.1, -0.2, 0.3),
+            force: Vector3::new(0.5, 1.0, -9.8),
+        };
         let mut perfect = ImuError::new(&spec("rate = 100"), 1);
         assert_eq!(perfect.measure(&truth, 0.01), truth);
         let text = r#"rate = 100
@@ -316,7 +360,10 @@ gyro = { bias = 0, noise = 0, markov = { sigma = 0, correlation_time = 1 } }"#;
 
     #[test]
     fn scale_factor_and_misalignment_multiply_and_quantisation_loses_no_angle() {
-        let truth = Sample { rate: Vector3::new(0.1, 0.0, 0.0), ..Sample::default() };
+        let truth = Sample {
+            rate: Vector3::new(0.1, 0.0, 0.0),
+            ..Sample::default()
+        };
         let text = r#"rate = 100
 gyro = { scale_factor = "300 ppm", misalignment = "1 mrad" }"#;
         let measured = ImuError::new(&spec(text), 4).measure(&truth, 0.01).rate;

@@ -50,7 +50,10 @@ pub fn sample(from: &Nav, to: &Nav, dt: f64, gravity: Gravity) -> Sample {
     }
     let phi = so3::log(&(from.q_nb.inverse() * so3::exp(&zeta) * to.q_nb));
     let dv_b = from.q_nb.inverse_transform_vector(&dv_n);
-    Sample { rate: phi / dt, force: so3::right_jacobian_inverse(&-phi) * dv_b / dt }
+    Sample {
+        rate: phi / dt,
+        force: so3::right_jacobian_inverse(&-phi) * dv_b / dt,
+    }
 }
 
 /// Which neighbour a process corrects a sample by, for coning and sculling.
@@ -79,15 +82,29 @@ impl Correction {
         let (now, before) = ([0.3, 0.0, 0.1, 0.0, 1.0, -9.0], [0.0, 0.4, -0.1, 2.0, 0.0, -9.0]);
         let (mut alone, mut corrected) = (x.to_vec(), x.to_vec());
         process.propagate(&mut alone, &Input::alone(&now), 0.1);
-        let input = Input { sample: &now, neighbour: &before, interval: 0.1, neighbour_interval: 0.1, neighbour_is_earlier: true };
+        let input = Input {
+            sample: &now,
+            neighbour: &before,
+            interval: 0.1,
+            neighbour_interval: 0.1,
+            neighbour_is_earlier: true,
+        };
         process.propagate(&mut corrected, &input, 0.1);
         if alone == corrected { Self::None } else { Self::Previous }
     }
 }
 
-/// The sample that, corrected by `previous` of `dt` seconds, becomes `wanted`.
+/// The length \[s\] for which the corrections are exact with linear rates, where a sample and its
+/// neighbour differ in length: `2T²/(T + T_neighbour)`.
+fn effective(own: f64, neighbour: f64) -> f64 {
+    2.0 * own * own / (own + neighbour)
+}
+
+/// The sample that, corrected by `previous`, becomes `wanted`; both with their lengths \[s\].
 #[must_use]
-pub fn before_correction(previous: &Sample, wanted: &Sample, dt: f64) -> Sample {
+pub fn before_correction(previous: (&Sample, f64), wanted: (&Sample, f64)) -> Sample {
+    let dt = effective(wanted.1, previous.1);
+    let (previous, wanted) = (previous.0, wanted.0);
     let mut raw = *wanted;
     // Each turn gains the size of a correction, |w| dt/12 < 1e-2: eight reach rounding.
     for _ in 0..8 {
@@ -99,20 +116,27 @@ pub fn before_correction(previous: &Sample, wanted: &Sample, dt: f64) -> Sample 
     raw
 }
 
-/// The pair of samples of `dt` seconds that, corrected by each other, become `wanted`.
+/// The pair of samples that, corrected by each other, become `wanted`; each with its length \[s\].
 #[must_use]
-pub fn pair_before_correction(wanted: [&Sample; 2], dt: [f64; 2]) -> [Sample; 2] {
-    let [mut first, mut second] = [*wanted[0], *wanted[1]];
+pub fn pair_before_correction(wanted: [(&Sample, f64); 2]) -> [Sample; 2] {
+    let [(a, a_dt), (b, b_dt)] = wanted;
+    let [a_pair, b_pair] = [effective(a_dt, b_dt), effective(b_dt, a_dt)];
+    let [mut first, mut second] = [*a, *b];
     for _ in 0..8 {
         let cone = |dt| coning_rate(&first.rate, &second.rate, dt);
         let scull = |dt| sculling_rate(&first.rate, &first.force, &second.rate, &second.force, dt);
-        let one = Sample { rate: wanted[0].rate - cone(dt[1]), force: wanted[0].force - scull(dt[1]) };
-        let two = Sample { rate: wanted[1].rate - cone(dt[0]), force: wanted[1].force - scull(dt[0]) };
+        let one = Sample {
+            rate: a.rate - cone(a_pair),
+            force: a.force - scull(a_pair),
+        };
+        let two = Sample {
+            rate: b.rate - cone(b_pair),
+            force: b.force - scull(b_pair),
+        };
         (first, second) = (one, two);
     }
     [first, second]
 }
-
 
 #[cfg(test)]
 mod tests {
@@ -134,7 +158,11 @@ mod tests {
 
     fn world(segments: &str) -> OpenLoop {
         let file: File = toml::from_str(&format!("trajectory = [{segments}]")).unwrap();
-        let start = Junction { position: Vector3::new(1.0, 2.0, 3.0), heading: 0.4, speed: 0.0 };
+        let start = Junction {
+            position: Vector3::new(1.0, 2.0, 3.0),
+            heading: 0.4,
+            speed: 0.0,
+        };
         let trajectory = Trajectory::new(start, &file.trajectory).unwrap();
         OpenLoop::new(trajectory, Geodetic::new(0.63, 2.2593, -23.0), G)
     }
@@ -199,18 +227,24 @@ mod tests {
 
     #[test]
     fn samples_before_correction_lead_to_what_is_wanted() {
-        let a = Sample { rate: Vector3::new(0.4, -0.7, 0.3), force: Vector3::new(1.0, 2.0, -9.0) };
-        let b = Sample { rate: Vector3::new(-0.2, 0.5, 2.0), force: Vector3::new(6.0, -4.0, -12.0) };
+        let a = Sample {
+            rate: Vector3::new(0.4, -0.7, 0.3),
+            force: Vector3::new(1.0, 2.0, -9.0),
+        };
+        let b = Sample {
+            rate: Vector3::new(-0.2, 0.5, 2.0),
+            force: Vector3::new(6.0, -4.0, -12.0),
+        };
         let corrected = |earlier: &Sample, later: &Sample, which: &Sample, dt| Sample {
             rate: which.rate + coning_rate(&earlier.rate, &later.rate, dt),
             force: which.force + sculling_rate(&earlier.rate, &earlier.force, &later.rate, &later.force, dt),
         };
         // 4 ε of 12 m/s².
         let near = |x: &Sample, y: &Sample| (x.rate - y.rate).norm() < 2e-15 && (x.force - y.force).norm() < 2e-14;
-        let raw = before_correction(&a, &b, DT);
+        let raw = before_correction((&a, DT), (&b, DT));
         assert!(near(&corrected(&a, &raw, &raw, DT), &b) && !near(&raw, &b));
-        let [one, two] = pair_before_correction([&a, &b], [DT, 2.0 * DT]);
-        assert!(near(&corrected(&one, &two, &one, 2.0 * DT), &a));
-        assert!(near(&corrected(&one, &two, &two, DT), &b));
+        let [one, two] = pair_before_correction([(&a, DT), (&b, 2.0 * DT)]);
+        assert!(near(&corrected(&one, &two, &one, 2.0 / 3.0 * DT), &a));
+        assert!(near(&corrected(&one, &two, &two, 8.0 / 3.0 * DT), &b));
     }
 }

@@ -148,14 +148,21 @@ impl SensorError {
             None => Ok(vec![0.0; rows.len()]),
         };
         let markov = match &spec.markov {
-            Some(m) => Some(Markov::new(m.sigma.si(rows, "markov.sigma")?, m.correlation_time.si(), random("markov"))),
+            Some(m) => Some(Markov::new(
+                m.sigma.si(rows, "markov.sigma")?,
+                m.correlation_time.si(),
+                random("markov"),
+            )),
             None => None,
         };
         let mut constant = random("bias");
         Ok(Self {
             white: si(&spec.white, "white")?,
             markov,
-            bias: si(&spec.bias_sigma, "bias_sigma")?.iter().map(|sigma| sigma * constant.normal()).collect(),
+            bias: si(&spec.bias_sigma, "bias_sigma")?
+                .iter()
+                .map(|sigma| sigma * constant.normal())
+                .collect(),
             resolution: si(&spec.resolution, "resolution")?,
             random: random("white"),
             last: None,
@@ -253,7 +260,11 @@ mod tests {
         let constant: Vec<f64> = (0..2000).map(|seed| series("rate = 1\nbias_sigma = '2 m'", seed, 2)[1]).collect();
         // 8 %: 1/√4000 = 1.6 % of 1σ.
         assert!((sigma(&constant) / 2.0 - 1.0).abs() < 0.08, "{}", sigma(&constant));
-        assert_eq!(series("rate = 1\nbias_sigma = '2 m'", 7, 2)[0], constant[7], "the same all through a run");
+        assert_eq!(
+            series("rate = 1\nbias_sigma = '2 m'", 7, 2)[0],
+            constant[7],
+            "the same all through a run"
+        );
     }
 
     #[test]

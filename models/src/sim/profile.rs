@@ -19,7 +19,11 @@ pub(super) struct Jet {
 impl Jet {
     /// The same value as a function of t where the argument was t/`duration`, times `size`.
     pub(super) fn stretched(self, size: f64, duration: f64) -> Self {
-        Self { value: self.value * size, first: self.first * size / duration, second: self.second * size / (duration * duration) }
+        Self {
+            value: self.value * size,
+            first: self.first * size / duration,
+            second: self.second * size / (duration * duration),
+        }
     }
 }
 
@@ -30,7 +34,11 @@ const STEP5_SLOPE: f64 = 1.875;
 pub(super) fn step5(u: f64) -> Jet {
     let u = u.clamp(0.0, 1.0);
     let (u2, v) = (u * u, 1.0 - u);
-    Jet { value: u2 * u * (10.0 + u * (6.0 * u - 15.0)), first: 30.0 * u2 * v * v, second: 60.0 * u * v * (1.0 - 2.0 * u) }
+    Jet {
+        value: u2 * u * (10.0 + u * (6.0 * u - 15.0)),
+        first: 30.0 * u2 * v * v,
+        second: 60.0 * u * v * (1.0 - 2.0 * u),
+    }
 }
 
 /// ∫ of [`step5`] from 0 to `u`; 1/2 at 1.
@@ -76,7 +84,11 @@ impl Turn {
         let u = u.clamp(0.0, 1.0);
         if u > 0.5 {
             let mirrored = Self::at(1.0 - u);
-            return Jet { value: 1.0 - mirrored.value, first: mirrored.first, second: -mirrored.second };
+            return Jet {
+                value: 1.0 - mirrored.value,
+                first: mirrored.first,
+                second: -mirrored.second,
+            };
         }
         let rate = step5(u / Self::RAMP);
         let steady = (u - Self::RAMP).max(0.0);
@@ -142,7 +154,10 @@ impl Along {
             }
             _ => return Err(BuildError::at("distance", "state either `distance` or `duration`")),
         };
-        Ok(Self { speeds: [now, cruise, end], times: [up, steady, down] })
+        Ok(Self {
+            speeds: [now, cruise, end],
+            times: [up, steady, down],
+        })
     }
 
     pub(super) fn duration(&self) -> f64 {
@@ -163,7 +178,11 @@ impl Along {
             Jet {
                 value: from * t + (to - from) * duration * step5_integral(u),
                 first: from + (to - from) * blend.value,
-                second: if duration > 0.0 { (to - from) * blend.first / duration } else { 0.0 },
+                second: if duration > 0.0 {
+                    (to - from) * blend.first / duration
+                } else {
+                    0.0
+                },
             }
         };
         if t < up {
@@ -171,10 +190,17 @@ impl Along {
         }
         let start = 0.5 * (from + cruise) * up;
         if t < up + steady || down <= 0.0 {
-            return Jet { value: start + cruise * (t - up).min(steady), first: cruise, second: 0.0 };
+            return Jet {
+                value: start + cruise * (t - up).min(steady),
+                first: cruise,
+                second: 0.0,
+            };
         }
         let last = ramp(cruise, end, down, (t - up - steady).min(down));
-        Jet { value: last.value + start + cruise * steady, ..last }
+        Jet {
+            value: last.value + start + cruise * steady,
+            ..last
+        }
     }
 }
 
@@ -189,9 +215,17 @@ mod tests {
             let (low, high, here) = (f(u - h), f(u + h), f(u));
             // 1e-6 of the size: truncation h²/6 times a few hundred, rounding ε/h.
             let first = (high.value - low.value) / (2.0 * h);
-            assert!((here.first - first).abs() < 1e-6 * (1.0 + first.abs()), "{u}: {} {first}", here.first);
+            assert!(
+                (here.first - first).abs() < 1e-6 * (1.0 + first.abs()),
+                "{u}: {} {first}",
+                here.first
+            );
             let second = (high.first - low.first) / (2.0 * h);
-            assert!((here.second - second).abs() < 1e-6 * (1.0 + second.abs()), "{u}: {} {second}", here.second);
+            assert!(
+                (here.second - second).abs() < 1e-6 * (1.0 + second.abs()),
+                "{u}: {} {second}",
+                here.second
+            );
         }
     }
 
@@ -200,9 +234,22 @@ mod tests {
         assert_derivatives(step5, 1.0);
         assert_derivatives(step7, 1.0);
         assert_derivatives(|u| pulse(u).1, 1.0);
-        assert_derivatives(|u| Jet { value: pulse(u).0, first: pulse(u).1.value, second: pulse(u).1.first }, 1.0);
+        assert_derivatives(
+            |u| Jet {
+                value: pulse(u).0,
+                first: pulse(u).1.value,
+                second: pulse(u).1.first,
+            },
+            1.0,
+        );
         assert_derivatives(Turn::at, 1.0);
-        let wanted = Wanted { duration: None, distance: Some(50.0), speed: Some(2.0), end_speed: Some(0.5), acceleration: 0.3 };
+        let wanted = Wanted {
+            duration: None,
+            distance: Some(50.0),
+            speed: Some(2.0),
+            end_speed: Some(0.5),
+            acceleration: 0.3,
+        };
         let along = Along::new(1.0, wanted).unwrap();
         assert_derivatives(|t| along.at(t), along.duration());
     }
@@ -224,12 +271,38 @@ mod tests {
 
     #[test]
     fn a_run_covers_its_distance_within_its_acceleration() {
-        let wanted = Wanted { duration: None, distance: Some(20.0), speed: Some(1.0), end_speed: Some(0.0), acceleration: 0.2 };
+        let wanted = Wanted {
+            duration: None,
+            distance: Some(20.0),
+            speed: Some(1.0),
+            end_speed: Some(0.0),
+            acceleration: 0.2,
+        };
         let along = Along::new(0.0, wanted).unwrap();
         assert!((along.distance() - 20.0).abs() < 1e-14, "{}", along.distance()); // rounding
         let greatest = (0..3000).map(|k| along.at(f64::from(k) * 0.01).second.abs()).fold(0.0, f64::max);
         assert!(greatest <= 0.2 && greatest > 0.1999, "{greatest}"); // 1e-4: the grid
-        assert!(Along::new(0.0, Wanted { distance: Some(5.0), ..wanted }).is_err(), "9.4 m are needed");
-        assert!(Along::new(0.0, Wanted { duration: Some(60.0), ..wanted }).is_err(), "both were stated");
+        assert!(
+            Along::new(
+                0.0,
+                Wanted {
+                    distance: Some(5.0),
+                    ..wanted
+                }
+            )
+            .is_err(),
+            "9.4 m are needed"
+        );
+        assert!(
+            Along::new(
+                0.0,
+                Wanted {
+                    duration: Some(60.0),
+                    ..wanted
+                }
+            )
+            .is_err(),
+            "both were stated"
+        );
     }
 }

@@ -58,7 +58,14 @@ impl SimulationSpec {
     /// [`BuildError`] whose field is `trajectory[i].…`.
     pub fn trajectory(&self) -> Result<Trajectory, BuildError> {
         let position = Vector3::from(self.start.position.si());
-        Trajectory::new(Junction { position, heading: self.start.heading.si(), speed: 0.0 }, &self.trajectory)
+        Trajectory::new(
+            Junction {
+                position,
+                heading: self.start.heading.si(),
+                speed: 0.0,
+            },
+            &self.trajectory,
+        )
     }
 }
 
@@ -74,11 +81,49 @@ fn segments_schema(_: &mut SchemaGenerator) -> Schema {
     let segment = |r: &&registry::Registration| {
         let mut schema = (r.schema)();
         schema.remove("$schema");
-        if let Some(properties) = schema.ensure_object().entry("properties").or_insert_with(|| json_schema!({}).into()).as_object_mut() {
+        if let Some(properties) = schema
+            .ensure_object()
+            .entry("properties")
+            .or_insert_with(|| json_schema!({}).into())
+            .as_object_mut()
+        {
             properties.insert("type".to_owned(), json_schema!({ "const": r.name }).into());
         }
         schema
     };
     let any: Vec<Schema> = registry::all().iter().filter(|r| r.role == Role::Segment).map(segment).collect();
     json_schema!({ "type": "array", "minItems": 1, "items": { "anyOf": any } })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_defaults_read() {
+        let spec: SimulationSpec = toml::from_str("trajectory = [{ rest = { duration = '1 s' } }]").unwrap();
+        assert_eq!(spec.reference_rate.si(), 10.0);
+        assert!(spec.imu.is_none() && !spec.draw_parameters && spec.sensor.is_empty());
+        assert_eq!(spec.trajectory().unwrap().duration(), 1.0);
+    }
+
+    #[test]
+    fn the_start_is_relative_to_the_origin_of_the_run() {
+        let text = "start = { position = [1, 2, 3], heading = '90 deg' }\ntrajectory = [{ rest = { duration = 1 } }]";
+        let start = toml::from_str::<SimulationSpec>(text).unwrap().trajectory().unwrap().at(0.0);
+        assert_eq!(start.position, Vector3::new(1.0, 2.0, 3.0));
+        assert_eq!(start.rpy.z, core::f64::consts::FRAC_PI_2);
+    }
+
+    #[test]
+    fn the_schema_lists_every_segment_with_its_type() {
+        let schema = serde_json::to_value(schemars::schema_for!(SimulationSpec)).unwrap();
+        let segments = schema["properties"]["trajectory"]["items"]["anyOf"].as_array().unwrap();
+        let names: Vec<_> = segments
+            .iter()
+            .map(|s| s["properties"]["type"]["const"].as_str().unwrap())
+            .collect();
+        assert_eq!(names, registry::names(Role::Segment));
+        assert!(names.contains(&"turn"));
+    }
 }

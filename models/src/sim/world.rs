@@ -65,7 +65,17 @@ impl OpenLoop {
         let nav = nav(&frame, &c_el, &trajectory.at(0.0));
         let next = self::nav(&frame, &c_el, &trajectory.at(FIRST_STEP));
         let imu = inverse::sample(&nav, &next, FIRST_STEP, gravity);
-        Self { trajectory, frame, c_el, gravity, truth: Truth { time: Time::default(), nav, imu } }
+        Self {
+            trajectory,
+            frame,
+            c_el,
+            gravity,
+            truth: Truth {
+                time: Time::default(),
+                nav,
+                imu,
+            },
+        }
     }
 
     /// The trajectory.
@@ -84,7 +94,11 @@ impl World for OpenLoop {
         let dt = to.seconds_since(self.truth.time);
         if dt > 0.0 {
             let next = nav(&self.frame, &self.c_el, &self.trajectory.at(to.seconds()));
-            self.truth = Truth { time: to, nav: next, imu: inverse::sample(&self.truth.nav, &next, dt, self.gravity) };
+            self.truth = Truth {
+                time: to,
+                nav: next,
+                imu: inverse::sample(&self.truth.nav, &next, dt, self.gravity),
+            };
         }
         &self.truth
     }
@@ -101,5 +115,9 @@ fn nav(frame: &LocalFrame, c_el: &Matrix3<f64>, motion: &Motion) -> Nav {
     let q_nl = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(c_nl));
     let mut q_nb = q_nl * motion.attitude();
     q_nb.renormalize();
-    Nav { position, v_eb_n: c_nl * motion.velocity, q_nb }
+    Nav {
+        position,
+        v_eb_n: c_nl * motion.velocity,
+        q_nb,
+    }
 }

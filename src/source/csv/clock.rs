@@ -42,7 +42,15 @@ impl Clock {
             wrong("stop", "the source would stop before it starts".to_owned());
         }
         let (about, offset) = (spec.about.map(at), at(spec.offset));
-        Self { unit, epoch: epoch.unwrap_or(0), scale: spec.scale, about, offset, start, stop }
+        Self {
+            unit,
+            epoch: epoch.unwrap_or(0),
+            scale: spec.scale,
+            about,
+            offset,
+            start,
+            stop,
+        }
     }
 
     /// The stamp in nanoseconds of the log's time; `Err` says what the text is not.
@@ -133,16 +141,36 @@ mod tests {
 
     #[test]
     fn what_is_no_number_is_no_stamp() {
-        for text in ["", "-", ".", "1.2.3", "12:30", "e5", "1e", "nan", "inf", "1e400", "0x10", "１", "9999999999999999999999999999999999999999"] {
+        for text in [
+            "",
+            "-",
+            ".",
+            "1.2.3",
+            "12:30",
+            "e5",
+            "1e",
+            "nan",
+            "inf",
+            "1e400",
+            "0x10",
+            "１",
+            "9999999999999999999999999999999999999999",
+        ] {
             assert_eq!(decimal_nanos(text, S), None, "{text}");
         }
     }
 
     #[test]
     fn units_of_time_are_whole_nanoseconds() {
-        let read: Vec<_> = ["ns", "us", "ms", "s", "min", "h", "day"].into_iter().map(|u| unit_nanos(u).unwrap()).collect();
+        let read: Vec<_> = ["ns", "us", "ms", "s", "min", "h", "day"]
+            .into_iter()
+            .map(|u| unit_nanos(u).unwrap())
+            .collect();
         assert_eq!(read, [1, 1000, 1_000_000, S, 60 * S, 3600 * S, 86_400 * S]);
-        assert_eq!(unit_nanos("ps").unwrap_err(), "\"ps\" is finer than the nanosecond in which time is counted");
+        assert_eq!(
+            unit_nanos("ps").unwrap_err(),
+            "\"ps\" is finer than the nanosecond in which time is counted"
+        );
         assert_eq!(unit_nanos("m").unwrap_err(), "\"m\" is the unit of a length [m], not of a time");
     }
 }

@@ -33,11 +33,19 @@ pub(super) struct Plan {
 /// What the numbers become.
 #[derive(Clone, Debug)]
 enum Kind {
-    Vector { rotation: Option<Matrix3<f64>> },
+    Vector {
+        rotation: Option<Matrix3<f64>>,
+    },
     Geodetic,
     /// North, east, down; the frame is given when the source is opened.
-    Local { frame: Option<LocalFrame> },
-    Quaternion { navigation: UnitQuaternion<f64>, sensor: UnitQuaternion<f64>, inverse: bool },
+    Local {
+        frame: Option<LocalFrame>,
+    },
+    Quaternion {
+        navigation: UnitQuaternion<f64>,
+        sensor: UnitQuaternion<f64>,
+        inverse: bool,
+    },
 }
 
 /// What is wrong with the values of a row.
@@ -58,7 +66,11 @@ impl Plan {
         let form = match forms(spec)[..] {
             [form] => form,
             ref forms => {
-                let message = if forms.is_empty() { "this channel names no columns" } else { "this channel is made in two ways" };
+                let message = if forms.is_empty() {
+                    "this channel names no columns"
+                } else {
+                    "this channel is made in two ways"
+                };
                 let help = "give one of `column`, `columns`, `quaternion`, `latitude` with `longitude` and `height`, \
                             or `north` with `east` and `down` or `up`";
                 wrong("", message, help);
@@ -77,15 +89,25 @@ impl Plan {
             wrong("columns", "this channel names no columns", "");
             return None;
         }
-        form.misfits(spec).into_iter().for_each(|key| wrong(key, &format!("`{key}` does not apply to {}", form.name()), ""));
+        form.misfits(spec)
+            .into_iter()
+            .for_each(|key| wrong(key, &format!("`{key}` does not apply to {}", form.name()), ""));
 
         let mut unit = |field: &str, text: &Option<String>, default: &str, wanted: Option<Dimension>| {
             let text = text.as_deref().unwrap_or(default);
-            let read = if text.is_empty() { Ok((1.0, Dimension::NONE)) } else { parse_unit(text) };
+            let read = if text.is_empty() {
+                Ok((1.0, Dimension::NONE))
+            } else {
+                parse_unit(text)
+            };
             match (read, wanted) {
                 (Err(error), _) => wrong(field, &error.to_string(), ""),
                 (Ok((_, found)), Some(wanted)) if found != wanted => {
-                    wrong(field, &format!("{text:?} is the unit of {}; that of {} is wanted here", found.kind(), wanted.kind()), "");
+                    wrong(
+                        field,
+                        &format!("{text:?} is the unit of {}; that of {} is wanted here", found.kind(), wanted.kind()),
+                        "",
+                    );
                 }
                 (Ok(read), _) => return read,
             }
@@ -99,12 +121,18 @@ impl Plan {
             }
             Form::Quaternion => (vec![1.0; 4], Dimension::NONE),
             Form::Geodetic => {
-                let (across, up) = (unit("unit", &spec.unit, "rad", Some(angle)).0, unit("height_unit", &spec.height_unit, "m", Some(length)).0);
+                let (across, up) = (
+                    unit("unit", &spec.unit, "rad", Some(angle)).0,
+                    unit("height_unit", &spec.height_unit, "m", Some(length)).0,
+                );
                 (vec![across, across, up], Dimension::NONE)
             }
             Form::Local => {
                 let factor = unit("unit", &spec.unit, "m", Some(length)).0;
-                (vec![factor, factor, if spec.up.is_some() { -factor } else { factor }], Dimension::NONE)
+                (
+                    vec![factor, factor, if spec.up.is_some() { -factor } else { factor }],
+                    Dimension::NONE,
+                )
             }
         };
         if form == Form::Geodetic && spec.unit.is_none() {
@@ -120,7 +148,11 @@ impl Plan {
         if spec.variance {
             match dimension.power(1).filter(|root| root.power(1).is_some()) {
                 Some(root) => dimension = root,
-                None => wrong("unit", "with `variance = true` the unit is that of a variance", "write e.g. `unit = \"m^2\"`"),
+                None => wrong(
+                    "unit",
+                    "with `variance = true` the unit is that of a variance",
+                    "write e.g. `unit = \"m^2\"`",
+                ),
             }
         }
         let add = match &spec.offset {
@@ -151,11 +183,18 @@ impl Plan {
         let rotation_of = |spec: &Option<RotationSpec>| spec.as_ref().map(matrix).transpose();
         let mut rotation = |field: &str, spec: &Option<RotationSpec>| {
             rotation_of(spec).unwrap_or_else(|(key, message)| {
-                wrong(&format!("{field}{key}"), &message, "write e.g. `axes = [\"-x\", \"y\", \"-z\"]` or `rpy = [\"180 deg\", 0, 0]`");
+                wrong(
+                    &format!("{field}{key}"),
+                    &message,
+                    "write e.g. `axes = [\"-x\", \"y\", \"-z\"]` or `rpy = [\"180 deg\", 0, 0]`",
+                );
                 None
             })
         };
-        let (body, navigation) = (rotation("rotation", &spec.rotation), rotation("navigation_rotation", &spec.navigation_rotation));
+        let (body, navigation) = (
+            rotation("rotation", &spec.rotation),
+            rotation("navigation_rotation", &spec.navigation_rotation),
+        );
         if form == Form::Vector && body.is_some() && width != 3 {
             wrong("rotation", &format!("a rotation needs 3 columns, this channel has {width}"), "");
         }
@@ -167,7 +206,11 @@ impl Plan {
                 let turn = |m: Option<Matrix3<f64>>| {
                     UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(m.unwrap_or_else(Matrix3::identity)))
                 };
-                Kind::Quaternion { navigation: turn(navigation), sensor: turn(body).inverse(), inverse: spec.inverse }
+                Kind::Quaternion {
+                    navigation: turn(navigation),
+                    sensor: turn(body).inverse(),
+                    inverse: spec.inverse,
+                }
             }
         };
         let shape = match form {
@@ -180,9 +223,25 @@ impl Plan {
             wrong("average", "angles that wrap have no plain mean", "");
         }
         let (average, variance, increment) = (spec.average, spec.variance, spec.increment);
-        let channel = Channel { name: name.to_owned().into(), width, dimension, shape };
+        let channel = Channel {
+            name: name.to_owned().into(),
+            width,
+            dimension,
+            shape,
+        };
         let delay_ns = nanos(spec.latency.si());
-        let plan = Self { channel, delay_ns, columns, increment, average, variance, factor, add, kind, previous: None };
+        let plan = Self {
+            channel,
+            delay_ns,
+            columns,
+            increment,
+            average,
+            variance,
+            factor,
+            add,
+            kind,
+            previous: None,
+        };
         (errors.len() == before).then_some(plan)
     }
 
@@ -221,10 +280,16 @@ impl Plan {
             Kind::Geodetic => {
                 let help = Some("if the columns are in degrees, write `unit = \"deg\"`");
                 if out[0].abs() > FRAC_PI_2 {
-                    return Err(Wrong { message: format!("the latitude {} rad lies beyond a pole", out[0]), help });
+                    return Err(Wrong {
+                        message: format!("the latitude {} rad lies beyond a pole", out[0]),
+                        help,
+                    });
                 }
                 if out[1].abs() > TAU {
-                    return Err(Wrong { message: format!("the longitude {} rad is more than a turn", out[1]), help });
+                    return Err(Wrong {
+                        message: format!("the longitude {} rad is more than a turn", out[1]),
+                        help,
+                    });
                 }
             }
             Kind::Local { frame } => {
@@ -233,11 +298,18 @@ impl Plan {
                     out.copy_from_slice(&[p.lat, p.lon, p.height]);
                 }
             }
-            Kind::Quaternion { navigation, sensor, inverse } => {
+            Kind::Quaternion {
+                navigation,
+                sensor,
+                inverse,
+            } => {
                 let read = Vector4::from_column_slice(out);
                 let norm = read.norm();
                 if (norm - 1.0).abs() > NORM_TOLERANCE {
-                    return Err(Wrong { message: format!("the quaternion has norm {norm}, not 1"), help: None });
+                    return Err(Wrong {
+                        message: format!("the quaternion has norm {norm}, not 1"),
+                        help: None,
+                    });
                 }
                 let q = so3::from_scalar_first(&read);
                 let q = navigation * if *inverse { q.inverse() } else { q } * sensor;
@@ -287,9 +359,11 @@ impl Form {
                 (None, columns) => Ok(all("columns", columns.as_deref().unwrap_or_default())),
             },
             Self::Quaternion => Ok(all("quaternion", spec.quaternion.as_ref().map_or(&[][..], |q| q))),
-            Self::Geodetic => {
-                Ok(vec![named("latitude", &spec.latitude)?, named("longitude", &spec.longitude)?, named("height", &spec.height)?])
-            }
+            Self::Geodetic => Ok(vec![
+                named("latitude", &spec.latitude)?,
+                named("longitude", &spec.longitude)?,
+                named("height", &spec.height)?,
+            ]),
             Self::Local => {
                 let vertical = match (&spec.down, &spec.up) {
                     (Some(_), Some(_)) => return Err("down` or `up` (one of them, not both)"),
@@ -331,7 +405,10 @@ impl Form {
             ("navigation_rotation", spec.navigation_rotation.is_some(), quaternion),
             ("inverse", spec.inverse, quaternion),
         ];
-        keys.into_iter().filter(|(_, is_given, fits)| *is_given && !fits).map(|(key, ..)| key).collect()
+        keys.into_iter()
+            .filter(|(_, is_given, fits)| *is_given && !fits)
+            .map(|(key, ..)| key)
+            .collect()
     }
 }
 

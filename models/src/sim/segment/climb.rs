@@ -21,10 +21,15 @@ pub struct ClimbSpec {
     duration: Option<Positive<dim::Duration>>,
 }
 
-crate::register!(Segment, "climb", ClimbSpec, r#"
+crate::register!(
+    Segment,
+    "climb",
+    ClimbSpec,
+    r#"
 height = "-3 m"
 distance = "20 m"
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "climb")]
 impl SegmentSpec for ClimbSpec {
@@ -35,7 +40,11 @@ impl SegmentSpec for ClimbSpec {
             (None, Some(duration)) => duration.si(),
             _ => return Err(BuildError::at("distance", "state either `distance` or `duration`")),
         };
-        Ok(Box::new(Climb { from: *from, height: self.height.si(), duration }))
+        Ok(Box::new(Climb {
+            from: *from,
+            height: self.height.si(),
+            duration,
+        }))
     }
 }
 
@@ -87,13 +96,18 @@ pub struct BumpSpec {
     velocity: Vec3Of<dim::Speed>,
 }
 
-crate::register!(Segment, "bump", BumpSpec, r#"
+crate::register!(
+    Segment,
+    "bump",
+    BumpSpec,
+    r#"
 duration = "1 s"
 height = "-5 cm"
 pitch = "8 deg"
 heading = "5 deg"
 velocity = ["0.6 m/s", 0, 0]
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "bump")]
 impl SegmentSpec for BumpSpec {

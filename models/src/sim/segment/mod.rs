@@ -100,7 +100,11 @@ pub trait Segment: Debug + Send {
     fn end(&self) -> Junction {
         let end = self.at(self.duration());
         let (s, c) = end.rpy.z.sin_cos();
-        Junction { position: end.position, heading: end.rpy.z, speed: end.velocity.x * c + end.velocity.y * s }
+        Junction {
+            position: end.position,
+            heading: end.rpy.z,
+            speed: end.velocity.x * c + end.velocity.y * s,
+        }
     }
 }
 

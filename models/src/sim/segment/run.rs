@@ -26,7 +26,10 @@ crate::register!(Segment, "rest", RestSpec, r#"duration = "60 s""#);
 impl SegmentSpec for RestSpec {
     fn build(&self, from: &Junction) -> Result<Box<dyn Segment>, BuildError> {
         from.at_rest()?;
-        Ok(Box::new(Rest { from: *from, duration: self.duration.si() }))
+        Ok(Box::new(Rest {
+            from: *from,
+            duration: self.duration.si(),
+        }))
     }
 }
 
@@ -42,7 +45,11 @@ impl Segment for Rest {
     }
 
     fn at(&self, _: f64) -> Motion {
-        Motion { position: self.from.position, rpy: Vector3::new(0.0, 0.0, self.from.heading), ..Motion::default() }
+        Motion {
+            position: self.from.position,
+            rpy: Vector3::new(0.0, 0.0, self.from.heading),
+            ..Motion::default()
+        }
     }
 }
 
@@ -62,12 +69,17 @@ pub struct StraightSpec {
     acceleration: Option<Positive<dim::Acceleration>>,
 }
 
-crate::register!(Segment, "straight", StraightSpec, r#"
+crate::register!(
+    Segment,
+    "straight",
+    StraightSpec,
+    r#"
 distance = "60 m"
 speed = "1 m/s"
 end_speed = 0
 acceleration = "0.2 m/s^2"
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "straight")]
 impl SegmentSpec for StraightSpec {
@@ -131,13 +143,18 @@ pub struct SineSpec {
     acceleration: Option<Positive<dim::Acceleration>>,
 }
 
-crate::register!(Segment, "sine", SineSpec, r#"
+crate::register!(
+    Segment,
+    "sine",
+    SineSpec,
+    r#"
 distance = "20 m"
 amplitude = "0.5 m"
 wavelength = "20 m"
 speed = "1 m/s"
 end_speed = 0
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "sine")]
 impl SegmentSpec for SineSpec {
@@ -157,7 +174,14 @@ impl SegmentSpec for SineSpec {
             return Err(BuildError::at("speed", "a body at rest does not swing").help("state a `speed`"));
         }
         let fade = (0.25 * wavelength).min(0.5 * length);
-        Ok(Box::new(Sine { from: *from, along, length, amplitude: self.amplitude.si(), wavelength, fade }))
+        Ok(Box::new(Sine {
+            from: *from,
+            along,
+            length,
+            amplitude: self.amplitude.si(),
+            wavelength,
+            fade,
+        }))
     }
 }
 
@@ -176,7 +200,11 @@ impl Sine {
     fn right(&self, x: f64) -> Jet {
         let k = TAU / self.wavelength;
         let (s, c) = (k * x).sin_cos();
-        let swing = Jet { value: s, first: k * c, second: -k * k * s };
+        let swing = Jet {
+            value: s,
+            first: k * c,
+            second: -k * k * s,
+        };
         let fade = if x < 0.5 * self.length {
             step7(x / self.fade).stretched(1.0, self.fade)
         } else {

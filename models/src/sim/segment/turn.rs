@@ -16,20 +16,26 @@ use serde::Deserialize;
 pub struct TurnSpec {
     /// How far to turn, right positive, at most 270 degrees; two half turns make a full circle.
     angle: Quantity<dim::Angle>,
-    /// Radius of the arc; this or `rate`.
+    /// Radius of the arc of the same ends; the path is at its tightest a fifth or a quarter
+    /// tighter. This or `rate`.
     radius: Option<Positive<dim::Length>>,
-    /// Turn rate on the arc; this or `radius`.
+    /// Turn rate on the arc of the same ends; this or `radius`.
     rate: Option<Positive<dim::AngularRate>>,
     /// Whether the body leans into the turn, so that it feels no side force.
     #[serde(default)]
     bank: bool,
 }
 
-crate::register!(Segment, "turn", TurnSpec, r#"
+crate::register!(
+    Segment,
+    "turn",
+    TurnSpec,
+    r#"
 angle = "90 deg"
 radius = "5 m"
 bank = true
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "turn")]
 impl SegmentSpec for TurnSpec {
@@ -45,7 +51,12 @@ impl SegmentSpec for TurnSpec {
             (None, Some(rate)) => speed / rate.si(),
             _ => return Err(BuildError::at("radius", "state either `radius` or `rate`")),
         };
-        let mut turn = Turn { from: *from, angle, duration: 1.0, bank: self.bank };
+        let mut turn = Turn {
+            from: *from,
+            angle,
+            duration: 1.0,
+            bank: self.bank,
+        };
         let chord = speed * turn.displacement(1.0).norm();
         turn.duration = 2.0 * radius * (0.5 * angle).sin().abs() / chord;
         Ok(Box::new(turn))
@@ -81,7 +92,11 @@ impl Turn {
             Vector2::new(c, s)
         };
         let mut sum = Vector2::zeros();
-        for (from, to) in [(0.0, Profile::RAMP), (Profile::RAMP, 1.0 - Profile::RAMP), (1.0 - Profile::RAMP, 1.0)] {
+        for (from, to) in [
+            (0.0, Profile::RAMP),
+            (Profile::RAMP, 1.0 - Profile::RAMP),
+            (1.0 - Profile::RAMP, 1.0),
+        ] {
             let (half, middle) = (0.5 * (u.min(to) - from), 0.5 * (u.min(to) + from));
             if half <= 0.0 {
                 break;
@@ -129,10 +144,15 @@ pub struct RotateInPlaceSpec {
     rate: Positive<dim::AngularRate>,
 }
 
-crate::register!(Segment, "rotate_in_place", RotateInPlaceSpec, r#"
+crate::register!(
+    Segment,
+    "rotate_in_place",
+    RotateInPlaceSpec,
+    r#"
 angle = "90 deg"
 rate = "20 deg/s"
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "rotate_in_place")]
 impl SegmentSpec for RotateInPlaceSpec {
@@ -142,7 +162,11 @@ impl SegmentSpec for RotateInPlaceSpec {
         if duration <= 0.0 {
             return Err(BuildError::at("angle", "a turn of 0 takes no time"));
         }
-        Ok(Box::new(RotateInPlace { from: *from, angle: self.angle.si(), duration }))
+        Ok(Box::new(RotateInPlace {
+            from: *from,
+            angle: self.angle.si(),
+            duration,
+        }))
     }
 }
 

@@ -7,33 +7,35 @@
 //!
 //! Streams  `imu`, one per sensor, `reference`. All but the reference carry errors
 //! x_true   blocks named `position` (geodetic or local), `local_position`, `velocity`,
-//!          `attitude`, `heading`, `speed`, `yaw_rate` from the world, `gyro_bias` and
-//!          `accel_bias` from the simulated unit; every other block at its declared initial
+//!          `attitude`, `heading`, `speed`, `yaw_rate` from the world, `gyro_bias`, `accel_bias`,
+//!          `gyro_scale`, `accel_scale` from the simulated unit; every other block at its declared initial
 //!          value, or drawn about it and moved by its own dynamics (`draw_parameters`)
 //! Signals  from the process's own `signals` at x_true, its input being the true rates plus the
 //!          true biases where those are states
 //! Not here inputs other than an inertial unit; faults and dropouts (they act on rows)
 
+mod true_state;
+
 use super::imu_error::ImuError;
 use super::inverse::{self, Correction, Sample, before_correction, pair_before_correction};
 use super::noise::SensorError;
-use super::random::Random;
 use super::spec::SimulationSpec;
 use super::world::{OpenLoop, Truth, World};
 use crate::block::{BuildError, Channel, Shape};
-use crate::earth::{Gravity, LocalEarth, LocalFrame};
+use crate::earth::Gravity;
 use crate::process::strapdown::mechanisation::Nav;
 use crate::units::{Dimension, Dimensional, dim};
 use core::cmp::Reverse;
 use fusion_core::Time;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
-use fusion_core::model::{Input, Measurement, Process, SignalBuffer};
-use fusion_core::state::{Angle, Attitude, Block, Dynamics, Kind, Layout, Manifold, Position, Scalar, Slot, Vector, Velocity};
+use fusion_core::model::{Measurement, Process};
+use fusion_core::state::Layout;
 use fusion_core::time::nanos;
 use std::borrow::Cow;
 use std::collections::BinaryHeap;
 use std::sync::Arc;
+use true_state::TrueState;
 
 /// A sensor to simulate.
 #[derive(Clone, Debug)]
@@ -115,7 +117,12 @@ enum Source {
 
 impl Clock {
     fn new(source: Source, rate: f64) -> Self {
-        Self { source, rate, start: 0, count: 0 }
+        Self {
+            source,
+            rate,
+            start: 0,
+            count: 0,
+        }
     }
 
     /// Counted, not added up: the millionth instant is as exact as the first.
@@ -200,7 +207,10 @@ impl Simulator {
         if let Some(unit) = &spec.imu {
             let rate = unit.rate.si();
             clocks.push(Clock::new(Source::Imu, rate));
-            streams.push(SimulatedStream { name: "imu".to_owned(), channels: imu_channels() });
+            streams.push(SimulatedStream {
+                name: "imu".to_owned(),
+                channels: imu_channels(),
+            });
             imu = Some(Imu {
                 error: ImuError::new(unit, seed),
                 correction: Correction::of(setup.process.as_ref(), setup.layout.initial()),
@@ -217,12 +227,26 @@ impl Simulator {
                 e.field = format!("sensor.{}.{}", sensor.name, e.field);
                 e
             })?;
-            clocks.push(Clock { start: nanos(simulated.start.si()), ..Clock::new(Source::Sensor(sensors.len()), simulated.rate.si()) });
-            sensors.push(Sensor { model: sensor.model, error, delay: nanos(sensor.delay), stream: streams.len() });
-            streams.push(SimulatedStream { name: sensor.name, channels: vec![sensor.channel] });
+            clocks.push(Clock {
+                start: nanos(simulated.start.si()),
+                ..Clock::new(Source::Sensor(sensors.len()), simulated.rate.si())
+            });
+            sensors.push(Sensor {
+                model: sensor.model,
+                error,
+                delay: nanos(sensor.delay),
+                stream: streams.len(),
+            });
+            streams.push(SimulatedStream {
+                name: sensor.name,
+                channels: vec![sensor.channel],
+            });
         }
         clocks.push(Clock::new(Source::Reference, spec.reference_rate.si()));
-        streams.push(SimulatedStream { name: "reference".to_owned(), channels: reference_channels() });
+        streams.push(SimulatedStream {
+            name: "reference".to_owned(),
+            channels: reference_channels(),
+        });
         let mut simulator = Self {
             streams,
             clocks,
@@ -263,7 +287,12 @@ impl Simulator {
     /// The next row in order of stamps: its stream and its stamp. `None` at the end of the run.
     pub fn next_row(&mut self, out: &mut Vec<f64>) -> Option<(usize, Time)> {
         loop {
-            let due = self.clocks.iter().enumerate().min_by_key(|(i, c)| (c.next(), *i)).map(|(i, c)| (i, c.next()));
+            let due = self
+                .clocks
+                .iter()
+                .enumerate()
+                .min_by_key(|(i, c)| (c.next(), *i))
+                .map(|(i, c)| (i, c.next()));
             let due = due.filter(|(_, time)| *time <= self.end);
             if due.is_none() {
                 self.release_held();
@@ -300,7 +329,7 @@ impl Simulator {
                 let mut z = self.spare.pop().unwrap_or_default();
                 z.clear();
                 z.resize(sensor.model.size().value, 0.0);
-                let view = self.truth.signals.view(&self.truth.x);
+                let view = self.truth.view();
                 // Where h is undefined the sensor is silent.
                 if sensor.model.predict(&view, &mut z).is_err() {
                     self.spare.push(z);
@@ -317,7 +346,7 @@ impl Simulator {
                 let (p, v, q) = (nav.position, nav.v_eb_n, so3::canonical(&nav.q_nb));
                 data.clear();
                 data.extend_from_slice(&[p.lat, p.lon, p.height, v.x, v.y, v.z, q.w, q.i, q.j, q.k]);
-                data.extend_from_slice(&self.truth.x);
+                data.extend_from_slice(self.truth.state());
                 if self.imu.is_none() {
                     self.truth.move_parameters(time);
                 }
@@ -328,13 +357,19 @@ impl Simulator {
 
     fn put(&mut self, stamp: Time, stream: usize, data: Vec<f64>) {
         self.sequence += 1;
-        self.queue.push(Reverse(Row { stamp, stream, sequence: self.sequence, data }));
+        self.queue.push(Reverse(Row {
+            stamp,
+            stream,
+            sequence: self.sequence,
+            data,
+        }));
     }
 
     /// Brings the true state up to the world.
     fn refresh(&mut self) {
-        let biases = self.imu.as_ref().map_or_else(Sample::default, |imu| imu.error.bias());
-        self.truth.fill(self.world.truth(), &biases);
+        let none = (Sample::default(), Sample::default());
+        let (bias, scale) = self.imu.as_ref().map_or(none, |imu| (imu.error.bias(), imu.error.scale()));
+        self.truth.fill(self.world.truth(), &bias, &scale);
     }
 
     fn make_imu(&mut self, time: Time) {
@@ -353,13 +388,13 @@ impl Simulator {
             Correction::Pairs if dt > 0.0 => match imu.held.take() {
                 None => imu.held = Some((time, wanted, dt)),
                 Some((stamp, first, first_dt)) => {
-                    let [one, two] = pair_before_correction([&first, &wanted], [first_dt, dt]);
+                    let [one, two] = pair_before_correction([(&first, first_dt), (&wanted, dt)]);
                     self.put_imu(stamp, &one, first_dt);
                     self.put_imu(time, &two, dt);
                 }
             },
             Correction::Previous if dt > 0.0 => {
-                let raw = before_correction(&imu.previous.0, &wanted, imu.previous.1);
+                let raw = before_correction((&imu.previous.0, imu.previous.1), (&wanted, dt));
                 imu.previous = (raw, dt);
                 self.put_imu(time, &raw, dt);
             }
@@ -397,171 +432,18 @@ fn imu_channels() -> Vec<Channel> {
 }
 
 fn reference_channels() -> Vec<Channel> {
-    let attitude = Channel { name: Cow::Borrowed("attitude"), width: 4, dimension: Dimension::NONE, shape: Shape::Quaternion };
-    vec![Channel::geodetic("position"), Channel::vector("velocity", 3, dim::Speed::KIND.dimension), attitude]
+    let attitude = Channel {
+        name: Cow::Borrowed("attitude"),
+        width: 4,
+        dimension: Dimension::NONE,
+        shape: Shape::Quaternion,
+    };
+    vec![
+        Channel::geodetic("position"),
+        Channel::vector("velocity", 3, dim::Speed::KIND.dimension),
+        attitude,
+    ]
 }
 
-/// The true state in the layout of the filter, and the signals there.
-#[derive(Debug)]
-struct TrueState {
-    x: Vec<f64>,
-    signals: SignalBuffer,
-    process: Arc<dyn Process>,
-    input: Vec<InputPart>,
-    sample: Vec<f64>,
-    frame: LocalFrame,
-    known: Vec<Known>,
-    parameters: Vec<Parameter>,
-    moved: Time,
-}
-
-/// A part of the process's input sample.
-#[derive(Clone, Copy, Debug)]
-enum InputPart {
-    Rate,
-    Force,
-}
-
-/// A block that the world knows the value of.
-#[derive(Clone, Copy, Debug)]
-enum Known {
-    Geodetic(Slot<Geodetic>),
-    Local(Slot<Position>),
-    Velocity(Slot<Velocity>),
-    Attitude(Slot<Attitude>),
-    Heading(Slot<Angle>),
-    Speed(Slot<Scalar>),
-    YawRate(Slot<Scalar>),
-    GyroBias(Slot<Vector<3>>),
-    AccelBias(Slot<Vector<3>>),
-}
-
-impl Known {
-    fn of(layout: &Layout, block: &Block) -> Result<Option<Self>, BuildError> {
-        fn slot<M: Manifold>(layout: &Layout, name: &str) -> Result<Slot<M>, BuildError> {
-            layout.slot(name).map_err(|e| BuildError::new(e.to_string()).help("the simulator does not know this state"))
-        }
-        let name = block.name.as_str();
-        Ok(Some(match (name, block.kind) {
-            ("position", Kind::Geodetic) => Self::Geodetic(slot(layout, name)?),
-            ("position" | "local_position", _) => Self::Local(slot(layout, name)?),
-            ("velocity", _) => Self::Velocity(slot(layout, name)?),
-            ("attitude", _) => Self::Attitude(slot(layout, name)?),
-            ("heading", _) => Self::Heading(slot(layout, name)?),
-            ("speed", _) => Self::Speed(slot(layout, name)?),
-            ("yaw_rate", _) => Self::YawRate(slot(layout, name)?),
-            ("gyro_bias", _) => Self::GyroBias(slot(layout, name)?),
-            ("accel_bias", _) => Self::AccelBias(slot(layout, name)?),
-            _ => return Ok(None),
-        }))
-    }
-}
-
-/// A block that its declaration alone tells the value of, moving by itself.
-#[derive(Debug)]
-struct Parameter {
-    kind: Kind,
-    storage: core::ops::Range<usize>,
-    dynamics: Dynamics,
-    random: Random,
-}
-
-impl TrueState {
-    fn new(setup: &Setup<'_>, spec: &SimulationSpec, seed: u64) -> Result<Self, BuildError> {
-        let layout = setup.layout;
-        let mut x = layout.initial().to_vec();
-        let (mut known, mut parameters) = (Vec::new(), Vec::new());
-        for block in layout.blocks() {
-            if let Some(k) = Known::of(layout, block)? {
-                known.push(k);
-            } else if spec.draw_parameters {
-                let mut random = Random::new(seed, &format!("state/{}", block.name));
-                let delta: Vec<f64> = block.sigma.iter().map(|sigma| sigma * random.normal()).collect();
-                block.kind.plus(&mut x[block.storage_range()], &delta);
-                let (kind, storage, dynamics) = (block.kind, block.storage_range(), block.dynamics.clone());
-                parameters.push(Parameter { kind, storage, dynamics, random });
-            }
-        }
-        let part = |channel: &Channel| match channel.name.as_ref() {
-            "angular_rate" => Ok(InputPart::Rate),
-            "specific_force" => Ok(InputPart::Force),
-            other => Err(BuildError::at("imu", format!("the process is driven by `{other}`, which no simulated unit measures"))),
-        };
-        Ok(Self {
-            x,
-            signals: SignalBuffer::new(layout),
-            process: setup.process.clone(),
-            input: setup.input.iter().map(part).collect::<Result<_, _>>()?,
-            sample: Vec::new(),
-            frame: LocalFrame::new(setup.origin),
-            known,
-            parameters,
-            moved: Time::default(),
-        })
-    }
-
-    fn fill(&mut self, truth: &Truth, biases: &Sample) {
-        let (nav, x) = (&truth.nav, &mut self.x);
-        let rpy = so3::to_rpy(&nav.q_nb);
-        let mut offset = Sample::default();
-        for known in &self.known {
-            match known {
-                Known::Geodetic(slot) => slot.write(&nav.position, x),
-                Known::Local(slot) => slot.write(&self.frame.to_ned(&nav.position), x),
-                Known::Velocity(slot) => slot.write(&nav.v_eb_n, x),
-                Known::Attitude(slot) => slot.write(&nav.q_nb, x),
-                Known::Heading(slot) => slot.write(&rpy.z, x),
-                Known::Speed(slot) => slot.write(&(nav.v_eb_n.x * rpy.z.cos() + nav.v_eb_n.y * rpy.z.sin()), x),
-                Known::YawRate(slot) => {
-                    let earth = LocalEarth::at(&nav.position);
-                    let w_in = earth.earth_rate_n() + earth.transport_rate_n(&nav.v_eb_n);
-                    let w_nb_b = truth.imu.rate - nav.q_nb.inverse_transform_vector(&w_in);
-                    slot.write(&(so3::euler_rate_of_body(rpy.x, rpy.y) * w_nb_b).z, x);
-                }
-                Known::GyroBias(slot) => {
-                    offset.rate = biases.rate;
-                    slot.write(&biases.rate, x);
-                }
-                Known::AccelBias(slot) => {
-                    offset.force = biases.force;
-                    slot.write(&biases.force, x);
-                }
-            }
-        }
-        self.sample.clear();
-        for part in &self.input {
-            let true_part = match part {
-                InputPart::Rate => truth.imu.rate + offset.rate,
-                InputPart::Force => truth.imu.force + offset.force,
-            };
-            self.sample.extend_from_slice(true_part.as_slice());
-        }
-        self.signals.evaluate(self.process.as_ref(), &self.x, &Input::alone(&self.sample), false);
-    }
-
-    /// Moves the parameters by their own dynamics; at the instants of one stream, so that other
-    /// streams do not change them.
-    fn move_parameters(&mut self, to: Time) {
-        let dt = to.seconds_since(self.moved);
-        if dt <= 0.0 {
-            return;
-        }
-        self.moved = to;
-        for Parameter { kind, storage, dynamics, random } in &mut self.parameters {
-            let x = &mut self.x[storage.clone()];
-            match dynamics {
-                Dynamics::GaussMarkov { sigma, tau } => {
-                    let decay = (-dt / *tau).exp();
-                    for (x, sigma) in x.iter_mut().zip(sigma) {
-                        *x = decay * *x + *sigma * (1.0 - decay * decay).sqrt() * random.normal();
-                    }
-                }
-                Dynamics::RandomWalk { psd } => {
-                    let delta: Vec<f64> = psd.iter().map(|psd| (psd * dt).sqrt() * random.normal()).collect();
-                    kind.plus(x, &delta);
-                }
-                Dynamics::Process | Dynamics::Constant => {}
-            }
-        }
-    }
-}
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,336 @@
+use super::*;
+use crate::block::{Build, ProcessSpec, SensorSpec};
+use fusion_core::model::Input;
+use fusion_core::state::{Angle, Attitude, LayoutBuilder, Manifold, Scalar, Vector};
+use nalgebra::Vector3;
+
+const ORIGIN: Geodetic = Geodetic::new(0.612_167, 2.252_993, 10.0);
+const MOVING: &str = "{ rest = { duration = 5 } }, { straight = { distance = 40, speed = 3, acceleration = 1 } }, \
+     { turn = { angle = 2, radius = 10, bank = true } }, { climb = { height = 3, distance = 20 } }, \
+     { bump = { duration = 1, pitch = '8 deg', heading = '5 deg', velocity = [0.6, 0, 0] } }, \
+     { sine = { duration = 250, amplitude = 2, wavelength = 30 } }, { straight = { distance = 60, end_speed = 0 } }";
+
+/// The same in a minute or so.
+fn short() -> String {
+    MOVING.replace("duration = 250", "duration = 20")
+}
+
+#[derive(serde::Deserialize)]
+struct Design {
+    process: Box<dyn ProcessSpec>,
+    #[serde(default)]
+    sensor: std::collections::BTreeMap<String, Box<dyn SensorSpec>>,
+    simulation: SimulationSpec,
+}
+
+/// A filter's layout, its process, and the simulator of `text`.
+fn simulate(text: &str, seed: u64) -> Result<(Layout, Arc<dyn Process>, Simulator), BuildError> {
+    let design: Design = toml::from_str(text).unwrap();
+    let mut layout = LayoutBuilder::new();
+    let gravity = Gravity::default();
+    let mut build = Build {
+        name: "process",
+        layout: &mut layout,
+        origin: Some(ORIGIN),
+        gravity,
+    };
+    let process: Arc<dyn Process> = design.process.build(&mut build).unwrap().into();
+    let mut sensors = Vec::new();
+    for (name, spec) in &design.sensor {
+        build.name = name;
+        let crate::block::Reading::Channel(channel) = spec.reading() else {
+            continue;
+        };
+        let model = spec.build(&mut build).unwrap().into();
+        sensors.push(SimulatedSensor {
+            name: name.clone(),
+            model,
+            channel,
+            rows: spec.noise(),
+            delay: spec.delay(),
+        });
+    }
+    let layout = layout.finish();
+    let input = design.process.input();
+    let setup = Setup {
+        layout: &layout,
+        process: process.clone(),
+        input: &input,
+        origin: ORIGIN,
+        gravity,
+        sensors,
+    };
+    let simulator = Simulator::new(&design.simulation, setup, seed)?;
+    Ok((layout, process, simulator))
+}
+
+fn strapdown(integrator: &str, states: bool) -> String {
+    let bias = |unit| {
+        if states {
+            format!(", bias = {{ estimate = true, initial = [0, 0, 0], sigma = '1 {unit}' }}")
+        } else {
+            String::new()
+        }
+    };
+    format!(
+        "[process.strapdown]\nintegrator = '{integrator}'\n\
+         gyro = {{ noise = '0.1 deg/sqrt(h)'{} }}\naccelerometer = {{ noise = '1 mg/sqrt(Hz)'{} }}\n",
+        bias("deg/s"),
+        bias("mg")
+    )
+}
+
+const GNSS: &str = "[sensor.gnss.gnss_position]\n\
+     lever_arm = { estimate = true, initial = [0.5, -0.3, -1.2], sigma = '20 cm' }\n\
+     bias = { estimate = true, initial = [0, 0, 0], sigma = '1 m', correlation_time = '20 s' }\n\
+     time_offset = '150 ms'\n";
+
+fn simulation(more: &str, segments: &str) -> String {
+    format!("[simulation]\n{more}\ntrajectory = [{segments}]\n")
+}
+
+type Rows = Vec<(String, Time, Vec<f64>)>;
+
+fn rows(text: &str, seed: u64) -> Rows {
+    let (_, _, mut simulator) = simulate(text, seed).unwrap();
+    let (mut rows, mut row) = (Vec::new(), Vec::new());
+    while let Some((stream, time)) = simulator.next_row(&mut row) {
+        rows.push((simulator.streams()[stream].name.clone(), time, row.clone()));
+    }
+    rows
+}
+
+fn of<'a>(rows: &'a Rows, stream: &str) -> Vec<&'a (String, Time, Vec<f64>)> {
+    rows.iter().filter(|(name, ..)| name == stream).collect()
+}
+
+#[test]
+fn noise_free_rows_lead_the_process_along_the_truth_in_every_mode() {
+    for integrator in ["one_sample", "two_sample"] {
+        let text = strapdown(integrator, false) + &simulation("imu = { rate = '100 Hz' }\nreference_rate = '50 Hz'", MOVING);
+        let (layout, process, mut simulator) = simulate(&text, 1).unwrap();
+        let mut x = layout.initial().to_vec();
+        let (mut row, mut imu, mut worst) = (Vec::new(), Vec::<(Time, Vec<f64>)>::new(), 0.0_f64);
+        let input = |own: &(Time, Vec<f64>), other: &(Time, Vec<f64>), start: Time, other_start: Time, earlier| {
+            (
+                own.1.clone(),
+                other.1.clone(),
+                own.0.seconds_since(start),
+                other.0.seconds_since(other_start),
+                earlier,
+            )
+        };
+        while let Some((stream, time)) = simulator.next_row(&mut row) {
+            if simulator.streams()[stream].name == "reference" {
+                if time == Time::default() {
+                    x.copy_from_slice(simulator.reference_state());
+                }
+                let estimate = Geodetic::read(&x);
+                let truth = Geodetic::read(&row);
+                if imu.len() % 2 == 1 && imu.last().is_some_and(|(stamp, _)| *stamp == time) {
+                    worst = worst.max(estimate.difference(&truth).norm());
+                }
+                continue;
+            }
+            imu.push((time, row.clone()));
+            let n = imu.len();
+            // As the runner does it: the first row opens the first interval.
+            let stamp = |i: usize| imu[i].0;
+            let steps = if integrator == "two_sample" {
+                if n < 3 || n % 2 == 0 {
+                    continue;
+                }
+                let (a, b) = (&imu[n - 2], &imu[n - 1]);
+                vec![
+                    input(a, b, stamp(n - 3), stamp(n - 2), false),
+                    input(b, a, stamp(n - 2), stamp(n - 3), true),
+                ]
+            } else {
+                if n < 2 {
+                    continue;
+                }
+                vec![input(&imu[n - 1], &imu[n - 2], stamp(n - 2), stamp(n.saturating_sub(3)), true)]
+            };
+            for (sample, neighbour, interval, neighbour_interval, neighbour_is_earlier) in steps {
+                let input = Input {
+                    sample: &sample,
+                    neighbour: &neighbour,
+                    interval,
+                    neighbour_interval,
+                    neighbour_is_earlier,
+                };
+                process.propagate(&mut x, &input, interval);
+            }
+        }
+        assert!(imu.len() > 30_000, "{}", imu.len());
+        // 1e-4 m over 300 s: dt²/12·Δa, as of the inverse mechanisation.
+        assert!(worst > 0.0 && worst < 1e-4, "{integrator}: {worst:e}");
+    }
+}
+
+#[test]
+fn a_row_is_the_antenna_at_the_time_it_is_valid() {
+    let text = strapdown("one_sample", false)
+        + GNSS
+        + &simulation(
+            "imu = { rate = '100 Hz' }\nreference_rate = 1000\nsensor.gnss = { rate = '7 Hz', start = '3 ms' }",
+            &short(),
+        );
+    let rows = rows(&text, 1);
+    let reference = of(&rows, "reference");
+    let fixes = of(&rows, "gnss");
+    assert!(fixes.len() > 400);
+    let mut seen = 0;
+    for (k, (_, stamp, z)) in fixes.iter().enumerate() {
+        let valid = stamp.shifted(-150_000_000);
+        assert_eq!(valid, Time::from_nanos(3_000_000).shifted(nanos(k as f64 / 7.0)));
+        // The reference is there to the millisecond; every seventh fix falls on one.
+        let Some((_, time, truth)) = reference.get((valid.nanos() / 1_000_000) as usize) else {
+            continue;
+        };
+        if *time != valid {
+            continue;
+        }
+        let antenna = Attitude::read(&truth[6..]) * Vector3::new(0.5, -0.3, -1.2);
+        let error = Geodetic::read(z).difference(&Geodetic::read(truth).offset(&antenna));
+        // 1e-8 m: an ulp of longitude is 3e-9 m.
+        assert!(error.norm() < 1e-8, "{k} {error}");
+        seen += 1;
+    }
+    assert!(seen > 55, "{seen}");
+}
+
+#[test]
+fn rows_come_in_order_of_stamps_with_every_stream_complete() {
+    let text = strapdown("two_sample", true)
+        + GNSS
+        + &simulation(
+            "imu = { rate = '100 Hz', preset = 'hg1700' }\nsensor.gnss = { rate = 5, white = 1 }",
+            "{ rest = { duration = 20 } }",
+        );
+    let rows = rows(&text, 1);
+    assert!(rows.windows(2).all(|w| w[0].1 <= w[1].1));
+    // Both ends belong to the run.
+    assert_eq!(of(&rows, "imu").len(), 2001);
+    assert_eq!(of(&rows, "reference").len(), 201);
+    assert_eq!(of(&rows, "gnss").len(), 101);
+    assert!(rows.iter().all(|(_, _, row)| row.iter().all(|x| x.is_finite())));
+}
+
+#[test]
+fn rows_depend_on_the_seed_and_on_no_other_sensor() {
+    let imu = "imu = { rate = '100 Hz', preset = 'consumer' }\n";
+    let rest = "{ rest = { duration = 20 } }";
+    let gnss = "sensor.gnss = { rate = 1, white = 1, markov = { sigma = 1, correlation_time = 10 }, bias_sigma = 1 }\n";
+    let other = "sensor.other = { rate = 3, white = 2 }\n";
+    let alone = strapdown("one_sample", true) + GNSS + &simulation(&format!("{imu}{gnss}"), rest);
+    let both = strapdown("one_sample", true) + GNSS + "[sensor.other.gnss_position]\n" + &simulation(&format!("{imu}{gnss}{other}"), rest);
+    let first = rows(&alone, 1);
+    assert_eq!(first, rows(&alone, 1));
+    let more = rows(&both, 1);
+    let another = rows(&alone, 2);
+    for stream in ["imu", "gnss"] {
+        assert_eq!(of(&first, stream), of(&more, stream));
+        assert_ne!(of(&first, stream)[3], of(&another, stream)[3]);
+    }
+    assert_eq!(of(&first, "reference"), of(&another, "reference"));
+    assert_eq!(of(&more, "other").len(), 61);
+}
+
+#[test]
+fn the_true_state_holds_the_errors_of_the_unit() {
+    let unit = "imu = { rate = '100 Hz', preset = 'hg1700', gyro = { noise = 0 }, accelerometer = { noise = 0 } }";
+    let text = strapdown("one_sample", true) + &simulation(unit, "{ rest = { duration = 1 } }");
+    let (layout, _, mut simulator) = simulate(&text, 3).unwrap();
+    let (mut row, mut imu) = (Vec::new(), Vec::new());
+    while let Some((stream, _)) = simulator.next_row(&mut row) {
+        if stream == 0 {
+            imu.clone_from(&row);
+        }
+    }
+    let x = simulator.reference_state();
+    let bias = layout.slot::<Vector<3>>("gyro_bias").unwrap().read(x);
+    assert!(bias.norm() > 1e-7);
+    let truth = simulator.truth().imu;
+    // 1e-15: rounding at rates of 1e-4.
+    assert!((Vector3::from_column_slice(&imu[..3]) - truth.rate - bias).norm() < 1e-15);
+    let bias = layout.slot::<Vector<3>>("accel_bias").unwrap().read(x);
+    assert!((Vector3::from_column_slice(&imu[3..]) - truth.force - bias).norm() < 1e-12 && bias.norm() > 1e-4);
+    assert_eq!(Geodetic::read(x), simulator.truth().nav.position);
+}
+
+#[test]
+fn parameters_stay_at_their_initial_values_or_are_drawn_about_them() {
+    let text = |draw: bool| {
+        let imu = format!("imu = {{ rate = 10 }}\ndraw_parameters = {draw}");
+        strapdown("one_sample", false) + GNSS + &simulation(&imu, "{ rest = { duration = 200 } }")
+    };
+    let run = |draw, seed| {
+        let (layout, _, mut simulator) = simulate(&text(draw), seed).unwrap();
+        let read = |name, s: &Simulator| layout.slot::<Vector<3>>(name).unwrap().read(s.reference_state());
+        let (mut row, mut slow, mut n) = (Vec::new(), 0.0, 0.0);
+        while simulator.next_row(&mut row).is_some() {
+            slow += read("gnss.bias", &simulator).norm_squared();
+            n += 3.0;
+        }
+        (read("gnss.lever_arm", &simulator), f64::sqrt(slow / n))
+    };
+    assert_eq!(run(false, 1), (Vector3::new(0.5, -0.3, -1.2), 0.0));
+    let (mut arm, mut slow) = (0.0, 0.0);
+    for seed in 0..20 {
+        let (l, s) = run(true, seed);
+        arm += (l - Vector3::new(0.5, -0.3, -1.2)).norm_squared() / 60.0;
+        slow += s * s / 20.0;
+    }
+    // 40 %: 1/√120 = 9 % of 1σ. 20 %: 20·3·200/40 = 300 independent samples, 4 % of 1σ.
+    assert!((arm.sqrt() / 0.2 - 1.0).abs() < 0.4, "{}", arm.sqrt());
+    assert!((slow.sqrt() - 1.0).abs() < 0.2, "{}", slow.sqrt());
+}
+
+#[test]
+fn memory_is_bounded_by_the_longest_delay() {
+    let text = strapdown("one_sample", false) + GNSS + &simulation("imu = { rate = 100 }\nsensor.gnss = { rate = 50 }", &short());
+    let (_, _, mut simulator) = simulate(&text, 1).unwrap();
+    let mut row = Vec::new();
+    let mut most = 0;
+    while simulator.next_row(&mut row).is_some() {
+        most = most.max(simulator.queue.len() + simulator.spare.len());
+    }
+    // 150 ms at 50 Hz, and a row or two of each stream.
+    assert!(most < 20, "{most}");
+}
+
+#[test]
+fn a_process_without_input_needs_no_unit_and_one_with_input_does() {
+    let unicycle = "[process.unicycle]\n".to_owned() + &unicycle_fields();
+    let rest = "{ straight = { distance = 20, speed = 1 } }, { turn = { angle = 1, radius = 8 } }";
+    let (layout, _, mut simulator) = simulate(&(unicycle + &simulation("start = { heading = '20 deg' }", rest)), 1).unwrap();
+    let mut row = Vec::new();
+    while simulator.next_row(&mut row).is_some() {
+        let truth = simulator.truth();
+        let x = simulator.reference_state();
+        let speed = layout.slot::<Scalar>("speed").unwrap().read(x);
+        let rate = layout.slot::<Scalar>("yaw_rate").unwrap().read(x);
+        // 1e-12 m/s: rounding; the plane of the origin is tilted by 4e-6 at 25 m.
+        assert!((speed - truth.nav.v_eb_n.norm()).abs() < 1e-11, "{speed}");
+        assert!((-1e-9..0.2).contains(&rate), "{rate}");
+    }
+    let heading = layout.slot::<Angle>("heading").unwrap().read(simulator.reference_state());
+    // The last reference row is up to 0.1 s before the end of the turn, where the rate is small.
+    assert!((heading - (20_f64.to_radians() + 1.0)).abs() < 1e-3, "{heading}");
+    assert_eq!(simulator.streams().len(), 1);
+
+    let missing = strapdown("one_sample", false) + &simulation("", rest);
+    assert_eq!(simulate(&missing, 1).unwrap_err().field, "imu");
+    let unknown = strapdown("one_sample", false) + GNSS + &simulation("imu = { rate = 100 }\nsensor.gns = { rate = 1 }", rest);
+    assert_eq!(simulate(&unknown, 1).unwrap_err().field, "sensor.gns");
+    let wrong =
+        strapdown("one_sample", false) + GNSS + &simulation("imu = { rate = 100 }\nsensor.gnss = { rate = 1, white = '1 s' }", rest);
+    assert_eq!(simulate(&wrong, 1).unwrap_err().field, "sensor.gnss.white");
+}
+
+/// The fields of the registered example.
+fn unicycle_fields() -> String {
+    let all = crate::registry::all();
+    all.iter().find(|r| r.name == "unicycle").unwrap().example.to_owned()
+}

@@ -1,0 +1,222 @@
+//! The true state in the layout of the filter.
+
+use super::super::inverse::Sample;
+use super::super::random::Random;
+use super::super::spec::SimulationSpec;
+use super::super::world::Truth;
+use super::Setup;
+use crate::block::{BuildError, Channel};
+use crate::earth::{LocalEarth, LocalFrame};
+use fusion_core::Time;
+use fusion_core::geometry::so3;
+use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::model::{Input, Process, SignalBuffer};
+use fusion_core::state::{Angle, Attitude, Block, Dynamics, Kind, Layout, Manifold, Position, Scalar, Slot, Vector, Velocity, View};
+use nalgebra::Vector3;
+use std::sync::Arc;
+
+/// The true state in the layout of the filter, and the signals there.
+#[derive(Debug)]
+pub(super) struct TrueState {
+    x: Vec<f64>,
+    signals: SignalBuffer,
+    process: Arc<dyn Process>,
+    input: Vec<InputPart>,
+    sample: Vec<f64>,
+    frame: LocalFrame,
+    known: Vec<Known>,
+    parameters: Vec<Parameter>,
+    moved: Time,
+}
+
+/// A part of the process's input sample.
+#[derive(Clone, Copy, Debug)]
+enum InputPart {
+    Rate,
+    Force,
+}
+
+/// A block that the world knows the value of.
+#[derive(Clone, Copy, Debug)]
+enum Known {
+    Geodetic(Slot<Geodetic>),
+    Local(Slot<Position>),
+    Velocity(Slot<Velocity>),
+    Attitude(Slot<Attitude>),
+    Heading(Slot<Angle>),
+    Speed(Slot<Scalar>),
+    YawRate(Slot<Scalar>),
+    GyroBias(Slot<Vector<3>>),
+    AccelBias(Slot<Vector<3>>),
+    GyroScale(Slot<Vector<3>>),
+    AccelScale(Slot<Vector<3>>),
+}
+
+impl Known {
+    fn of(layout: &Layout, block: &Block) -> Result<Option<Self>, BuildError> {
+        fn slot<M: Manifold>(layout: &Layout, name: &str) -> Result<Slot<M>, BuildError> {
+            layout
+                .slot(name)
+                .map_err(|e| BuildError::new(e.to_string()).help("the simulator does not know this state"))
+        }
+        let name = block.name.as_str();
+        Ok(Some(match (name, block.kind) {
+            ("position", Kind::Geodetic) => Self::Geodetic(slot(layout, name)?),
+            ("position" | "local_position", _) => Self::Local(slot(layout, name)?),
+            ("velocity", _) => Self::Velocity(slot(layout, name)?),
+            ("attitude", _) => Self::Attitude(slot(layout, name)?),
+            ("heading", _) => Self::Heading(slot(layout, name)?),
+            ("speed", _) => Self::Speed(slot(layout, name)?),
+            ("yaw_rate", _) => Self::YawRate(slot(layout, name)?),
+            ("gyro_bias", _) => Self::GyroBias(slot(layout, name)?),
+            ("accel_bias", _) => Self::AccelBias(slot(layout, name)?),
+            ("gyro_scale", _) => Self::GyroScale(slot(layout, name)?),
+            ("accel_scale", _) => Self::AccelScale(slot(layout, name)?),
+            _ => return Ok(None),
+        }))
+    }
+}
+
+/// A block that its declaration alone tells the value of, moving by itself.
+#[derive(Debug)]
+struct Parameter {
+    kind: Kind,
+    storage: core::ops::Range<usize>,
+    dynamics: Dynamics,
+    random: Random,
+}
+
+impl TrueState {
+    pub(super) fn new(setup: &Setup<'_>, spec: &SimulationSpec, seed: u64) -> Result<Self, BuildError> {
+        let layout = setup.layout;
+        let mut x = layout.initial().to_vec();
+        let (mut known, mut parameters) = (Vec::new(), Vec::new());
+        for block in layout.blocks() {
+            if let Some(k) = Known::of(layout, block)? {
+                known.push(k);
+            } else if spec.draw_parameters {
+                let mut random = Random::new(seed, &format!("state/{}", block.name));
+                let delta: Vec<f64> = block.sigma.iter().map(|sigma| sigma * random.normal()).collect();
+                block.kind.plus(&mut x[block.storage_range()], &delta);
+                let (kind, storage, dynamics) = (block.kind, block.storage_range(), block.dynamics.clone());
+                parameters.push(Parameter {
+                    kind,
+                    storage,
+                    dynamics,
+                    random,
+                });
+            }
+        }
+        let part = |channel: &Channel| match channel.name.as_ref() {
+            "angular_rate" => Ok(InputPart::Rate),
+            "specific_force" => Ok(InputPart::Force),
+            other => Err(BuildError::at(
+                "imu",
+                format!("the process is driven by `{other}`, which no simulated unit measures"),
+            )),
+        };
+        Ok(Self {
+            x,
+            signals: SignalBuffer::new(layout),
+            process: setup.process.clone(),
+            input: setup.input.iter().map(part).collect::<Result<_, _>>()?,
+            sample: Vec::new(),
+            frame: LocalFrame::new(setup.origin),
+            known,
+            parameters,
+            moved: Time::default(),
+        })
+    }
+
+    /// The true state in storage order.
+    pub(super) fn state(&self) -> &[f64] {
+        &self.x
+    }
+
+    /// Where models are evaluated: the true state and the signals there.
+    pub(super) fn view(&self) -> View<'_> {
+        self.signals.view(&self.x)
+    }
+
+    /// Writes what is true into the state; `bias` and `scale` are the errors of the inertial unit.
+    pub(super) fn fill(&mut self, truth: &Truth, bias: &Sample, scale: &Sample) {
+        let (nav, x) = (&truth.nav, &mut self.x);
+        let rpy = so3::to_rpy(&nav.q_nb);
+        // What the process makes of this input with the states below is the truth.
+        let (mut rate_offset, mut force_offset) = (Vector3::zeros(), Vector3::zeros());
+        for known in &self.known {
+            match known {
+                Known::Geodetic(slot) => slot.write(&nav.position, x),
+                Known::Local(slot) => slot.write(&self.frame.to_ned(&nav.position), x),
+                Known::Velocity(slot) => slot.write(&nav.v_eb_n, x),
+                Known::Attitude(slot) => slot.write(&nav.q_nb, x),
+                Known::Heading(slot) => slot.write(&rpy.z, x),
+                Known::Speed(slot) => slot.write(&(nav.v_eb_n.x * rpy.z.cos() + nav.v_eb_n.y * rpy.z.sin()), x),
+                Known::YawRate(slot) => {
+                    let earth = LocalEarth::at(&nav.position);
+                    let w_in = earth.earth_rate_n() + earth.transport_rate_n(&nav.v_eb_n);
+                    let w_nb_b = truth.imu.rate - nav.q_nb.inverse_transform_vector(&w_in);
+                    slot.write(&(so3::euler_rate_of_body(rpy.x, rpy.y) * w_nb_b).z, x);
+                }
+                Known::GyroBias(slot) => {
+                    rate_offset += bias.rate;
+                    slot.write(&bias.rate, x);
+                }
+                Known::AccelBias(slot) => {
+                    force_offset += bias.force;
+                    slot.write(&bias.force, x);
+                }
+                Known::GyroScale(slot) => {
+                    rate_offset += scale.rate.component_mul(&truth.imu.rate);
+                    slot.write(&scale.rate, x);
+                }
+                Known::AccelScale(slot) => {
+                    force_offset += scale.force.component_mul(&truth.imu.force);
+                    slot.write(&scale.force, x);
+                }
+            }
+        }
+        self.sample.clear();
+        for part in &self.input {
+            let true_part = match part {
+                InputPart::Rate => truth.imu.rate + rate_offset,
+                InputPart::Force => truth.imu.force + force_offset,
+            };
+            self.sample.extend_from_slice(true_part.as_slice());
+        }
+        self.signals
+            .evaluate(self.process.as_ref(), &self.x, &Input::alone(&self.sample), false);
+    }
+
+    /// Moves the parameters by their own dynamics; at the instants of one stream, so that other
+    /// streams do not change them.
+    pub(super) fn move_parameters(&mut self, to: Time) {
+        let dt = to.seconds_since(self.moved);
+        if dt <= 0.0 {
+            return;
+        }
+        self.moved = to;
+        for Parameter {
+            kind,
+            storage,
+            dynamics,
+            random,
+        } in &mut self.parameters
+        {
+            let x = &mut self.x[storage.clone()];
+            match dynamics {
+                Dynamics::GaussMarkov { sigma, tau } => {
+                    let decay = (-dt / *tau).exp();
+                    for (x, sigma) in x.iter_mut().zip(sigma) {
+                        *x = decay * *x + *sigma * (1.0 - decay * decay).sqrt() * random.normal();
+                    }
+                }
+                Dynamics::RandomWalk { psd } => {
+                    let delta: Vec<f64> = psd.iter().map(|psd| (psd * dt).sqrt() * random.normal()).collect();
+                    kind.plus(x, &delta);
+                }
+                Dynamics::Process | Dynamics::Constant => {}
+            }
+        }
+    }
+}

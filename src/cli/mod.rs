@@ -1,0 +1,236 @@
+//! The command line: what is asked for, where it is read from, what is printed where.
+//!
+//! Results go to stdout, everything else to stderr: diagnostics, progress, and only on a terminal
+//! colour. Exit codes: 0 done, 1 the output could not be written, 2 a mistake in the command line,
+//! the design or the data.
+
+mod blocks;
+mod check;
+mod progress;
+mod run;
+
+use clap::{Args, Parser, Subcommand};
+use fusion::config::{Diagnostic, Diagnostics, Document, did_you_mean};
+use fusion::design::Design;
+use std::io::{IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// What is run where no file is named.
+const DEFAULT: &str = include_str!("../../configs/ins-gps.toml");
+const DEFAULT_NAME: &str = "ins-gps.toml (built in)";
+
+/// Runs, checks and documents navigation filters that are declared in TOML.
+#[derive(Debug, Parser)]
+#[command(
+    version,
+    max_term_width = 100,
+    after_help = "Start with `fusion run`: it runs a built-in simulated design.\n\
+                  Exit codes: 0 done, 1 the output cannot be written, 2 a mistake in the command line, the design or the data."
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run a design over its data, or its simulated world, and print what came of it.
+    ///
+    /// Prints sources, sensors, errors against the reference, drift in declared outages and
+    /// estimated parameters. A filter that never started is a warning, and the exit code is 0:
+    /// the run itself went well.
+    #[command(after_long_help = "\
+Examples:
+  fusion run                                     the built-in design, simulated
+  fusion run configs/ins-gps.toml --out results  writes estimates.csv, updates.csv, summary.json
+  fusion run drive.toml --data ~/logs/drive-3    the same design on other data
+  fusion run drive.toml --variant ekf --variant no-gnss-velocity
+  fusion run drive.toml --set sensor.gnss.gate.probability=0.99 --set filter.backend=ekf
+  fusion run drive.toml --set 'sensor.gnss.noise.sigma=[\"1 m\", \"1 m\", \"2 m\"]'
+  fusion run --seed 7                            another draw of everything random")]
+    Run(run::RunArgs),
+    /// Check a design and show what it resolves to, without running it.
+    ///
+    /// Shows the state layout, sensors, stages, initialisers, sources and faults. The exit code is
+    /// 2 where the design has a mistake, or a data file that is there does not fit it. A data file
+    /// that is not there is shown as `not found` and is no mistake.
+    #[command(after_long_help = "\
+Examples:
+  fusion check drive.toml
+  fusion check drive.toml --data ~/logs/drive-3
+  fusion check drive.toml --variant ekf --set sensor.wheel.enabled=false")]
+    Check(check::CheckArgs),
+    /// List the blocks that designs are made of, or describe one.
+    #[command(after_long_help = "\
+Examples:
+  fusion blocks                  every block by role, a line each
+  fusion blocks gnss_position    its fields, their units and defaults, and an example")]
+    Blocks(blocks::BlocksArgs),
+    /// Print the JSON Schema of a design, for editors that complete and check TOML.
+    #[command(after_long_help = "\
+Examples:
+  fusion schema > fusion.schema.json
+
+Then name it in the first line of a design:
+  #:schema ./fusion.schema.json")]
+    Schema,
+}
+
+/// Which design.
+#[derive(Debug, Args)]
+struct DesignArgs {
+    /// The design; without one, a built-in simulated one.
+    config: Option<PathBuf>,
+    /// Lays `[variant.NAME]` of the file over the design; several in the order given.
+    #[arg(long, value_name = "NAME")]
+    variant: Vec<String>,
+    /// Replaces one value, after all variants: `sensor.gnss.noise.sigma=3 m`.
+    #[arg(long, value_name = "PATH=VALUE")]
+    set: Vec<String>,
+    /// Where relative source paths start, instead of at the design's `data_dir`.
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+}
+
+impl DesignArgs {
+    fn read(&self) -> Result<Design, Diagnostics> {
+        let mut d = Diagnostics::new();
+        let (mut document, mistakes) = match &self.config {
+            None => Document::parse(DEFAULT_NAME, DEFAULT),
+            Some(path) => Document::parse(&path.display().to_string(), &read_text(path)?),
+        };
+        d.extend(mistakes);
+        if d.has_errors() {
+            // What a broken file seems to say besides its syntax errors is guesswork.
+            return Err(d);
+        }
+        for name in &self.variant {
+            match self.check_variant(&document, name) {
+                Ok(()) => drop(d.keep(document.overlay(&format!("variant.{name}")))),
+                Err(unknown) => d.push(unknown),
+            }
+        }
+        for assignment in &self.set {
+            d.keep(document.set(assignment));
+        }
+        match Design::read(document) {
+            Ok(design) => d.unless_errors(design),
+            Err(more) => {
+                d.extend(more.iter().cloned());
+                Err(d)
+            }
+        }
+    }
+
+    fn check_variant(&self, document: &Document, name: &str) -> Result<(), Diagnostic> {
+        let table = document.root().get("variant");
+        let known: Vec<&str> = table.map_or(&[][..], |t| t.entries()).iter().map(|e| e.key.as_str()).collect();
+        if known.contains(&name) {
+            return Ok(());
+        }
+        let file = self.config.as_ref().map_or_else(|| DEFAULT_NAME.to_owned(), |p| p.display().to_string());
+        let unknown = Diagnostic::error(format!("`{file}` has no variant `{name}`"));
+        Err(match (&known[..], did_you_mean(name, &known)) {
+            ([], _) => unknown.help(format!("a variant is a table [variant.{name}] with what differs; this file has none")),
+            (_, Some(meant)) => unknown.help(format!("did you mean `{meant}`? its variants: `{}`", known.join("`, `"))),
+            (_, None) => unknown.help(format!("its variants: `{}`", known.join("`, `"))),
+        })
+    }
+
+    /// Where the design's own relative paths start.
+    fn base(&self) -> PathBuf {
+        self.config.as_ref().and_then(|p| p.parent()).map(Path::to_path_buf).unwrap_or_default()
+    }
+}
+
+fn read_text(path: &Path) -> Result<String, Diagnostics> {
+    let unreadable = |why: &str, help: &str| Diagnostic::error(format!("`{}` cannot be read: {why}", path.display())).help(help);
+    let error = match std::fs::read(path) {
+        Ok(bytes) => match String::from_utf8(bytes) {
+            Ok(text) => return Ok(text),
+            Err(e) => {
+                let line = e.as_bytes()[..e.utf8_error().valid_up_to()].iter().filter(|b| **b == b'\n').count() + 1;
+                unreadable(&format!("line {line} is not UTF-8 text"), "a design is a TOML file, saved as UTF-8")
+            }
+        },
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+            let mut other = path.to_path_buf();
+            other.set_extension("toml");
+            if other != path && other.exists() {
+                unreadable("there is no such file", &format!("did you mean `{}`?", other.display()))
+            } else {
+                unreadable("there is no such file", "name a design such as `configs/ins-gps.toml`, or none for the built-in one")
+            }
+        }
+        Err(_) if path.is_dir() => unreadable("it is a directory", "name the TOML file in it"),
+        Err(e) => unreadable(&e.to_string(), "check that you may read it"),
+    };
+    Err(error.into())
+}
+
+/// Why a subcommand ended early.
+enum Failure {
+    /// Mistakes in the design or the data.
+    Mistakes(Diagnostics),
+    /// stdout could not be written.
+    Output(std::io::Error),
+}
+
+impl From<Diagnostics> for Failure {
+    fn from(mistakes: Diagnostics) -> Self {
+        Self::Mistakes(mistakes)
+    }
+}
+
+impl From<std::io::Error> for Failure {
+    fn from(error: std::io::Error) -> Self {
+        Self::Output(error)
+    }
+}
+
+/// Runs the command.
+pub fn main() -> ExitCode {
+    let done = match Cli::parse().command {
+        Command::Run(args) => run::run(&args),
+        Command::Check(args) => check::check(&args),
+        Command::Blocks(args) => blocks::blocks(&args),
+        Command::Schema => print(&format!("{:#}\n", fusion::schema::design())),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Failure::Mistakes(d)) => {
+            report(&d);
+            let (errors, s) = (d.iter().filter(|d| d.severity == fusion::config::Severity::Error).count(), "s");
+            if errors > 1 {
+                report_line(&format!("\n{errors} mistake{s}"));
+            }
+            ExitCode::from(2)
+        }
+        // The reader of a pipe has seen enough: `fusion schema | head`.
+        Err(Failure::Output(e)) if e.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(Failure::Output(e)) => {
+            report(&Diagnostic::error(format!("the output cannot be written: {e}")).into());
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Writes results to stdout.
+fn print(text: &str) -> Result<(), Failure> {
+    let mut out = std::io::stdout().lock();
+    out.write_all(text.as_bytes())?;
+    Ok(out.flush()?)
+}
+
+/// Shows diagnostics on stderr, in colour on a terminal.
+fn report(d: &Diagnostics) {
+    if !d.is_empty() {
+        report_line(&d.render(std::io::stderr().is_terminal()));
+    }
+}
+
+fn report_line(text: &str) {
+    // Where not even stderr can be written there is nobody left to tell.
+    let _ = writeln!(std::io::stderr(), "{text}");
+}

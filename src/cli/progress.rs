@@ -1,0 +1,46 @@
+//! How far a run is: a bar on a terminal, nothing in a pipe.
+
+use fusion::core::time::Time;
+use fusion::design::Design;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::io::IsTerminal;
+
+#[derive(Debug)]
+pub(super) struct Progress {
+    bar: ProgressBar,
+    first: Option<Time>,
+}
+
+impl Progress {
+    /// A bar where the end is known, the time of the log where it is not.
+    pub(super) fn new(design: &Design) -> Self {
+        let bar = match design.run.stop {
+            _ if !std::io::stderr().is_terminal() => ProgressBar::hidden(),
+            Some(stop) => {
+                let start = design.run.start.map_or(0.0, |t| t.si());
+                let bar = ProgressBar::with_draw_target(Some((stop.si() - start).max(0.0) as u64), ProgressDrawTarget::stderr());
+                bar.with_style(style("{bar:40} {pos} of {len} s of data, {elapsed} elapsed"))
+            }
+            None => {
+                let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+                bar.with_style(style("{spinner} {pos} s of data, {elapsed} elapsed"))
+            }
+        };
+        Self { bar, first: None }
+    }
+
+    /// The run has come to `time`.
+    pub(super) fn at(&mut self, time: Time) {
+        let first = *self.first.get_or_insert(time);
+        self.bar.set_position(time.seconds_since(first).max(0.0) as u64);
+    }
+
+    /// The run is over, and the line is free.
+    pub(super) fn finish(self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+fn style(template: &str) -> ProgressStyle {
+    ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
+}

@@ -1,0 +1,285 @@
+//! The JSON Schema of a whole design, for editors that complete and check TOML.
+//!
+//! Every registered block is one definition, `role.name`, with its `type` as a constant; a table
+//! that takes any block of a role lists them in a `oneOf`.
+//!
+//! Not here  units and ranges beyond what JSON Schema can say: those are checked on reading
+
+use crate::design::{FilterSpec, NoiseSpec, ReferenceSpec, RunSpec};
+use fusion_models::registry::{self, Registration, Role};
+use fusion_models::sim::SimulationSpec;
+use schemars::{JsonSchema, schema_for};
+use serde_json::{Map, Value, json};
+
+const DEFS: &str = "$defs";
+const REF: &str = "$ref";
+
+/// The schema of a design made of the blocks that are linked into this program.
+#[must_use]
+pub fn design() -> Value {
+    fusion_models::link();
+    let mut s = Builder::default();
+    for block in registry::all() {
+        let schema = s.block(block);
+        s.defs.insert(definition(block.role, block.name), schema);
+    }
+    s.add_siblings();
+    let simulation = s.simulation();
+    let sections = [
+        ("run", s.of::<RunSpec>("run")),
+        ("filter", s.of::<FilterSpec>("filter")),
+        ("process", s.any(Role::Process, "The process model: what moves the state.")),
+        ("sensor", s.named(Role::Sensor, "Measurement models by name, each with its source and noise.")),
+        ("stage", s.named(Role::Stage, "Streams made of streams, by name; consumers read them like sources.")),
+        ("initial", s.named(Role::Initialiser, "How the filter starts: initialisers by name, each writing part of the state.")),
+        ("source", s.named(Role::Source, "Recorded data by name.")),
+        ("simulation", simulation),
+        ("reference", s.of::<ReferenceSpec>("reference")),
+    ];
+    let over: Map<String, Value> = sections.iter().map(|(name, _)| ((*name).to_owned(), json!({ "type": "object" }))).collect();
+    let mut properties: Map<String, Value> = sections.into_iter().map(|(name, schema)| (name.to_owned(), schema)).collect();
+    let variant = json!({ "type": "object", "properties": over, "additionalProperties": false });
+    properties.insert(
+        "variant".to_owned(),
+        json!({
+            "description": "Overrides by name: each laid over the design by `fusion run --variant NAME`.",
+            "type": "object",
+            "additionalProperties": variant,
+        }),
+    );
+    json!({
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "fusion design",
+        "description": "A navigation filter composed of blocks.",
+        "type": "object",
+        "properties": properties,
+        "required": ["process"],
+        "additionalProperties": false,
+        DEFS: s.defs,
+    })
+}
+
+/// The schema of one block's own fields, its definitions beside it.
+#[must_use]
+pub fn block(block: &Registration) -> Value {
+    let mut schema = (block.schema)().to_value();
+    strip_null(&mut schema);
+    schema
+}
+
+fn definition(role: Role, name: &str) -> String {
+    format!("{}.{name}", role.name())
+}
+
+fn reference(name: &str) -> Value {
+    json!({ REF: format!("#/{DEFS}/{name}") })
+}
+
+#[derive(Default)]
+struct Builder {
+    defs: Map<String, Value>,
+}
+
+impl Builder {
+    /// Takes the definitions out of a schema and renames them, so that equal names of two blocks
+    /// stay apart.
+    fn adopt(&mut self, mut schema: Value, prefix: &str) -> Value {
+        strip_null(&mut schema);
+        let taken = schema.as_object_mut().and_then(|o| {
+            o.remove("$schema");
+            o.remove(DEFS)
+        });
+        rename(&mut schema, prefix);
+        if let Some(Value::Object(defs)) = taken {
+            for (name, mut def) in defs {
+                rename(&mut def, prefix);
+                self.defs.insert(format!("{prefix}.{name}"), def);
+            }
+        }
+        schema
+    }
+
+    fn of<T: JsonSchema>(&mut self, prefix: &str) -> Value {
+        self.adopt(schema_for!(T).to_value(), prefix)
+    }
+
+    fn block(&mut self, block: &Registration) -> Value {
+        let mut schema = self.adopt((block.schema)().to_value(), &definition(block.role, block.name));
+        property(&mut schema, "type", json!({ "const": block.name, "description": "The kind of block." }));
+        require(&mut schema, "type");
+        schema
+    }
+
+    /// What stands beside the fields of a block and is read by others.
+    fn add_siblings(&mut self) {
+        let noise = self.of::<NoiseSpec>("noise");
+        let source = |description: &str| json!({ "type": "string", "description": description });
+        let gate = self.any(Role::Gate, "Judges each measurement; without one, everything passes.");
+        let loss = self.any(Role::Loss, "Weighs each measurement; without one, least squares.");
+        let faults = self.named(Role::Fault, "What goes wrong with the rows, by name, in order.");
+        for block in registry::all() {
+            let Some(schema) = self.defs.get_mut(&definition(block.role, block.name)) else { continue };
+            match block.role {
+                Role::Process => property(schema, "source", source("The source of its input; none for a process driven by time alone.")),
+                Role::Sensor => {
+                    property(schema, "source", source("The source or stage that it reads or that times it."));
+                    property(schema, "noise", noise.clone());
+                    property(schema, "enabled", json!({ "type": "boolean", "default": true, "description": "False leaves the sensor out." }));
+                    property(schema, "gate", gate.clone());
+                    property(schema, "loss", loss.clone());
+                    require(schema, "source");
+                    require(schema, "noise");
+                }
+                Role::Source => property(schema, "fault", faults.clone()),
+                _ => {}
+            }
+        }
+    }
+
+    /// Any block of a role; by its name alone where it needs no field.
+    fn any(&self, role: Role, description: &str) -> Value {
+        let mut choices: Vec<Value> = registry::names(role).iter().map(|name| reference(&definition(role, name))).collect();
+        let needs_nothing = |name: &&str| {
+            let required = self.defs.get(&definition(role, name)).and_then(|d| d["required"].as_array().cloned());
+            required.is_none_or(|r| r.iter().all(|field| field == "type"))
+        };
+        let bare: Vec<&str> = registry::names(role).into_iter().filter(needs_nothing).collect();
+        if !bare.is_empty() {
+            choices.push(json!({ "type": "string", "enum": bare }));
+        }
+        json!({ "description": description, "oneOf": choices })
+    }
+
+    /// A table of blocks of a role, by names of the author's choice.
+    fn named(&self, role: Role, description: &str) -> Value {
+        let choices: Vec<Value> = registry::names(role).iter().map(|name| reference(&definition(role, name))).collect();
+        json!({ "description": description, "type": "object", "additionalProperties": { "oneOf": choices } })
+    }
+
+    /// The simulated world: segments are blocks, and its sensors have faults.
+    fn simulation(&mut self) -> Value {
+        let mut schema = self.of::<SimulationSpec>("simulation");
+        let segments: Vec<Value> = registry::names(Role::Segment).iter().map(|name| reference(&definition(Role::Segment, name))).collect();
+        let items = json!({ "oneOf": segments });
+        let faults = self.named(Role::Fault, "What goes wrong with the rows, by name, in order.");
+        let properties = &mut schema["properties"];
+        if let Some(trajectory) = properties.get_mut("trajectory").and_then(Value::as_object_mut) {
+            trajectory.insert("items".to_owned(), items);
+        }
+        let sensor = properties.pointer("/sensor/additionalProperties").cloned();
+        let name = sensor.as_ref().and_then(|s| s[REF].as_str()).and_then(|r| r.rsplit('/').next()).map(str::to_owned);
+        let target = match name {
+            Some(name) => self.defs.get_mut(&name),
+            None => properties.pointer_mut("/sensor/additionalProperties"),
+        };
+        if let Some(target) = target {
+            property(target, "fault", faults);
+        }
+        schema
+    }
+}
+
+fn property(schema: &mut Value, name: &str, value: Value) {
+    if let Some(object) = schema.as_object_mut() {
+        let properties = object.entry("properties").or_insert_with(|| json!({}));
+        if let Some(properties) = properties.as_object_mut() {
+            properties.insert(name.to_owned(), value);
+        }
+    }
+}
+
+fn require(schema: &mut Value, name: &str) {
+    if let Some(object) = schema.as_object_mut() {
+        let required = object.entry("required").or_insert_with(|| json!([]));
+        if let Some(required) = required.as_array_mut() {
+            required.push(json!(name));
+        }
+    }
+}
+
+/// Puts `prefix` before the names of the definitions referred to.
+fn rename(schema: &mut Value, prefix: &str) {
+    match schema {
+        Value::Object(object) => {
+            for (key, value) in object {
+                match value.as_str().and_then(|v| v.strip_prefix("#/$defs/")) {
+                    Some(name) if key == REF => *value = reference(&format!("{prefix}.{name}"))[REF].take(),
+                    _ => rename(value, prefix),
+                }
+            }
+        }
+        Value::Array(items) => items.iter_mut().for_each(|item| rename(item, prefix)),
+        _ => {}
+    }
+}
+
+/// Takes out `null`, which TOML does not have: an optional field is one that may be left out.
+fn strip_null(schema: &mut Value) {
+    match schema {
+        Value::Object(object) => {
+            if object.get("default").is_some_and(Value::is_null) {
+                object.remove("default");
+            }
+            if let Some(Value::Array(types)) = object.get_mut("type") {
+                types.retain(|t| t != "null");
+                if let [one] = &types[..] {
+                    let one = one.clone();
+                    object.insert("type".to_owned(), one);
+                }
+            }
+            if let Some(Value::Array(any)) = object.get_mut("anyOf") {
+                any.retain(|choice| choice["type"] != "null");
+                if let [Value::Object(one)] = &any[..] {
+                    let one = one.clone();
+                    object.remove("anyOf");
+                    // What is said of the field wins over what is said of its type.
+                    one.into_iter().for_each(|(key, value)| {
+                        object.entry(key).or_insert(value);
+                    });
+                }
+            }
+            object.values_mut().for_each(strip_null);
+        }
+        Value::Array(items) => items.iter_mut().for_each(strip_null),
+        _ => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_reference_leads_to_a_definition() {
+        fn check(value: &Value, root: &Value) {
+            match value {
+                Value::Object(object) => {
+                    if let Some(r) = object.get(REF).and_then(Value::as_str) {
+                        let name = r.strip_prefix("#/$defs/").unwrap_or_else(|| panic!("{r}"));
+                        assert!(root[DEFS].get(name).is_some(), "{r}");
+                    }
+                    object.values().for_each(|v| check(v, root));
+                }
+                Value::Array(items) => items.iter().for_each(|v| check(v, root)),
+                _ => {}
+            }
+        }
+        let schema = design();
+        check(&schema, &schema);
+    }
+
+    #[test]
+    fn every_block_is_a_definition_with_its_type() {
+        let schema = design();
+        for block in registry::all() {
+            let of = &schema[DEFS][definition(block.role, block.name)];
+            assert_eq!(of["properties"]["type"]["const"], block.name);
+            assert!(of["description"].is_string(), "{}", block.name);
+        }
+    }
+
+    #[test]
+    fn nothing_may_be_null() {
+        assert!(!design().to_string().contains("\"null\""));
+    }
+}
