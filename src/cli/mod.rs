@@ -10,7 +10,7 @@ mod progress;
 mod run;
 
 use clap::{Args, Parser, Subcommand};
-use fusion::config::{Diagnostic, Diagnostics, Document, did_you_mean};
+use fusion::config::{Diagnostic, Diagnostics, Document, Severity, did_you_mean};
 use fusion::design::Design;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -45,7 +45,7 @@ Examples:
   fusion run                                     the built-in design, simulated
   fusion run configs/ins-gps.toml --out results  writes estimates.csv, updates.csv, summary.json
   fusion run drive.toml --data ~/logs/drive-3    the same design on other data
-  fusion run drive.toml --variant ekf --variant no-gnss-velocity
+  fusion run drive.toml --variant ekf --variant position-only
   fusion run drive.toml --set sensor.gnss.gate.probability=0.99 --set filter.backend=ekf
   fusion run drive.toml --set 'sensor.gnss.noise.sigma=[\"1 m\", \"1 m\", \"2 m\"]'
   fusion run --seed 7                            another draw of everything random")]
@@ -106,10 +106,8 @@ impl DesignArgs {
             return Err(d);
         }
         for name in &self.variant {
-            match self.check_variant(&document, name) {
-                Ok(()) => drop(d.keep(document.overlay(&format!("variant.{name}")))),
-                Err(unknown) => d.push(unknown),
-            }
+            let laid = self.check_variant(&document, name).and_then(|()| document.overlay(&format!("variant.{name}")));
+            d.keep(laid);
         }
         for assignment in &self.set {
             d.keep(document.set(assignment));
@@ -201,9 +199,9 @@ pub fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure::Mistakes(d)) => {
             report(&d);
-            let (errors, s) = (d.iter().filter(|d| d.severity == fusion::config::Severity::Error).count(), "s");
+            let errors = d.iter().filter(|d| d.severity == Severity::Error).count();
             if errors > 1 {
-                report_line(&format!("\n{errors} mistake{s}"));
+                report_line(&format!("\n{errors} mistakes"));
             }
             ExitCode::from(2)
         }

@@ -14,11 +14,13 @@ pub(super) struct Progress {
 impl Progress {
     /// A bar where the end is known, the time of the log where it is not.
     pub(super) fn new(design: &Design) -> Self {
-        let bar = match design.run.stop {
+        let simulated = design.simulation.as_ref().and_then(|s| s.block.world.trajectory().ok());
+        let stop = design.run.stop.map(|t| t.si()).or(simulated.map(|t| t.duration()));
+        let bar = match stop {
             _ if !std::io::stderr().is_terminal() => ProgressBar::hidden(),
             Some(stop) => {
-                let start = design.run.start.map_or(0.0, |t| t.si());
-                let bar = ProgressBar::with_draw_target(Some((stop.si() - start).max(0.0) as u64), ProgressDrawTarget::stderr());
+                let seconds = stop - design.run.start.map_or(0.0, |t| t.si());
+                let bar = ProgressBar::with_draw_target(Some(seconds.max(0.0) as u64), ProgressDrawTarget::stderr());
                 bar.with_style(style("{bar:40} {pos} of {len} s of data, {elapsed} elapsed"))
             }
             None => {

@@ -14,6 +14,9 @@ pub struct Failed {
     pub error: SourceError,
 }
 
+/// A row on loan: its source's number, its stamp and its numbers.
+pub type Lent<'a> = (usize, Time, &'a [f64]);
+
 #[derive(Debug)]
 struct Head {
     source: Box<dyn Source>,
@@ -54,7 +57,7 @@ impl Merged {
     /// # Errors
     /// Where a source fails; the others can be read on.
     #[expect(clippy::should_implement_trait, reason = "a row is lent, which an iterator cannot do")]
-    pub fn next(&mut self) -> Result<Option<(usize, Time, &[f64])>, Failed> {
+    pub fn next(&mut self) -> Result<Option<Lent<'_>>, Failed> {
         for source in self.stale.by_ref() {
             let head = &mut self.heads[source];
             head.time = None;

@@ -18,7 +18,7 @@ pub use self::csv::CsvSpec;
 pub use error::{DataError, SourceError};
 pub use fault::{Faulted, outages};
 pub use fusion_models::fault::ProvidedChannel;
-pub use merge::{Failed, Merged};
+pub use merge::{Failed, Lent, Merged};
 pub use report::{Example, Skipped, SourceReport};
 
 use core::fmt::Debug;

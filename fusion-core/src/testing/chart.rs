@@ -1,5 +1,6 @@
 //! Laws of charts and of the kinds of block.
 
+use super::numeric::within;
 use crate::chart::Chart;
 use crate::linear::BlockMatrix;
 use crate::state::{Kind, Layout};
@@ -18,7 +19,7 @@ pub fn check_kind(kind: Kind, x: &[f64], delta: &[f64]) -> Result<(), String> {
     let tolerance = if kind == Kind::Geodetic { 1e-8 } else { 1e-14 };
     let size = |v: &[f64]| v.iter().fold(1.0, |m: f64, v| m.max(v.abs()));
     for i in 0..kind.dim() {
-        if !((back[i] - delta[i]).abs() <= tolerance * size(delta) * size(x)) {
+        if !within(back[i] - delta[i], tolerance * size(delta) * size(x)) {
             return Err(format!(
                 "{kind:?}: (x ⊞ δ) ⊟ x differs from δ on axis {i}: {} instead of {}",
                 back[i], delta[i]
@@ -27,7 +28,7 @@ pub fn check_kind(kind: Kind, x: &[f64], delta: &[f64]) -> Result<(), String> {
     }
     kind.plus(&mut still, &vec![0.0; kind.dim()]);
     kind.minus(&still, x, &mut back);
-    match back.iter().position(|b| !(b.abs() <= 1e-14 * size(x))) {
+    match back.iter().position(|b| !within(*b, 1e-14 * size(x))) {
         Some(i) => Err(format!("{kind:?}: x ⊞ 0 moves axis {i} by {}", back[i])),
         None => Ok(()),
     }
@@ -53,7 +54,7 @@ pub fn check_chart(layout: &Layout, chart: &dyn Chart, x: &[f64], delta: &[f64])
     for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
         let carried: f64 = (0..n).map(|k| reset.get(i, k) * t_before.get(k, j)).sum();
         // 1e-12: an inverse and two products of 3×3 matrices of condition up to 1e2.
-        if !((carried - t_after.get(i, j)).abs() <= 1e-12 * (1.0 + t_after.get(i, j).abs())) {
+        if !within(carried - t_after.get(i, j), 1e-12 * (1.0 + t_after.get(i, j).abs())) {
             let name = name_of(layout, i);
             return Err(format!(
                 "{chart:?}, `{name}`: reset·T(x⁻) has {carried} at ({i}, {j}), T(x⁺) has {}",
@@ -81,7 +82,7 @@ pub fn check_reset(layout: &Layout, chart: &dyn Chart, x: &[f64], delta: &[f64],
             for i in b.tangent_range() {
                 let analytic = reset.get(i, j) * factor;
                 // 1e-7: h²/6·f''' with f''' of up to 10 for h = 1e-4, rounding ε/h = 2e-12.
-                if !((numeric[i] - analytic).abs() <= 1e-7) {
+                if !within(numeric[i] - analytic, 1e-7) {
                     return Err(format!(
                         "{chart:?}, `{}`: reset ({i}, {j}) is {analytic}, numerically {}",
                         b.name, numeric[i]
@@ -103,7 +104,7 @@ fn check_retraction(layout: &Layout, chart: &dyn Chart, x: &[f64]) -> Result<(),
         for (i, v) in numeric.iter().enumerate() {
             let wanted = f64::from(u8::from(i == j));
             // 1e-6: h²/6·f''' with f''' of up to 100 near the edge of the Euler chart.
-            if !((v - wanted).abs() <= 1e-6) {
+            if !within(v - wanted, 1e-6) {
                 return Err(format!(
                     "{chart:?}, `{}`: the retraction's derivative is {v} at ({i}, {j}) instead of {wanted}",
                     b.name

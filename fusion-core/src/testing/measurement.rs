@@ -1,6 +1,6 @@
 //! Laws of measurement models.
 
-use super::numeric::{column, finite};
+use super::numeric::{column, finite, within};
 use crate::linear::Jacobian;
 use crate::model::{Input, Measurement, Process, SignalBuffer, Size};
 use crate::state::Layout;
@@ -51,11 +51,11 @@ pub fn check_measurement(
                 return Err(format!("`{}`, axis {k}: h is too rough here for a numeric derivative", b.name));
             }
             let tolerance = 1e-6 * scale + numeric.doubt + rounding;
-            for i in 0..m {
-                if !((analytic[i] - numeric.value[i]).abs() <= tolerance) {
+            for (i, (analytic, numeric)) in analytic.iter().zip(&numeric.value).enumerate() {
+                if !within(analytic - numeric, tolerance) {
                     return Err(format!(
-                        "∂h/∂`{}` is wrong at row {i}, axis {k}: analytic {:e}, numeric {:e} (tolerance {tolerance:.1e})",
-                        b.name, analytic[i], numeric.value[i]
+                        "∂h/∂`{}` is wrong at row {i}, axis {k}: analytic {analytic:e}, numeric {numeric:e} (tolerance {tolerance:.1e})",
+                        b.name
                     ));
                 }
             }
@@ -86,7 +86,7 @@ fn round_trip(model: &dyn Measurement, z: &[f64], m: usize) -> Result<(), String
         model.residual(&moved, z, &mut back);
         // 1e-8: geodetic metres; elsewhere the rounding of z itself.
         let tolerance = 1e-8 + 4.0 * f64::EPSILON * z.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
-        if let Some(i) = (0..m).find(|&i| !((back[i] - e[i]).abs() <= tolerance)) {
+        if let Some(i) = (0..m).find(|&i| !within(back[i] - e[i], tolerance)) {
             return Err(format!("residual(perturb(z, e), z) is {} in row {i} instead of {}", back[i], e[i]));
         }
     }

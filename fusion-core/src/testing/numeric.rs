@@ -33,16 +33,11 @@ pub(super) struct Column {
     pub(super) step: f64,
 }
 
-/// The derivative of `f` along axis `k` of `block` at `x`. `f` writes its value *relative to the
-/// value at `x`*, in tangent units, and may fail.
-pub(super) fn column(
-    layout: &Layout,
-    block: &Block,
-    k: usize,
-    x: &[f64],
-    rows: usize,
-    f: &mut dyn FnMut(&[f64], &mut [f64]) -> Result<(), String>,
-) -> Result<Column, String> {
+/// Writes a value at x, relative to the value at the base point, in tangent units.
+pub(super) type Function<'a> = dyn FnMut(&[f64], &mut [f64]) -> Result<(), String> + 'a;
+
+/// The derivative of `f` along axis `k` of `block` at `x`.
+pub(super) fn column(layout: &Layout, block: &Block, k: usize, x: &[f64], rows: usize, f: &mut Function<'_>) -> Result<Column, String> {
     let h = step(block.kind, &x[block.storage_range()]);
     let mut difference = |h: f64| -> Result<Vec<f64>, String> {
         let (mut plus, mut minus) = (vec![0.0; rows], vec![0.0; rows]);
@@ -68,6 +63,11 @@ pub(super) fn column(
         doubt,
         step: 0.25 * h,
     })
+}
+
+/// Whether `value` is a number of at most `limit` in size.
+pub(super) fn within(value: f64, limit: f64) -> bool {
+    value.abs() <= limit
 }
 
 /// Fails unless every number is finite.

@@ -1,6 +1,6 @@
 //! Laws of process models.
 
-use super::numeric::{column, finite, rounding};
+use super::numeric::{column, finite, rounding, within};
 use crate::linear::Transition;
 use crate::model::{Input, Process, SignalBuffer};
 use crate::state::{Block, Dynamics, Layout};
@@ -37,7 +37,7 @@ fn check_steps(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<
             return Err(format!("the process moves `{}`, whose dynamics are {:?}", b.name, b.dynamics));
         }
         let limit = 4.0 * rounding(b.kind, &x[s]);
-        if let Some(k) = b.tangent_range().find(|&k| !(drift[k].abs() <= limit)) {
+        if let Some(k) = b.tangent_range().find(|&k| !within(drift[k], limit)) {
             return Err(format!("a step of no time moves `{}` by {:e}", b.name, drift[k]));
         }
     }
@@ -74,7 +74,7 @@ fn check_noise(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<
     for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
         let size = scale[i] * scale[j];
         // 1e-12: rounding of two products of Φ.
-        if !((q[(i, j)] - q[(j, i)]).abs() <= 1e-12 * size) {
+        if !within(q[(i, j)] - q[(j, i)], 1e-12 * size) {
             return Err(format!(
                 "Q is not symmetric between `{}` and `{}`: {:e}, {:e}",
                 name(i),
@@ -132,7 +132,7 @@ fn gaps(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>, dt
             .fold(0.0, |m: f64, i| m.max((numeric.value[i] - identity(i)).abs()));
         for i in row.tangent_range() {
             let (analytic, numeric) = (t.phi.get(i, j), numeric.value[i]);
-            if !analytic.is_finite() {
+            if !(analytic.is_finite() && numeric.is_finite()) {
                 return Err(format!("Φ of `{}` by `{}` is not finite", row.name, col.name));
             }
             out.push(Gap {
@@ -198,7 +198,7 @@ fn check_signals(layout: &Layout, process: &dyn Process, x: &[f64], input: &Inpu
                 for i in rows {
                     let (analytic, numeric) = (at.jacobian.get(i, b.tangent + k), numeric.value[i]);
                     // 1e-6: the extrapolated difference leaves h⁴/120 of the fifth derivative.
-                    if !((analytic - numeric).abs() <= noise + 1e-6 * scale) {
+                    if !within(analytic - numeric, noise + 1e-6 * scale) {
                         let row = i - tangent;
                         return Err(format!(
                             "∂`{name}`/∂`{}` is wrong at ({row}, {k}): analytic {analytic:e}, numeric {numeric:e}",

@@ -55,7 +55,7 @@ impl SimulationSpec {
     /// The trajectory in local north-east-down.
     ///
     /// # Errors
-    /// [`BuildError`] whose field is `trajectory[i].…`.
+    /// [`BuildError`] whose field is `trajectory.i.…`.
     pub fn trajectory(&self) -> Result<Trajectory, BuildError> {
         let position = Vector3::from(self.start.position.si());
         Trajectory::new(

@@ -16,14 +16,15 @@ impl Trajectory {
     /// Builds the segments one after the other from `start`.
     ///
     /// # Errors
-    /// [`BuildError`] whose field is `trajectory[i].…`.
+    /// [`BuildError`] whose field is `trajectory.i.…`, counted from 0, and whose message counts from 1.
     pub fn new(start: Junction, specs: &[Box<dyn SegmentSpec>]) -> Result<Self, BuildError> {
         let mut segments = Vec::with_capacity(specs.len());
         let (mut at, mut duration) = (start, 0.0);
         for (i, spec) in specs.iter().enumerate() {
             let segment = spec.build(&at).map_err(|mut e| {
                 let dot = if e.field.is_empty() { "" } else { "." };
-                e.field = format!("trajectory[{i}]{dot}{}", e.field);
+                e.field = format!("trajectory.{i}{dot}{}", e.field);
+                e.message = format!("segment {}: {}", i + 1, e.message);
                 e
             })?;
             at = segment.end();
@@ -303,16 +304,16 @@ mod tests {
     #[test]
     fn what_cannot_be_driven_names_the_segment_and_the_field() {
         let field = |segments| trajectory(START, segments).unwrap_err().field;
-        assert_eq!(field("{ turn = { angle = 1, radius = 5 } }"), "trajectory[0]");
+        assert_eq!(field("{ turn = { angle = 1, radius = 5 } }"), "trajectory.0");
         assert_eq!(
             field("{ straight = { distance = 20, speed = 1 } }, { rest = { duration = 1 } }"),
-            "trajectory[1]"
+            "trajectory.1"
         );
-        assert_eq!(field("{ straight = { distance = 1, speed = 1 } }"), "trajectory[0].distance");
-        assert_eq!(field("{ straight = { distance = 20 } }"), "trajectory[0].speed");
+        assert_eq!(field("{ straight = { distance = 1, speed = 1 } }"), "trajectory.0.distance");
+        assert_eq!(field("{ straight = { distance = 20 } }"), "trajectory.0.speed");
         assert_eq!(
             field("{ straight = { distance = 20, speed = 1 } }, { turn = { angle = 7, radius = 5 } }"),
-            "trajectory[1].angle"
+            "trajectory.1.angle"
         );
         assert_eq!(field(""), "trajectory");
     }

@@ -7,9 +7,9 @@
 //!
 //! Streams  `imu`, one per sensor, `reference`. All but the reference carry errors
 //! x_true   blocks named `position` (geodetic or local), `local_position`, `velocity`,
-//!          `attitude`, `heading`, `speed`, `yaw_rate` from the world, `gyro_bias`, `accel_bias`,
-//!          `gyro_scale`, `accel_scale` from the simulated unit; every other block at its declared initial
-//!          value, or drawn about it and moved by its own dynamics (`draw_parameters`)
+//!          `attitude`, `heading`, `speed`, `yaw_rate` from the world; `gyro_bias`, `accel_bias`,
+//!          `gyro_scale`, `accel_scale` from the simulated unit; every other block at its declared
+//!          initial value, or drawn about it and moved by its own dynamics (`draw_parameters`)
 //! Signals  from the process's own `signals` at x_true, its input being the true rates plus the
 //!          true biases where those are states
 //! Not here inputs other than an inertial unit; faults and dropouts (they act on rows)
@@ -79,7 +79,11 @@ pub struct SimulatedStream {
 }
 
 /// Numbers in a row of the reference stream.
-const REFERENCE: usize = 10;
+const REFERENCE_WIDTH: usize = 10;
+/// The stream of the inertial unit.
+const IMU: &str = "imu";
+/// The stream of the truth.
+const REFERENCE: &str = "reference";
 
 /// Produces the rows of a run, one after the other.
 #[derive(Debug)]
@@ -197,6 +201,10 @@ impl Simulator {
             let help = format!("sensors to simulate: {known}");
             return Err(BuildError::at(format!("sensor.{name}"), "no sensor of this name takes data").help(help));
         }
+        if let Some(sensor) = setup.sensors.iter().find(|s| [IMU, REFERENCE].contains(&s.name.as_str())) {
+            let taken = format!("`{}` is the name of a stream of the simulator's own", sensor.name);
+            return Err(BuildError::at("sensor", taken).help("give the sensor another name"));
+        }
         if spec.imu.is_none() && !setup.input.is_empty() {
             let help = "add `imu = { rate = \"100 Hz\", preset = \"hg1700\" }`";
             return Err(BuildError::at("imu", "the process is driven by an inertial unit").help(help));
@@ -208,7 +216,7 @@ impl Simulator {
             let rate = unit.rate.si();
             clocks.push(Clock::new(Source::Imu, rate));
             streams.push(SimulatedStream {
-                name: "imu".to_owned(),
+                name: IMU.to_owned(),
                 channels: imu_channels(),
             });
             imu = Some(Imu {
@@ -244,7 +252,7 @@ impl Simulator {
         }
         clocks.push(Clock::new(Source::Reference, spec.reference_rate.si()));
         streams.push(SimulatedStream {
-            name: "reference".to_owned(),
+            name: REFERENCE.to_owned(),
             channels: reference_channels(),
         });
         let mut simulator = Self {
@@ -305,8 +313,8 @@ impl Simulator {
             if self.queue.peek().is_some_and(|Reverse(row)| row.stamp < safe) {
                 let Reverse(mut row) = self.queue.pop()?;
                 if row.stream + 1 == self.streams.len() {
-                    self.reference_state.copy_from_slice(&row.data[REFERENCE..]);
-                    row.data.truncate(REFERENCE);
+                    self.reference_state.copy_from_slice(&row.data[REFERENCE_WIDTH..]);
+                    row.data.truncate(REFERENCE_WIDTH);
                 }
                 core::mem::swap(out, &mut row.data);
                 self.spare.push(row.data);

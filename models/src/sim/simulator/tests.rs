@@ -311,7 +311,7 @@ fn a_process_without_input_needs_no_unit_and_one_with_input_does() {
         let x = simulator.reference_state();
         let speed = layout.slot::<Scalar>("speed").unwrap().read(x);
         let rate = layout.slot::<Scalar>("yaw_rate").unwrap().read(x);
-        // 1e-12 m/s: rounding; the plane of the origin is tilted by 4e-6 at 25 m.
+        // 1e-11 m/s: the plane of the origin is tilted by 4e-6 rad at 25 m, squared.
         assert!((speed - truth.nav.v_eb_n.norm()).abs() < 1e-11, "{speed}");
         assert!((-1e-9..0.2).contains(&rate), "{rate}");
     }

@@ -1,0 +1,204 @@
+//! `fusion blocks`: the registered blocks.
+
+use super::{Failure, print};
+use clap::Args;
+use fusion::config::{Diagnostic, did_you_mean};
+use fusion::models::registry::{self, Registration, Role};
+use fusion::table::{Table, WIDTH, wrapped};
+use serde_json::Value;
+use std::fmt::Write;
+
+#[derive(Debug, Args)]
+pub(super) struct BlocksArgs {
+    /// The `type` of a block; without one, all of them are listed.
+    name: Option<String>,
+}
+
+pub(super) fn blocks(args: &BlocksArgs) -> Result<(), Failure> {
+    fusion::models::link();
+    match &args.name {
+        None => print(&list()),
+        Some(name) => print(&describe(name)?),
+    }
+}
+
+/// The first sentence or line of what a block says of itself.
+fn headline(description: &str) -> String {
+    let text = description.split("\n\n").next().unwrap_or_default().replace('\n', " ");
+    match text.find(". ") {
+        Some(end) => text[..=end].to_owned(),
+        None => text,
+    }
+}
+
+fn list() -> String {
+    let mut text = String::new();
+    let width = registry::all().iter().map(|r| r.name.len()).max().unwrap_or(0);
+    for role in Role::ALL {
+        let mut t = Table::new(&["", ""]);
+        for r in registry::all().into_iter().filter(|r| r.role == role) {
+            let description = fusion::schema::block(r)["description"].as_str().map(headline).unwrap_or_default();
+            t.row([format!("{:width$}", r.name), description]);
+        }
+        let gap = if text.is_empty() { "" } else { "\n" };
+        let place = place(role, "NAME");
+        // Writing to a String cannot fail.
+        let _ = write!(text, "{gap}{}, in {place}\n{t}", role.name());
+    }
+    text + "\n`fusion blocks NAME` describes one: its fields, their units and defaults, and an example.\n"
+}
+
+/// Where in a design a block of this role stands.
+fn place(role: Role, name: &str) -> String {
+    match role {
+        Role::Process => "[process]".to_owned(),
+        Role::Sensor | Role::Stage | Role::Source => format!("[{}.{name}]", role.name()),
+        Role::Initialiser => format!("[initial.{name}]"),
+        Role::Gate => "[sensor.NAME] as `gate`".to_owned(),
+        Role::Loss => "[sensor.NAME] as `loss`".to_owned(),
+        Role::Fault => format!("[source.SOURCE.fault.{name}] or [simulation.sensor.SENSOR.fault.{name}]"),
+        Role::Segment => "[simulation] in the array `trajectory`".to_owned(),
+    }
+}
+
+fn describe(name: &str) -> Result<String, Failure> {
+    let found: Vec<&Registration> = registry::all().into_iter().filter(|r| r.name == name).collect();
+    if found.is_empty() {
+        let names: Vec<&str> = registry::all().iter().map(|r| r.name).collect();
+        let unknown = Diagnostic::error(format!("no block is called `{name}`"));
+        let help = match did_you_mean(name, &names) {
+            Some(meant) => format!("did you mean `{meant}`? `fusion blocks` lists them all"),
+            None => "`fusion blocks` lists them all".to_owned(),
+        };
+        return Err(Failure::Mistakes(unknown.help(help).into()));
+    }
+    Ok(found.into_iter().map(one).collect::<Vec<_>>().join("\n\n"))
+}
+
+fn one(r: &Registration) -> String {
+    let schema = fusion::schema::block(r);
+    let mut text = format!("{} ({}, in {})\n", r.name, r.role.name(), place(r.role, "NAME"));
+    for line in wrapped(&unbroken(schema["description"].as_str().unwrap_or_default()), WIDTH - 2) {
+        text += &format!("  {line}\n");
+    }
+    let mut fields = Table::new(&["field", "value", "default", "meaning"]);
+    add_fields(&mut fields, &schema, &schema, "", 0);
+    if fields.is_empty() {
+        text += "\nIt has no fields of its own.\n";
+    } else {
+        text += &format!("\nFields\n{fields}");
+    }
+    match r.role {
+        Role::Sensor => text += "\nBeside them stand `source`, `noise`, `enabled`, `gate` and `loss`.\n",
+        Role::Process => text += "\nBeside them stands `source`: where its input comes from.\n",
+        Role::Source => text += "\nBeside them stands `fault`: what goes wrong with its rows, by name.\n",
+        _ => {}
+    }
+    text + "\nExample\n" + &example(r)
+}
+
+/// Line breaks of the source text taken out; paragraphs stay.
+fn unbroken(text: &str) -> String {
+    text.split("\n\n").map(|paragraph| paragraph.replace('\n', " ")).collect::<Vec<_>>().join("\n\n")
+}
+
+/// The definition that a schema refers to, or itself.
+fn resolved<'a>(schema: &'a Value, root: &'a Value) -> &'a Value {
+    let target = schema["$ref"].as_str().and_then(|r| root.pointer(r.strip_prefix('#')?));
+    target.unwrap_or(schema)
+}
+
+fn add_fields(t: &mut Table, schema: &Value, root: &Value, path: &str, depth: usize) {
+    let Some(properties) = schema["properties"].as_object() else { return };
+    let required = |name: &str| schema["required"].as_array().is_some_and(|r| r.iter().any(|f| f == name));
+    // The required ones first, as they have to be written.
+    let (first, then): (Vec<_>, Vec<_>) = properties.iter().partition(|(name, _)| required(name));
+    for (name, field) in first.into_iter().chain(then) {
+        let target = resolved(field, root);
+        let default = match (required(name), default_of(field)) {
+            (true, _) => "required".to_owned(),
+            (false, Some(default)) if default.chars().count() <= 16 => default,
+            (false, Some(_)) => "see below".to_owned(),
+            (false, None) => "none".to_owned(),
+        };
+        let meaning = field["description"].as_str().or(target["description"].as_str()).unwrap_or_default();
+        let name = format!("{path}{name}");
+        t.row([name.as_str(), &type_of(target, root), &default, &unbroken(meaning)]);
+        if depth < 3 {
+            add_fields(t, target, root, &format!("{name}."), depth + 1);
+        }
+    }
+}
+
+fn default_of(field: &Value) -> Option<String> {
+    match field.get("default")? {
+        Value::Object(o) if o.is_empty() => None,
+        Value::String(text) => Some(format!("{text:?}")),
+        other => Some(other.to_string()),
+    }
+}
+
+/// What may be written, in a few words.
+fn type_of(schema: &Value, root: &Value) -> String {
+    let schema = resolved(schema, root);
+    if let Some(text) = schema["const"].as_str() {
+        return format!("{text:?}");
+    }
+    if let Some(names) = schema["enum"].as_array() {
+        return names.iter().map(Value::to_string).collect::<Vec<_>>().join(" | ");
+    }
+    for key in ["anyOf", "oneOf"] {
+        let Some(choices) = schema[key].as_array() else { continue };
+        let mut words: Vec<String> = Vec::new();
+        for word in choices.iter().map(|c| type_of(c, root)) {
+            if !words.contains(&word) {
+                words.push(word);
+            }
+        }
+        return words.join(" | ");
+    }
+    let is = |name: &str| schema["type"] == name || schema["type"].as_array().is_some_and(|t| t.iter().any(|t| t == name));
+    if is("number") && is("string") {
+        return schema["examples"][0].as_str().map_or_else(|| "quantity".to_owned(), |e| format!("{e:?}"));
+    }
+    if is("array") {
+        let length = schema["minItems"].as_u64().filter(|n| schema["maxItems"].as_u64() == Some(*n));
+        let length = length.map_or_else(String::new, |n| format!("{n} × "));
+        return format!("[{length}{}]", type_of(&schema["items"], root));
+    }
+    if is("object") {
+        let keys = schema["properties"].as_object().map(|p| p.keys().cloned().collect::<Vec<_>>().join(", "));
+        return keys.map_or_else(|| "table by name".to_owned(), |keys| if keys.len() > 60 { "table".to_owned() } else { format!("{{ {keys} }}") });
+    }
+    let words = [("integer", "whole number"), ("number", "number"), ("boolean", "true | false"), ("string", "text")];
+    words.into_iter().find(|(name, _)| is(name)).map_or_else(|| "any".to_owned(), |(_, word)| word.to_owned())
+}
+
+/// The registered example as it stands in a design.
+fn example(r: &Registration) -> String {
+    let fields = r.example.trim();
+    let inline = || fields.lines().map(str::trim).collect::<Vec<_>>().join(", ");
+    let comma = if fields.is_empty() { "" } else { ", " };
+    let nested = |header: &str| fields.replace("\n[", &format!("\n[{header}."));
+    match r.role {
+        Role::Gate | Role::Loss => {
+            format!("  [sensor.{}]\n  {} = {{ type = {:?}{comma}{} }}\n", "gnss", r.role.name(), r.name, inline())
+        }
+        Role::Segment => format!("  [simulation]\n  trajectory = [\n    {{ type = {:?}{comma}{} }},\n  ]\n", r.name, inline()),
+        role => {
+            let header = match role {
+                Role::Process => "process".to_owned(),
+                Role::Fault => "source.gnss.fault.example".to_owned(),
+                Role::Initialiser => "initial.example".to_owned(),
+                _ => format!("{}.example", role.name()),
+            };
+            let siblings = match role {
+                Role::Sensor => "source = \"gnss\"\nnoise = { sigma = 0.1 }\n",
+                Role::Process if r.name == "strapdown" => "source = \"imu\"\n",
+                _ => "",
+            };
+            let all = format!("[{header}]\ntype = {:?}\n{siblings}{}", r.name, nested(&header));
+            all.trim_end().lines().map(|line| format!("  {line}\n")).collect()
+        }
+    }
+}
