@@ -9,7 +9,7 @@ use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::loss::Quadratic;
 use fusion_core::model::{Measurement, Process, Size};
 use fusion_core::runner::{InitialiserUnit, Noise, Port, Runner, Sensor, StageUnit, StreamId};
-use fusion_core::state::{Dynamics, Layout, LayoutBuilder};
+use fusion_core::state::{Block, Dynamics, Layout, LayoutBuilder};
 use fusion_core::time::nanos;
 use fusion_models::block::{Build, BuildError, Channel, Listen, Reading, Shape};
 use fusion_models::earth::Gravity;
@@ -283,7 +283,11 @@ impl Assembler<'_> {
             diagnostic = diagnostic.label(format!("did you mean `{meant}`?"));
         }
         let listed = names.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");
-        self.d.push(diagnostic.help(format!("there are: {listed}")));
+        let help = match &self.design.simulation {
+            Some(_) => format!("there are: {listed}; a simulated sensor, [simulation.sensor.NAME], provides what [sensor.NAME] reads"),
+            None => format!("there are: {listed}"),
+        };
+        self.d.push(diagnostic.help(help));
         None
     }
 
@@ -315,7 +319,12 @@ impl Assembler<'_> {
                 describe(found.width, found.shape, found.dimension),
                 describe(wanted.width, wanted.shape, wanted.dimension)
             );
-            self.d.push(Diagnostic::error(message).at(node.place_of("source")));
+            let mut diagnostic = Diagnostic::error(message).at(node.place_of("source"));
+            if self.design.sources.iter().any(|s| s.name == layout.name) {
+                let table = format!("[source.{}.channels.{}]", layout.name, wanted.name);
+                diagnostic = diagnostic.help(format!("look at the columns and the `unit` under {table}"));
+            }
+            self.d.push(diagnostic);
             return None;
         }
         if !layout.declared {
@@ -339,7 +348,7 @@ impl Assembler<'_> {
             (None, false) => {
                 let names = channels.iter().map(|c| format!("`{}`", c.name)).collect::<Vec<_>>().join(" and ");
                 let message = format!("this process is driven by {names} and has no `source`");
-                self.d.push(Diagnostic::error(message).at(process.node.name_place()).help("add `source = \"imu\"`, say"));
+                self.d.push(Diagnostic::error(message).at(process.node.name_place()).help("add `source = \"NAME\"`: the source or stage with these channels"));
                 None
             }
             (Some(_), true) => {
@@ -436,14 +445,15 @@ impl Assembler<'_> {
     /// Blocks that the process moves start somewhere: an initialiser must write them.
     fn check_initialised(&mut self, layout: &Layout) {
         let written: Vec<&str> = self.design.initialisers.iter().flat_map(|i| i.block.writes()).collect();
-        for block in layout.blocks().iter().filter(|b| b.dynamics == Dynamics::Process) {
-            let known = block.sigma.iter().all(|s| *s > 0.0);
-            if !known && !written.contains(&block.name.as_str()) {
-                let message = format!("nothing gives the filter its first `{}`", block.name);
-                let help = "add an [initial.NAME] block: `explicit`, `first_fix`, `levelling` or `course`; `fusion blocks` describes them";
-                let place = self.design.document.root().get("initial").map_or(self.design.process.node.name_place(), Node::name_place);
-                self.d.push(Diagnostic::error(message).at(place).help(help));
-            }
+        let known = |b: &Block| b.sigma.iter().all(|s| *s > 0.0) || written.contains(&b.name.as_str());
+        let moved = layout.blocks().iter().filter(|b| b.dynamics == Dynamics::Process);
+        let missing: Vec<String> = moved.filter(|b| !known(b)).map(|b| format!("`{}`", b.name)).collect();
+        if let [all @ .., last] = &missing[..] {
+            let and = if all.is_empty() { String::new() } else { format!("{} and ", all.join(", ")) };
+            let message = format!("nothing gives the filter its first {and}{last}");
+            let help = "add an [initial.NAME] block: `explicit`, `first_fix`, `levelling` or `course`; `fusion blocks` describes them";
+            let place = self.design.document.root().get("initial").map_or(self.design.process.node.name_place(), Node::name_place);
+            self.d.push(Diagnostic::error(message).at(place).help(help));
         }
     }
 }

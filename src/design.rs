@@ -199,8 +199,8 @@ impl PerRow {
         let at = |i: usize| if self.0.len() == 1 { &self.0[0] } else { &self.0[i] };
         let values: Result<Vec<f64>, UnitError> = rows.iter().enumerate().map(|(i, d)| at(i).expect(*d)).collect();
         let values = values.map_err(|e| e.to_string())?;
-        if values.iter().any(|v| *v < 0.0) {
-            return Err("a standard deviation is not negative".to_owned());
+        if let Some(negative) = values.iter().find(|v| **v < 0.0) {
+            return Err(format!("{negative} is negative; a standard deviation of at least 0 is wanted here"));
         }
         Ok(values)
     }
@@ -370,12 +370,25 @@ impl Design {
         d.unless_errors(design)
     }
 
-    /// Streams must have unique names: sources and stages share one space.
+    /// Streams must have unique names: sources and stages share one space. What is simulated is a sensor.
     fn check_names(&self, d: &mut Diagnostics) {
         for stage in &self.stages {
             if self.sources.iter().any(|s| s.name == stage.name) {
                 let message = format!("`{}` is the name of a source and of a stage", stage.name);
                 d.push(Diagnostic::error(message).at(stage.node.name_place()).help("streams share one space of names; rename one of the two"));
+            }
+        }
+        let sensors = self.document.root().get("sensor").map_or(&[][..], Node::entries);
+        let names: Vec<&str> = sensors.iter().map(|s| s.key.as_str()).collect();
+        let simulated = self.simulation.as_ref().and_then(|s| s.node.get("sensor"));
+        for Entry { key, node } in simulated.map_or(&[][..], Node::entries) {
+            if !names.contains(&key.as_str()) {
+                let mut diagnostic = Diagnostic::error(format!("`{key}` is simulated and is no sensor of this design")).at(node.name_place());
+                if let Some(meant) = did_you_mean(key, &names) {
+                    diagnostic = diagnostic.label(format!("did you mean `{meant}`?"));
+                }
+                let listed = names.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");
+                d.push(diagnostic.help(format!("simulated sensors bear the names of sensors: {listed}")));
             }
         }
     }

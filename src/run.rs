@@ -1,7 +1,7 @@
 //! Running a design over its data: feed, record, score.
 
 use crate::assembly::{Assembly, StreamLayout, assemble, declared_streams};
-use crate::config::{Diagnostic, Diagnostics};
+use crate::config::{Diagnostic, Diagnostics, did_you_mean};
 use crate::design::{Design, Named, ReferenceSpec};
 use crate::output::{EstimateWriter, UpdateWriter};
 use crate::score::{Consistency, ReferenceEpoch, Rules, Score, Scorer, differentiate};
@@ -168,6 +168,18 @@ pub fn run(design: &Design, options: &Options, progress: &mut dyn FnMut(Time)) -
     Ok(summary)
 }
 
+/// The reference names a source that is not there.
+pub fn unknown_reference(design: &Design, reference: &Named<ReferenceSpec>) -> Diagnostic {
+    let names: Vec<&str> = design.sources.iter().map(|s| s.name.as_str()).collect();
+    let message = format!("no source is called `{}`", reference.block.source);
+    let diagnostic = Diagnostic::error(message).at(reference.node.place_of("source"));
+    let diagnostic = match did_you_mean(&reference.block.source, &names) {
+        Some(meant) => diagnostic.label(format!("did you mean `{meant}`?")),
+        None => diagnostic,
+    };
+    diagnostic.help(format!("there are: `{}`", names.join("`, `")))
+}
+
 fn unwritable(path: &Path, error: &std::io::Error) -> Diagnostics {
     Diagnostic::error(format!("cannot write {}: {error}", path.display())).into()
 }
@@ -261,8 +273,7 @@ impl Feed {
             }
         }
         if let Some(r) = reference.filter(|r| !design.sources.iter().any(|s| s.name == r.block.source)) {
-            let message = format!("no source is called `{}`", r.block.source);
-            return Err(Diagnostic::error(message).at(r.node.place_of("source")).into());
+            return Err(unknown_reference(design, r).into());
         }
         self.windows.sort_unstable();
         self.windows.dedup();
@@ -284,8 +295,8 @@ impl Feed {
         let mut row = Vec::new();
         loop {
             match source.next(&mut row) {
-                Ok(Some(time)) => self.epochs.extend(epoch(time, &row, &layout)),
-                Ok(None) => break,
+                Ok(Some(time)) => self.epochs.extend(epochs(time, &row, &layout)),
+                Ok(None) => break self.epochs.sort_by_key(|e| e.time),
                 Err(error) => {
                     let mut d = Diagnostics::new();
                     d.extend(error.diagnostics(&named.node));
@@ -343,15 +354,28 @@ pub fn data_dir(design: &Design, options: &Options) -> PathBuf {
     options.data.clone().unwrap_or_else(declared)
 }
 
-fn epoch(time: Time, row: &[f64], layout: &StreamLayout) -> Option<ReferenceEpoch> {
-    let channel = |name: &str| layout.channels.iter().find(|c| c.name == name).map(|c| &row[c.offset..c.offset + c.width]);
-    let finite = |v: &&[f64]| v.iter().all(|v| v.is_finite());
-    Some(ReferenceEpoch {
-        time,
-        position: channel("position").filter(finite).map(Geodetic::read)?,
-        velocity: channel("velocity").filter(finite).map(|v| Vector3::new(v[0], v[1], v[2])),
-        attitude: channel("attitude").filter(finite).map(Attitude::read),
-    })
+/// The reference epochs of a row: one for each time at which some of its channels are valid.
+fn epochs(time: Time, row: &[f64], layout: &StreamLayout) -> Vec<ReferenceEpoch> {
+    let mut epochs: Vec<ReferenceEpoch> = Vec::with_capacity(1);
+    for channel in &layout.channels {
+        let values = &row[channel.offset..channel.offset + channel.width];
+        if !values.iter().all(|v| v.is_finite()) {
+            continue;
+        }
+        let valid = time.shifted(-channel.delay);
+        let at = epochs.iter().position(|e| e.time == valid).unwrap_or_else(|| {
+            epochs.push(ReferenceEpoch { time: valid, position: None, velocity: None, attitude: None });
+            epochs.len() - 1
+        });
+        match channel.name.as_str() {
+            "position" => epochs[at].position = Some(Geodetic::read(values)),
+            "velocity" => epochs[at].velocity = Some(Vector3::new(values[0], values[1], values[2])),
+            "attitude" => epochs[at].attitude = Some(Attitude::read(values)),
+            _ => {}
+        }
+    }
+    epochs.retain(|e| e.position.is_some() || e.velocity.is_some() || e.attitude.is_some());
+    epochs
 }
 
 /// Hears the runner's events: writes, counts, scores.
@@ -422,8 +446,8 @@ impl Recorder {
     }
 
     fn reference(&mut self, time: Time, row: &[f64], layout: &StreamLayout) {
-        if let (Some(scorer), Some(epoch)) = (&mut self.scorer, epoch(time, row, layout)) {
-            scorer.push(epoch);
+        if let Some(scorer) = &mut self.scorer {
+            epochs(time, row, layout).into_iter().for_each(|epoch| scorer.push(epoch));
         }
     }
 

@@ -15,8 +15,8 @@ use std::collections::VecDeque;
 pub struct ReferenceEpoch {
     /// Its time.
     pub time: Time,
-    /// Position of the reference's point.
-    pub position: Geodetic,
+    /// Position of the reference's point, if it has one at this time.
+    pub position: Option<Geodetic>,
     /// Velocity [m/s], if it has one.
     pub velocity: Option<Vector3<f64>>,
     /// Attitude of the reference's body, if it has one.
@@ -60,17 +60,21 @@ pub struct Consistency {
     pub dof: usize,
     /// Samples.
     pub count: usize,
-    /// Samples that count as independent, from the lag-one correlation.
+    /// Samples that count as independent, from the autocorrelation.
     pub independent: f64,
     /// The 95 % band of the mean.
     pub band: (f64, f64),
 }
 
+/// Lags of the autocorrelation that are looked at.
+const LAGS: usize = 5000;
+
 impl Consistency {
     /// From a series of statistics of `dof` degrees of freedom each.
     ///
-    /// Neighbours in time are correlated; an AR(1) series of N samples with lag-one correlation ρ
-    /// carries N(1 − ρ)/(1 + ρ) independent ones, and the band is made for that many.
+    /// Neighbours in time are correlated: N samples carry N/τ independent ones, τ = 1 + 2 Σ ρ_k
+    /// being the integrated autocorrelation, summed up to the first ρ_k that is not positive.
+    /// The band is made for that many. Source: Sokal 1997, §3.
     #[must_use]
     pub fn of(series: &[f64], dof: usize) -> Option<Self> {
         let count = series.len();
@@ -78,10 +82,11 @@ impl Consistency {
             return None;
         }
         let mean = series.iter().sum::<f64>() / count as f64;
-        let variance = series.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
-        let lagged = series.windows(2).map(|w| (w[0] - mean) * (w[1] - mean)).sum::<f64>();
-        let rho = if variance > 0.0 { (lagged / variance).clamp(0.0, 0.999) } else { 0.0 };
-        let independent = (count as f64 * (1.0 - rho) / (1.0 + rho)).max(1.0);
+        let lagged = |k: usize| series.iter().zip(&series[k..]).map(|(a, b)| (a - mean) * (b - mean)).sum::<f64>();
+        let variance = lagged(0);
+        let correlations = (1..count.min(LAGS)).map(|k| lagged(k) / variance).take_while(|rho| *rho > 0.0);
+        let tau = if variance > 0.0 { 1.0 + 2.0 * correlations.sum::<f64>() } else { 1.0 };
+        let independent = (count as f64 / tau).max(1.0);
         Some(Self { mean, dof, count, independent, band: mean_band(0.95, dof, independent.round() as usize) })
     }
 
@@ -236,9 +241,9 @@ impl Scorer {
 
     fn score(&mut self, epoch: &ReferenceEpoch, at: &Solution) {
         let counts = self.rules.from.is_none_or(|from| epoch.time >= from);
-        if let Some((place, p)) = at.position {
+        if let (Some((place, p)), Some(truth)) = (at.position, epoch.position) {
             let lever = at.attitude.map_or_else(Vector3::zeros, |(q, _)| q * self.rules.lever_arm);
-            let e = place.offset(&lever).difference(&epoch.position);
+            let e = place.offset(&lever).difference(&truth);
             if counts {
                 self.position.add(&e, &sigmas(&p));
                 let h = e.x.hypot(e.y);
@@ -375,7 +380,7 @@ pub fn differentiate(epochs: &mut [ReferenceEpoch], half: usize, max_span: f64) 
                 let t = e.time.seconds_since(epochs[i].time) / span;
                 let row = nalgebra::Vector4::new(1.0, t, t * t, t * t * t);
                 normal += row * row.transpose();
-                right += row * e.position.difference(&epochs[i].position).transpose();
+                right += row * e.position?.difference(&epochs[i].position?).transpose();
             }
             let fit = normal.cholesky()?.solve(&right);
             Some(fit.row(1).transpose() / span)
@@ -404,7 +409,7 @@ mod tests {
     }
 
     fn truth(t: f64) -> ReferenceEpoch {
-        ReferenceEpoch { time: Time::from_seconds(t), position: place(0.0, 0.0), velocity: None, attitude: Some(so3::from_rpy(0.0, 0.0, 0.5)) }
+        ReferenceEpoch { time: Time::from_seconds(t), position: Some(place(0.0, 0.0)), velocity: None, attitude: Some(so3::from_rpy(0.0, 0.0, 0.5)) }
     }
 
     #[test]
@@ -434,7 +439,7 @@ mod tests {
         let slow: Vec<f64> = (0..1000).map(|k| 3.0 + (k as f64 * 0.01).sin()).collect();
         let fast: Vec<f64> = (0..1000).map(|k| 3.0 + if k % 2 == 0 { 1.0 } else { -1.0 }).collect();
         let (slow, fast) = (Consistency::of(&slow, 3).unwrap(), Consistency::of(&fast, 3).unwrap());
-        assert!(slow.independent < 10.0 && fast.independent > 999.0);
+        assert!(slow.independent < 10.0 && fast.independent > 999.0, "{slow:?} {fast:?}");
         assert!(slow.band.1 - slow.band.0 > 5.0 * (fast.band.1 - fast.band.0));
     }
 
@@ -443,7 +448,7 @@ mod tests {
         let mut epochs: Vec<ReferenceEpoch> = (0..21)
             .map(|k| {
                 let t = k as f64 * 0.01;
-                ReferenceEpoch { time: Time::from_seconds(t), position: place(5.0 * t + 2.0 * t.powi(3), 0.0), velocity: None, attitude: None }
+                ReferenceEpoch { time: Time::from_seconds(t), position: Some(place(5.0 * t + 2.0 * t.powi(3), 0.0)), velocity: None, attitude: None }
             })
             .collect();
         differentiate(&mut epochs, 6, 0.2);

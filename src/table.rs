@@ -275,7 +275,7 @@ fn band(c: &Consistency) -> String {
 }
 
 fn sensors(f: &mut fmt::Formatter<'_>, tallies: &[SensorTally]) -> fmt::Result {
-    let mut t = Table::new(&["", ">accepted", ">rejected", ">readopted", ">unusable", ">mean NIS", ">of", ">95 % band", ""]);
+    let mut t = Table::new(&["", ">accepted", ">rejected", ">readopted", ">unusable", ">mean NIS", ">dof", ">95 % band", ""]);
     for s in tallies {
         let mut cells = vec![s.name.clone(), s.accepted.to_string(), s.rejected.to_string(), s.readopted.to_string(), s.unusable.to_string()];
         if let Some(c) = &s.nis {
@@ -313,7 +313,7 @@ fn errors(f: &mut fmt::Formatter<'_>, score: &Score) -> fmt::Result {
     }
     for (what, c) in [("position", &score.nees_position), ("velocity", &score.nees_velocity)] {
         if let Some(c) = c {
-            writeln!(f, "  NEES of {what} {} of {}, 95 % band {}: {}", number(c.mean), c.dof, band(c), c.word())?;
+            writeln!(f, "  NEES of {what} {}, {} dof, 95 % band {}: {}", number(c.mean), c.dof, band(c), c.word())?;
         }
     }
     Ok(())

@@ -785,14 +785,40 @@ mod tests {
         assert!(left.norm() < 0.05, "{left}");
     }
 
+    /// Must not be asked.
+    #[derive(Clone, Debug)]
+    struct Unasked;
+
+    impl Gate for Unasked {
+        fn judge(&mut self, input: &GateInput<'_>) -> Answer {
+            panic!("asked about {:?}", input.residual)
+        }
+        fn boxed_clone(&self) -> Box<dyn Gate> {
+            Box::new(self.clone())
+        }
+    }
+
     #[test]
-    fn readopting_what_the_estimate_cannot_see_leaves_the_belief_as_it_was() {
+    fn a_measurement_that_is_no_number_never_reaches_its_gate() {
+        let (mut f, x) = four(Form::Joseph);
+        let model = Linear { x: Param::State(x), h: SMatrix::<f64, 1, 4>::new(1.0, 0.0, 0.0, 0.0) };
+        let observed = Observed { model: &model, value: &[f64::NAN], noise: &[0.1] };
+        assert_eq!(f.update(&observed, &mut Unasked, &Quadratic).verdict, Verdict::Unusable);
+    }
+
+    #[test]
+    fn readopting_what_cannot_be_used_leaves_the_belief_as_it_was() {
         let (mut f, x) = four(Form::Joseph);
         let (before, p) = (f.belief().x.clone(), dense(&f));
-        let model = Linear { x: Param::State(x), h: SMatrix::<f64, 1, 4>::zeros() };
-        let observed = Observed { model: &model, value: &[1.0], noise: &[0.1] };
-        assert_eq!(f.update(&observed, &mut Credulous, &Quadratic).verdict, Verdict::Unusable);
-        assert!(unchanged(&f, &before, &p));
+        let blind = SMatrix::<f64, 1, 4>::zeros();
+        let seeing = SMatrix::<f64, 1, 4>::new(1.0, 0.0, 0.0, 0.0);
+        // The square of the second residual overflows once P has grown by it.
+        for (h, value) in [(blind, 1.0), (seeing, 1e200)] {
+            let model = Linear { x: Param::State(x), h };
+            let observed = Observed { model: &model, value: &[value], noise: &[0.1] };
+            assert_eq!(f.update(&observed, &mut Credulous, &Quadratic).verdict, Verdict::Unusable);
+            assert!(unchanged(&f, &before, &p), "{value}");
+        }
     }
 
     #[test]

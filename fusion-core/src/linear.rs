@@ -414,6 +414,7 @@ mod tests {
         h.add(0, &Quantity::Signal(rate), &by_rate);
         assert!(h.needs_signals());
         h.chain(&signals);
+        assert_eq!(h.columns(), [(3, 4), (0, 3)]);
         let (p, s) = (by_rate * by_position, by_rate * Vector3::new(-1.0, 0.5, 2.0));
         for i in 0..2 {
             // Small whole numbers: exact.

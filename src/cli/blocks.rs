@@ -8,6 +8,9 @@ use fusion::table::{Table, WIDTH, wrapped};
 use serde_json::Value;
 use std::fmt::Write;
 
+/// How a parameter that may be a state is marked.
+const ESTIMATED: &str = "fixed or estimated";
+
 #[derive(Debug, Args)]
 pub(super) struct BlocksArgs {
     /// The `type` of a block; without one, all of them are listed.
@@ -81,12 +84,17 @@ fn one(r: &Registration) -> String {
     for line in wrapped(&unbroken(schema["description"].as_str().unwrap_or_default()), WIDTH - 2) {
         text += &format!("  {line}\n");
     }
-    let mut fields = Table::new(&["field", "value", "default", "meaning"]);
-    add_fields(&mut fields, &schema, &schema, "", 0);
+    let mut fields = String::new();
+    add_fields(&mut fields, &schema, &schema, 1);
     if fields.is_empty() {
         text += "\nIt has no fields of its own.\n";
     } else {
         text += &format!("\nFields\n{fields}");
+    }
+    if fields.contains(ESTIMATED) {
+        text += "\nWhat may be estimated is a state where it is declared `{ estimate = true, initial = …, sigma = … }`,\n\
+                 with `random_walk` or `correlation_time` where it moves; `{ shared = \"block.field\" }` is the state\n\
+                 of another block.\n";
     }
     match r.role {
         Role::Sensor => text += "\nBeside them stand `source`, `noise`, `enabled`, `gate` and `loss`.\n",
@@ -108,24 +116,32 @@ fn resolved<'a>(schema: &'a Value, root: &'a Value) -> &'a Value {
     target.unwrap_or(schema)
 }
 
-fn add_fields(t: &mut Table, schema: &Value, root: &Value, path: &str, depth: usize) {
+/// A line per field with what may be written, then what it means.
+fn add_fields(text: &mut String, schema: &Value, root: &Value, depth: usize) {
     let Some(properties) = schema["properties"].as_object() else { return };
     let required = |name: &str| schema["required"].as_array().is_some_and(|r| r.iter().any(|f| f == name));
     // The required ones first, as they have to be written.
     let (first, then): (Vec<_>, Vec<_>) = properties.iter().partition(|(name, _)| required(name));
     for (name, field) in first.into_iter().chain(then) {
         let target = resolved(field, root);
-        let default = match (required(name), default_of(field)) {
+        let need = match (required(name), default_of(field)) {
             (true, _) => "required".to_owned(),
-            (false, Some(default)) if default.chars().count() <= 16 => default,
-            (false, Some(_)) => "see below".to_owned(),
-            (false, None) => "none".to_owned(),
+            (false, Some(default)) => format!("default {default}"),
+            (false, None) => "optional".to_owned(),
         };
+        let indent = "  ".repeat(depth);
+        let head = format!("{indent}{name}: {} ({need})", type_of(target, root));
+        *text += &(wrapped(&head, WIDTH).join("\n") + "\n");
         let meaning = field["description"].as_str().or(target["description"].as_str()).unwrap_or_default();
-        let name = format!("{path}{name}");
-        t.row([name.as_str(), &type_of(target, root), &default, &unbroken(meaning)]);
-        if depth < 3 {
-            add_fields(t, target, root, &format!("{name}."), depth + 1);
+        for line in wrapped(&unbroken(meaning), WIDTH - 4 - indent.len()) {
+            *text += &format!("{indent}    {line}\n");
+        }
+        let items = target["additionalProperties"].as_object().and(Some(&target["additionalProperties"]));
+        let is_table = |choice: &&Value| choice["properties"].is_object() && !choice["properties"]["estimate"].is_object();
+        let choice = target["anyOf"].as_array().and_then(|any| any.iter().map(|c| resolved(c, root)).find(is_table));
+        let nested = choice.unwrap_or_else(|| items.map_or(target, |items| resolved(items, root)));
+        if depth < 4 {
+            add_fields(text, nested, root, depth + 1);
         }
     }
 }
@@ -149,6 +165,15 @@ fn type_of(schema: &Value, root: &Value) -> String {
     }
     for key in ["anyOf", "oneOf"] {
         let Some(choices) = schema[key].as_array() else { continue };
+        if let [fixed, table] = &choices[..] {
+            if table["properties"]["estimate"].is_object() {
+                return format!("{}, {ESTIMATED}", type_of(fixed, root));
+            }
+            if table["type"] == "array" && table["items"] == *fixed {
+                let count = table["minItems"].as_u64().map_or_else(|| "an array of them".to_owned(), |n| format!("an array of {n}"));
+                return format!("{}, or {count}", type_of(fixed, root));
+            }
+        }
         let mut words: Vec<String> = Vec::new();
         for word in choices.iter().map(|c| type_of(c, root)) {
             if !words.contains(&word) {
@@ -159,16 +184,15 @@ fn type_of(schema: &Value, root: &Value) -> String {
     }
     let is = |name: &str| schema["type"] == name || schema["type"].as_array().is_some_and(|t| t.iter().any(|t| t == name));
     if is("number") && is("string") {
-        return schema["examples"][0].as_str().map_or_else(|| "quantity".to_owned(), |e| format!("{e:?}"));
+        return schema["examples"][0].as_str().map_or_else(|| "number or text".to_owned(), |e| format!("quantity such as {e:?}"));
     }
     if is("array") {
         let length = schema["minItems"].as_u64().filter(|n| schema["maxItems"].as_u64() == Some(*n));
-        let length = length.map_or_else(String::new, |n| format!("{n} × "));
-        return format!("[{length}{}]", type_of(&schema["items"], root));
+        let of = type_of(&schema["items"], root);
+        return length.map_or_else(|| format!("array of {of}"), |n| format!("array of {n}: {of}"));
     }
     if is("object") {
-        let keys = schema["properties"].as_object().map(|p| p.keys().cloned().collect::<Vec<_>>().join(", "));
-        return keys.map_or_else(|| "table by name".to_owned(), |keys| if keys.len() > 60 { "table".to_owned() } else { format!("{{ {keys} }}") });
+        return if schema["properties"].is_object() { "table" } else { "tables by name" }.to_owned();
     }
     let words = [("integer", "whole number"), ("number", "number"), ("boolean", "true | false"), ("string", "text")];
     words.into_iter().find(|(name, _)| is(name)).map_or_else(|| "any".to_owned(), |(_, word)| word.to_owned())

@@ -8,7 +8,7 @@ use fusion::core::state::{Dynamics, Kind};
 use fusion::design::{Design, Named, SensorDesign};
 use fusion::models::block::Listen;
 use fusion::models::fault::FaultContext;
-use fusion::run::{Options, data_dir};
+use fusion::run::{Options, data_dir, unknown_reference};
 use fusion::source::{Faulted, OpenContext};
 use fusion::table::{Table, backend_name, numbers, readable, short};
 use fusion::world::SimulatedRows;
@@ -220,7 +220,7 @@ fn sources(design: &Design, options: &Options) -> Result<Table, Diagnostics> {
     }
     if let Some(r) = design.reference.as_ref().filter(|r| !design.sources.iter().any(|s| s.name == r.block.source)) {
         if design.simulation.is_none() {
-            d.push(Diagnostic::error(format!("no source is called `{}`", r.block.source)).at(r.node.place_of("source")));
+            d.push(unknown_reference(design, r));
         }
     }
     d.unless_errors(t)

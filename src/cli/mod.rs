@@ -138,7 +138,8 @@ impl DesignArgs {
 
     /// Where the design's own relative paths start.
     fn base(&self) -> PathBuf {
-        self.config.as_ref().and_then(|p| p.parent()).map(Path::to_path_buf).unwrap_or_default()
+        let folder = self.config.as_ref().and_then(|p| p.parent()).filter(|p| !p.as_os_str().is_empty());
+        folder.unwrap_or(Path::new(".")).to_path_buf()
     }
 }
 

@@ -27,7 +27,8 @@ pub(super) fn rounding(kind: Kind, x: &[f64]) -> f64 {
 /// One column of a numeric Jacobian.
 pub(super) struct Column {
     pub(super) value: Vec<f64>,
-    /// The largest difference between the two extrapolations over the column.
+    /// The largest difference between the two extrapolations over the column, and what the
+    /// function's own rounding may add to it.
     pub(super) doubt: f64,
     /// The smallest step taken.
     pub(super) step: f64,
@@ -39,6 +40,7 @@ pub(super) type Function<'a> = dyn FnMut(&[f64], &mut [f64]) -> Result<(), Strin
 /// The derivative of `f` along axis `k` of `block` at `x`.
 pub(super) fn column(layout: &Layout, block: &Block, k: usize, x: &[f64], rows: usize, f: &mut Function<'_>) -> Result<Column, String> {
     let h = step(block.kind, &x[block.storage_range()]);
+    let jitter = jitter(layout, block, k, x, rows, h, f)?;
     let mut difference = |h: f64| -> Result<Vec<f64>, String> {
         let (mut plus, mut minus) = (vec![0.0; rows], vec![0.0; rows]);
         let mut realised = 0.0;
@@ -58,11 +60,30 @@ pub(super) fn column(layout: &Layout, block: &Block, k: usize, x: &[f64], rows: 
     let extrapolated = |c: &[f64], f: &[f64]| c.iter().zip(f).map(|(c, f)| (4.0 * f - c) / 3.0).collect::<Vec<_>>();
     let (rough, value) = (extrapolated(&coarse, &middle), extrapolated(&middle, &fine));
     let doubt = rough.iter().zip(&value).fold(0.0, |m: f64, (r, v)| m.max((r - v).abs()));
+    let doubt = doubt + 8.0 * jitter / (0.25 * h);
     Ok(Column {
         value,
         doubt,
         step: 0.25 * h,
     })
+}
+
+/// How far `f` rounds near `x`: second differences over steps so short that a smooth function
+/// has none. Earth-centred coordinates, say, round to 1e-9 m whatever they are the difference of.
+fn jitter(layout: &Layout, block: &Block, k: usize, x: &[f64], rows: usize, h: f64, f: &mut Function<'_>) -> Result<f64, String> {
+    let mut largest = 0.0_f64;
+    for short in [1.0e-4, 1.7e-4, 2.3e-4, 3.1e-4, 4.3e-4, 5.9e-4, 7.3e-4, 8.9e-4] {
+        let mut sum = vec![0.0; rows];
+        for sign in [1.0, -1.0] {
+            let (mut moved, mut delta, mut out) = (x.to_vec(), vec![0.0; layout.dim()], vec![0.0; rows]);
+            delta[block.tangent + k] = sign * short * h;
+            layout.plus(&mut moved, &delta);
+            f(&moved, &mut out)?;
+            sum.iter_mut().zip(&out).for_each(|(s, o)| *s += o);
+        }
+        largest = sum.iter().fold(largest, |m, s| m.max(s.abs()));
+    }
+    Ok(largest)
 }
 
 /// Whether `value` is a number of at most `limit` in size.

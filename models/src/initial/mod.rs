@@ -3,6 +3,7 @@
 //! Each writes part of the initial belief; they write in the order of the file, so that a course
 //! may turn the attitude that levelling has found.
 
+pub mod baseline;
 pub mod course;
 pub mod explicit;
 pub mod first_fix;

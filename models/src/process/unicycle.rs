@@ -272,6 +272,38 @@ mod tests {
     }
 
     #[test]
+    fn the_slopes_of_an_arc_match_central_differences() {
+        let (psi, u, r, dt, h) = (0.4, 3.0, -0.8, 2.0, 1e-5);
+        let a = arc(psi, u, r, dt);
+        for (slope, [dp, du, dr]) in [
+            (a.by_heading, [h, 0.0, 0.0]),
+            (a.by_speed, [0.0, h, 0.0]),
+            (a.by_rate, [0.0, 0.0, h]),
+        ] {
+            let numeric = (arc(psi + dp, u + du, r + dr, dt).moved - arc(psi - dp, u - du, r - dr, dt).moved) / (2.0 * h);
+            // 1e-9: h²/6·f''' with f''' of up to 12, rounding 1e-15/h.
+            assert!((slope - numeric).amax() < 1e-9, "{slope} {numeric}");
+        }
+    }
+
+    #[test]
+    fn a_displacement_carries_errors_of_position_as_central_differences_say() {
+        let (p, moved) = (Geodetic::new(1.1, 2.0, 500.0), Vector2::new(4e4, -3e4));
+        let after = p.offset(&moved.push(0.0));
+        let (carried, factor) = carried(&p, &after, &moved);
+        for k in 0..3 {
+            let mut d = Vector3::zeros();
+            d[k] = 100.0;
+            let end = |d: Vector3<f64>| p.offset(&d).offset(&moved.push(0.0)).difference(&after);
+            let numeric = (end(d) - end(-d)) / 200.0;
+            // 1e-8: (100 m/R)² of curvature, and rounding 4e-9 m over 200 m.
+            assert!((carried.column(k) - numeric).amax() < 1e-8, "{k}: {} {numeric}", carried.column(k));
+        }
+        let further = p.offset(&(moved + Vector2::new(0.0, 100.0)).push(0.0)).difference(&after);
+        assert!((further.y - 100.0 * factor.y).abs() < 1e-6 && factor.y < 0.99); // meridians converge
+    }
+
+    #[test]
     fn many_short_arcs_are_one_long_arc() {
         let (mut at, mut psi) = (Vector2::zeros(), 0.7);
         for _ in 0..100 {

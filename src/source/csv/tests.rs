@@ -244,6 +244,11 @@ fn a_quaternion_of_an_east_north_up_world_becomes_body_to_ned() {
     let half = 0.5f64.sqrt();
     let q = &values(&toml, &format!("t,w,x,y,z\n1,{half},0,0,{half}\n"))[0];
     assert!((q[0].abs() - 1.0).abs() < 1e-12, "{q:?}");
+    // A sensor that looks right of the body, itself looking north: the body looks west.
+    let mounted = format!("{T}channels.q = {{ quaternion = ['w', 'x', 'y', 'z'], rotation = {{ rpy = [0, 0, '90 deg'] }} }}");
+    for (found, expected) in values(&mounted, "t,w,x,y,z\n1,1,0,0,0\n")[0].iter().zip([half, 0.0, 0.0, -half]) {
+        assert!((found - expected).abs() < 1e-15, "{found} for {expected}");
+    }
     let back = values(
         &format!("{T}channels.q = {{ quaternion = ['w', 'x', 'y', 'z'], inverse = true }}"),
         "t,w,x,y,z\n1,0.6,0.8,0,0\n",

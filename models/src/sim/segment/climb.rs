@@ -101,7 +101,7 @@ crate::register!(
     "bump",
     BumpSpec,
     r#"
-duration = "1 s"
+duration = "0.8 s"
 height = "-5 cm"
 pitch = "8 deg"
 heading = "5 deg"

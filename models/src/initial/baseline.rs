@@ -1,0 +1,114 @@
+//! Heading from the line between two fixes, for receivers that report no velocity.
+//!
+//! ψ = atan2(ΔE, ΔN) from an earlier fix at least `min_distance` away and at most `max_age` old.
+//! Valid for a vehicle that has driven forward and about straight over that line.
+
+use super::write_yaw;
+use crate::block::{Build, BuildError, Channel, InitialiserSpec, Listen};
+use crate::units::{NonNegative, Positive, dim};
+use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::runner::Initialiser;
+use fusion_core::state::{Belief, Layout, Manifold};
+use fusion_core::time::Time;
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::collections::VecDeque;
+
+/// Heading from the line between two fixes, for receivers that report no velocity.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BaselineSpec {
+    /// A stream with a `position` channel.
+    source: String,
+    /// How far apart the two fixes are at least.
+    min_distance: Positive<dim::Length>,
+    /// How long ago the earlier one is at most.
+    max_age: Positive<dim::Duration>,
+    /// 1σ of the heading that it gives.
+    sigma: NonNegative<dim::Angle>,
+}
+
+crate::register!(Initialiser, "baseline", BaselineSpec, r#"
+source = "gnss"
+min_distance = "4 m"
+max_age = "15 s"
+sigma = "12 deg"
+"#);
+
+#[typetag::deserialize(name = "baseline")]
+impl InitialiserSpec for BaselineSpec {
+    fn inputs(&self) -> Vec<Listen> {
+        vec![Listen { source: self.source.clone(), channels: vec![Channel::geodetic("position")] }]
+    }
+
+    fn writes(&self) -> Vec<&'static str> {
+        vec!["heading"]
+    }
+
+    fn build(&self, _: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {
+        Ok(Box::new(Baseline {
+            min_distance: self.min_distance.si(),
+            max_age: self.max_age.si(),
+            sigma: self.sigma.si(),
+            fixes: VecDeque::new(),
+            yaw: None,
+        }))
+    }
+}
+
+#[derive(Debug)]
+struct Baseline {
+    min_distance: f64,
+    max_age: f64,
+    sigma: f64,
+    fixes: VecDeque<(Time, Geodetic)>,
+    yaw: Option<f64>,
+}
+
+impl Initialiser for Baseline {
+    fn row(&mut self, _: usize, time: Time, row: &[f64]) {
+        let here = Geodetic::read(row);
+        while self.fixes.front().is_some_and(|(t, _)| time.seconds_since(*t) > self.max_age) {
+            self.fixes.pop_front();
+        }
+        // The shortest line that is long enough: the latest course, not an old one.
+        let lines = self.fixes.iter().rev().map(|(_, there)| here.difference(there));
+        let long = lines.into_iter().find(|d| d.x.hypot(d.y) >= self.min_distance);
+        self.yaw = long.map(|d| d.y.atan2(d.x));
+        self.fixes.push_back((time, here));
+    }
+
+    fn waits_for(&self) -> Option<String> {
+        self.yaw.is_none().then(|| format!("two fixes {} m apart, for the course", self.min_distance))
+    }
+
+    fn write(&self, _: Time, layout: &Layout, belief: &mut Belief) {
+        if let Some(yaw) = self.yaw {
+            write_yaw(layout, belief, yaw, self.sigma);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn the_course_is_that_of_the_latest_long_enough_line() {
+        let mut b = Baseline { min_distance: 4.0, max_age: 15.0, sigma: 0.2, fixes: VecDeque::new(), yaw: None };
+        let origin = Geodetic { lat: 0.7, lon: -1.2, height: 0.0 };
+        let mut fix = |t: f64, n: f64, e: f64| {
+            let mut row = [0.0; 3];
+            Geodetic::write(&origin.offset(&Vector3::new(n, e, 0.0)), &mut row);
+            b.row(0, Time::from_seconds(t), &row);
+            b.yaw
+        };
+        assert_eq!(fix(0.0, 0.0, 0.0), None);
+        assert_eq!(fix(1.0, 3.0, 0.0), None, "3 m are too short");
+        // East from here on: from (3, 0) to (3, 5) is the latest line of 4 m.
+        let yaw = fix(2.0, 3.0, 5.0).unwrap();
+        assert!((yaw - core::f64::consts::FRAC_PI_2).abs() < 1e-6, "the meridians converge by 1e-6 over metres: {yaw}");
+        assert_eq!(fix(60.0, 100.0, 5.0), None, "the earlier fixes are too old");
+    }
+}

@@ -1,0 +1,14 @@
+//! The integration tests, one binary: this page is their table of contents.
+
+/// The built command: help, results, exit codes, files.
+#[path = "suite/command.rs"]
+mod command;
+/// What a user is told about every kind of mistake, word for word.
+#[path = "suite/mistakes.rs"]
+mod mistakes;
+/// The JSON Schema against every example and every shipped design.
+#[path = "suite/schema.rs"]
+mod schema;
+/// A workspace of files for a test, and the command run in it.
+#[path = "suite/support.rs"]
+mod support;
