@@ -270,7 +270,8 @@ impl Assembler<'_> {
         let serves = |s: &StreamLayout| channels.iter().all(|c| s.has(c));
         let named = self.streams.iter().position(|s| s.name == name);
         let fitting = self.streams.iter().position(|s| (s.name == name || s.alias.as_deref() == Some(name)) && serves(s));
-        if let Some(at) = fitting.or(named) {
+        let aliased = || self.streams.iter().position(|s| s.alias.as_deref() == Some(name));
+        if let Some(at) = fitting.or(named).or_else(aliased) {
             return Some(at);
         }
         if self.design.sources.is_empty() && self.design.simulation.is_none() {

@@ -13,7 +13,7 @@
 //! [variant.NAME]        # overrides by path
 //! ```
 
-use crate::config::{Diagnostic, Diagnostics, Document, Entry, Node, did_you_mean};
+use crate::config::{Diagnostic, Diagnostics, Document, Entry, Node, Value, did_you_mean};
 use crate::source::SourceSpec;
 use fusion_models::fault::FaultSpec;
 use fusion_core::covariance::Form;
@@ -353,12 +353,11 @@ impl Design {
         let filter = root.get("filter").map_or_else(|| Some(FilterSpec::default()), |n| n.read(&mut d));
         let process = read_process(&root, &mut d);
         let sensors = each(&root, "sensor", &mut d, read_sensor);
-        let stages = each(&root, "stage", &mut d, |n, d| n.read_block("stage", &registry::names(Role::Stage), d));
-        let initialisers =
-            each(&root, "initial", &mut d, |n, d| n.read_block("initialiser", &registry::names(Role::Initialiser), d));
+        let stages = each(&root, "stage", &mut d, |n, d| read_optional(n, "stage", Role::Stage, d));
+        let initialisers = each(&root, "initial", &mut d, |n, d| read_optional(n, "initialiser", Role::Initialiser, d));
         let sources = each(&root, "source", &mut d, read_source);
         let simulation = root.get("simulation").and_then(|n| {
-            Some(Named { name: "simulation".to_owned(), node: n.clone(), block: read_simulation(n, &mut d)? })
+            Some(Named { name: "simulation".to_owned(), node: n.clone(), block: read_simulation(n, &root, &mut d)? })
         });
         let reference = root.get("reference").and_then(|n| {
             Some(Named { name: "reference".to_owned(), node: n.clone(), block: n.read(&mut d)? })
@@ -418,6 +417,22 @@ fn each<T>(root: &Node, table: &str, d: &mut Diagnostics, mut read: impl FnMut(&
     all
 }
 
+/// Reads a block that `enabled = false` leaves out.
+fn read_optional<T: ?Sized>(node: &Node, role: &str, registered: Role, d: &mut Diagnostics) -> Option<Box<T>>
+where
+    Box<T>: serde::de::DeserializeOwned,
+{
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Common {
+        enabled: Option<bool>,
+    }
+    let mut own = node.clone();
+    let common: Common = own.split_off(&["enabled"]).read(d)?;
+    let block = own.read_block(role, &registry::names(registered), d)?;
+    (common.enabled != Some(false)).then_some(block)
+}
+
 fn read_process(root: &Node, d: &mut Diagnostics) -> Option<Named<ProcessDesign>> {
     #[derive(Deserialize)]
     #[serde(deny_unknown_fields)]
@@ -464,8 +479,15 @@ fn read_source(node: &Node, d: &mut Diagnostics) -> Option<SourceDesign> {
     Some(SourceDesign { source, faults })
 }
 
-fn read_simulation(node: &Node, d: &mut Diagnostics) -> Option<SimulationDesign> {
+fn read_simulation(node: &Node, root: &Node, d: &mut Diagnostics) -> Option<SimulationDesign> {
     let mut own = node.clone();
+    // A sensor that is left out is not simulated either.
+    let is_off = |e: &&Entry| matches!(e.node.get("enabled").map(Node::value), Some(Value::Boolean(false)));
+    let off: Vec<&str> =
+        root.get("sensor").map_or(&[][..], Node::entries).iter().filter(is_off).map(|e| e.key.as_str()).collect();
+    if let Some(sensors) = own.get_mut("sensor") {
+        sensors.split_off(&off);
+    }
     let mut faults = Vec::new();
     if let Some(sensors) = own.get_mut("sensor") {
         for sensor in sensors.entries_mut() {

@@ -13,10 +13,12 @@
 //! ```
 
 pub mod assembly;
+pub mod campaign;
 pub mod config;
 pub mod design;
 mod navigator;
 pub mod output;
+pub mod report;
 pub mod run;
 pub mod schema;
 pub mod score;

@@ -40,6 +40,8 @@ pub enum FeedError {
 /// [process]
 /// type = "constant_velocity"
 /// acceleration_noise = "0.5 m/s^2/sqrt(Hz)"
+/// position_sigma = "10 m"
+/// velocity_sigma = "5 m/s"
 /// [run]
 /// origin = { latitude = "47 deg", longitude = "8 deg" }
 /// [sensor.gnss]

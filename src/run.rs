@@ -196,6 +196,8 @@ struct Feed {
     /// A recorded reference, read ahead.
     epochs: Vec<ReferenceEpoch>,
     windows: Vec<(Time, Time)>,
+    /// What the recorded reference delivered.
+    reference_tally: Option<SourceTally>,
 }
 
 #[derive(Debug)]
@@ -215,6 +217,7 @@ impl Feed {
             reference_layout: nothing,
             epochs: Vec::new(),
             windows: Vec::new(),
+            reference_tally: None,
         };
         if let Some(simulation) = &design.simulation {
             let rows = SimulatedRows::new(design, simulation, assembly, options.seed)?;
@@ -304,6 +307,7 @@ impl Feed {
                 }
             }
         }
+        self.reference_tally = Some(tally(&named.name, &source.report()));
         if let Some(slope) = spec.and_then(|s| s.block.velocity_from_position) {
             differentiate(&mut self.epochs, slope.half_window as usize, slope.max_span.si());
         }
@@ -330,7 +334,8 @@ impl Feed {
             Rows::Simulated(rows) => rows.reports(),
             Rows::Recorded(merged) => {
                 let named = self.names.iter().zip(merged.sources());
-                named.map(|(name, source)| tally(name, &source.report())).collect()
+                let fused = named.map(|(name, source)| tally(name, &source.report()));
+                fused.chain(self.reference_tally.clone()).collect()
             }
         }
     }

@@ -29,14 +29,29 @@ pub fn design() -> Value {
         ("run", s.of::<RunSpec>("run")),
         ("filter", s.of::<FilterSpec>("filter")),
         ("process", s.any(Role::Process, "The process model: what moves the state.")),
-        ("sensor", s.named(Role::Sensor, "Measurement models by name, each with its source and noise.")),
-        ("stage", s.named(Role::Stage, "Streams made of streams, by name; consumers read them like sources.")),
-        ("initial", s.named(Role::Initialiser, "How the filter starts: initialisers by name, each writing part of the state.")),
+        (
+            "sensor",
+            s.named(Role::Sensor, "Measurement models by name, each with its source and noise."),
+        ),
+        (
+            "stage",
+            s.named(Role::Stage, "Streams made of streams, by name; consumers read them like sources."),
+        ),
+        (
+            "initial",
+            s.named(
+                Role::Initialiser,
+                "How the filter starts: initialisers by name, each writing part of the state.",
+            ),
+        ),
         ("source", s.named(Role::Source, "Recorded data by name.")),
         ("simulation", simulation),
         ("reference", s.of::<ReferenceSpec>("reference")),
     ];
-    let over: Map<String, Value> = sections.iter().map(|(name, _)| ((*name).to_owned(), json!({ "type": "object" }))).collect();
+    let over: Map<String, Value> = sections
+        .iter()
+        .map(|(name, _)| ((*name).to_owned(), json!({ "type": "object" })))
+        .collect();
     let mut properties: Map<String, Value> = sections.into_iter().map(|(name, schema)| (name.to_owned(), schema)).collect();
     let variant = json!({ "type": "object", "properties": over, "additionalProperties": false });
     properties.insert(
@@ -105,7 +120,11 @@ impl Builder {
 
     fn block(&mut self, block: &Registration) -> Value {
         let mut schema = self.adopt((block.schema)().to_value(), &definition(block.role, block.name));
-        property(&mut schema, "type", json!({ "const": block.name, "description": "The kind of block." }));
+        property(
+            &mut schema,
+            "type",
+            json!({ "const": block.name, "description": "The kind of block." }),
+        );
         require(&mut schema, "type");
         schema
     }
@@ -118,13 +137,23 @@ impl Builder {
         let loss = self.any(Role::Loss, "Weighs each measurement; without one, least squares.");
         let faults = self.named(Role::Fault, "What goes wrong with the rows, by name, in order.");
         for block in registry::all() {
-            let Some(schema) = self.defs.get_mut(&definition(block.role, block.name)) else { continue };
+            let Some(schema) = self.defs.get_mut(&definition(block.role, block.name)) else {
+                continue;
+            };
             match block.role {
-                Role::Process => property(schema, "source", source("The source of its input; none for a process driven by time alone.")),
+                Role::Process => property(
+                    schema,
+                    "source",
+                    source("The source of its input; none for a process driven by time alone."),
+                ),
                 Role::Sensor => {
                     property(schema, "source", source("The source or stage that it reads or that times it."));
                     property(schema, "noise", noise.clone());
-                    property(schema, "enabled", json!({ "type": "boolean", "default": true, "description": "False leaves the sensor out." }));
+                    property(
+                        schema,
+                        "enabled",
+                        json!({ "type": "boolean", "default": true, "description": "False leaves the sensor out." }),
+                    );
                     property(schema, "gate", gate.clone());
                     property(schema, "loss", loss.clone());
                     require(schema, "source");
@@ -138,9 +167,15 @@ impl Builder {
 
     /// Any block of a role; by its name alone where it needs no field.
     fn any(&self, role: Role, description: &str) -> Value {
-        let mut choices: Vec<Value> = registry::names(role).iter().map(|name| reference(&definition(role, name))).collect();
+        let mut choices: Vec<Value> = registry::names(role)
+            .iter()
+            .map(|name| reference(&definition(role, name)))
+            .collect();
         let needs_nothing = |name: &&str| {
-            let required = self.defs.get(&definition(role, name)).and_then(|d| d["required"].as_array().cloned());
+            let required = self
+                .defs
+                .get(&definition(role, name))
+                .and_then(|d| d["required"].as_array().cloned());
             required.is_none_or(|r| r.iter().all(|field| field == "type"))
         };
         let bare: Vec<&str> = registry::names(role).into_iter().filter(needs_nothing).collect();
@@ -152,14 +187,20 @@ impl Builder {
 
     /// A table of blocks of a role, by names of the author's choice.
     fn named(&self, role: Role, description: &str) -> Value {
-        let choices: Vec<Value> = registry::names(role).iter().map(|name| reference(&definition(role, name))).collect();
+        let choices: Vec<Value> = registry::names(role)
+            .iter()
+            .map(|name| reference(&definition(role, name)))
+            .collect();
         json!({ "description": description, "type": "object", "additionalProperties": { "oneOf": choices } })
     }
 
     /// The simulated world: segments are blocks, and its sensors have faults.
     fn simulation(&mut self) -> Value {
         let mut schema = self.of::<SimulationSpec>("simulation");
-        let segments: Vec<Value> = registry::names(Role::Segment).iter().map(|name| reference(&definition(Role::Segment, name))).collect();
+        let segments: Vec<Value> = registry::names(Role::Segment)
+            .iter()
+            .map(|name| reference(&definition(Role::Segment, name)))
+            .collect();
         let items = json!({ "oneOf": segments });
         let faults = self.named(Role::Fault, "What goes wrong with the rows, by name, in order.");
         let properties = &mut schema["properties"];
@@ -167,7 +208,11 @@ impl Builder {
             trajectory.insert("items".to_owned(), items);
         }
         let sensor = properties.pointer("/sensor/additionalProperties").cloned();
-        let name = sensor.as_ref().and_then(|s| s[REF].as_str()).and_then(|r| r.rsplit('/').next()).map(str::to_owned);
+        let name = sensor
+            .as_ref()
+            .and_then(|s| s[REF].as_str())
+            .and_then(|r| r.rsplit('/').next())
+            .map(str::to_owned);
         let target = match name {
             Some(name) => self.defs.get_mut(&name),
             None => properties.pointer_mut("/sensor/additionalProperties"),

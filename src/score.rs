@@ -131,6 +131,8 @@ pub struct Score {
     pub nees_position: Option<Consistency>,
     /// NEES of velocity.
     pub nees_velocity: Option<Consistency>,
+    /// NEES of attitude, where no mounting was taken out.
+    pub nees_attitude: Option<Consistency>,
     /// Drift per declared outage.
     pub drift: Vec<Drift>,
     /// RMS over the outages of the largest horizontal error [m].
@@ -192,6 +194,7 @@ pub struct Scorer {
     attitudes: Vec<(UnitQuaternion<f64>, UnitQuaternion<f64>, Vector3<f64>)>,
     nees_position: Vec<f64>,
     nees_velocity: Vec<f64>,
+    nees_attitude: Vec<f64>,
     windows: Vec<Window>,
 }
 
@@ -211,6 +214,7 @@ impl Scorer {
             attitudes: Vec::new(),
             nees_position: Vec::new(),
             nees_velocity: Vec::new(),
+            nees_attitude: Vec::new(),
             windows,
         }
     }
@@ -270,6 +274,9 @@ impl Scorer {
         }
         if let (Some((q, _)), Some(truth), Some((_, sigma))) = (at.attitude, epoch.attitude, at.rpy()) {
             self.attitudes.push((q, truth, sigma));
+            if let (false, Some((_, p))) = (self.rules.remove_mean_mounting, at.attitude) {
+                self.nees_attitude.extend(nees(&so3::log(&(q.inverse() * truth)), &p));
+            }
         }
     }
 
@@ -294,6 +301,7 @@ impl Scorer {
             mounting_deg,
             nees_position: Consistency::of(&self.nees_position, 3),
             nees_velocity: Consistency::of(&self.nees_velocity, 3),
+            nees_attitude: Consistency::of(&self.nees_attitude, 3),
             drift_rms: (!drift.is_empty())
                 .then(|| (drift.iter().map(|d| d.max_horizontal.powi(2)).sum::<f64>() / drift.len() as f64).sqrt()),
             drift_median: median(drift.iter().map(|d| d.max_horizontal).collect()),

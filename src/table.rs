@@ -11,6 +11,10 @@ use std::fmt;
 pub const WIDTH: usize = 100;
 /// Between two columns.
 const GAP: &str = "  ";
+/// A last column narrower than this is not worth wrapping.
+const NARROW: usize = 24;
+/// Where the text of such a column begins, on lines of its own.
+const BELOW: usize = 8;
 /// Outages listed one by one; the rest is in summary.json.
 const OUTAGES: usize = 20;
 
@@ -38,7 +42,10 @@ impl Table {
             Some(title) => (title.to_owned(), Align::Right),
             None => ((*title).to_owned(), Align::Left),
         };
-        Self { columns: titles.iter().map(column).collect(), rows: Vec::new() }
+        Self {
+            columns: titles.iter().map(column).collect(),
+            rows: Vec::new(),
+        }
     }
 
     /// Adds a row; cells that are missing are empty.
@@ -55,12 +62,21 @@ impl Table {
     }
 
     fn widths(&self) -> Vec<usize> {
-        let width = |k: usize| self.rows.iter().map(|r| length(&r[k])).chain([length(&self.columns[k].0)]).max().unwrap_or(0);
+        let width = |k: usize| {
+            self.rows
+                .iter()
+                .map(|r| length(&r[k]))
+                .chain([length(&self.columns[k].0)])
+                .max()
+                .unwrap_or(0)
+        };
         (0..self.columns.len()).map(width).collect()
     }
 
     fn line(&self, f: &mut fmt::Formatter<'_>, cells: &[String], widths: &[usize]) -> fmt::Result {
-        let (Some(last), Some((_, align))) = (cells.last(), self.columns.last()) else { return Ok(()) };
+        let (Some(last), Some((_, align))) = (cells.last(), self.columns.last()) else {
+            return Ok(());
+        };
         let mut line = String::new();
         for ((cell, width), (_, align)) in cells.iter().zip(widths).zip(&self.columns).take(cells.len() - 1) {
             line.push_str(GAP);
@@ -72,8 +88,19 @@ impl Table {
             line.push_str(&padded(last, widths[cells.len() - 1], *align));
             return writeln!(f, "{}", line.trim_end());
         }
-        for (k, part) in wrapped(last, WIDTH.saturating_sub(before)).iter().enumerate() {
-            let start = if k == 0 { format!("{line}{GAP}") } else { " ".repeat(before) };
+        let room = WIDTH.saturating_sub(before);
+        // A column that has become too narrow to read goes below the others.
+        let is_below = room < NARROW && length(last) > room;
+        let (hang, room) = if is_below { (BELOW, WIDTH - BELOW) } else { (before, room) };
+        if is_below {
+            writeln!(f, "{}", line.trim_end())?;
+        }
+        for (k, part) in wrapped(last, room).iter().enumerate() {
+            let start = if k == 0 && !is_below {
+                format!("{line}{GAP}")
+            } else {
+                " ".repeat(hang)
+            };
             writeln!(f, "{}", format!("{start}{part}").trim_end())?;
         }
         Ok(())
@@ -128,18 +155,30 @@ pub fn wrapped(text: &str, width: usize) -> Vec<String> {
 #[must_use]
 pub fn number(value: f64) -> String {
     let size = value.abs();
-    if value == 0.0 || (1e-3..1e6).contains(&size) { fixed(value, decimals(size)) } else { format!("{value:.3e}") }
+    if value == 0.0 || (1e-3..1e6).contains(&size) {
+        fixed(value, decimals(size))
+    } else {
+        format!("{value:.3e}")
+    }
 }
 
 fn fixed(value: f64, decimals: usize) -> String {
     // Adding zero takes the sign off a negative one.
     let rounded = format!("{:.decimals$}", value + 0.0);
-    if rounded.trim_matches(['-', '0', '.']).is_empty() { rounded.trim_start_matches('-').to_owned() } else { rounded }
+    if rounded.trim_matches(['-', '0', '.']).is_empty() {
+        rounded.trim_start_matches('-').to_owned()
+    } else {
+        rounded
+    }
 }
 
 /// Decimals that give a number of this size four significant digits.
 fn decimals(size: f64) -> usize {
-    if size > 0.0 && size.is_finite() { (3.0 - size.log10().floor()).clamp(0.0, 6.0) as usize } else { 0 }
+    if size > 0.0 && size.is_finite() {
+        (3.0 - size.log10().floor()).clamp(0.0, 6.0) as usize
+    } else {
+        0
+    }
 }
 
 /// Equal numbers as one, others as a list.
@@ -156,7 +195,11 @@ pub fn numbers(values: &[f64]) -> String {
 #[must_use]
 pub fn short(value: f64) -> String {
     let text = number(value);
-    if text.contains('.') && !text.contains('e') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+    if text.contains('.') && !text.contains('e') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
 }
 
 /// The factor and the unit in which people read something counted in `unit`: degrees for radians.
@@ -171,7 +214,11 @@ pub fn readable(unit: &str) -> (f64, String) {
 /// The backend in the words of TOML: `body / single / joseph`.
 #[must_use]
 pub fn backend_name(backend: &Backend) -> String {
-    let words = [format!("{:?}", backend.chart), format!("{:?}", backend.update), format!("{:?}", backend.form)];
+    let words = [
+        format!("{:?}", backend.chart),
+        format!("{:?}", backend.update),
+        format!("{:?}", backend.form),
+    ];
     words.map(|word| snake(&word)).join(" / ")
 }
 
@@ -205,7 +252,12 @@ impl Summary {
     pub fn warnings(&self) -> Vec<String> {
         let mut all = Vec::new();
         if self.started.is_none() {
-            let waits = self.waiting.iter().map(|(name, what)| format!("`{name}` waits for {what}")).collect::<Vec<_>>().join("; ");
+            let waits = self
+                .waiting
+                .iter()
+                .map(|(name, what)| format!("`{name}` waits for {what}"))
+                .collect::<Vec<_>>()
+                .join("; ");
             all.push(match waits.as_str() {
                 "" => "the filter never started: no data reached it".to_owned(),
                 waits => format!("the filter never started: {waits}"),
@@ -224,7 +276,9 @@ impl Summary {
         }
         for (consumer, count) in &self.unused_rows {
             let rows = if *count == 1 { "1 row came" } else { &format!("{count} rows came") };
-            all.push(format!("`{consumer}`: {rows} too late, or held no number; `reorder` under [run] makes room for late ones"));
+            all.push(format!(
+                "`{consumer}`: {rows} too late, or held no number; `reorder` under [run] makes room for late ones"
+            ));
         }
         all.extend(self.failures.iter().map(|f| format!("the estimator could not go on: {f}")));
         all
@@ -234,7 +288,9 @@ impl Summary {
 impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if !self.description.is_empty() {
-            wrapped(&self.description, WIDTH).iter().try_for_each(|line| writeln!(f, "{line}"))?;
+            wrapped(&self.description, WIDTH)
+                .iter()
+                .try_for_each(|line| writeln!(f, "{line}"))?;
         }
         let mut facts = Table::new(&["", ""]);
         facts.row(["backend", &self.backend]);
@@ -245,7 +301,10 @@ impl fmt::Display for Summary {
         for (name, what) in &self.waiting {
             facts.row(["", &format!("`{name}` waits for {what}")]);
         }
-        let cost = format!("{} in {:.2} s, {:.0} ns each in the filter", self.epochs, self.wall_seconds, self.filter_ns_per_epoch);
+        let cost = format!(
+            "{} in {:.2} s, {:.0} ns each in the filter",
+            self.epochs, self.wall_seconds, self.filter_ns_per_epoch
+        );
         facts.row(["epochs", &cost]);
         write!(f, "{facts}")?;
         let mut sources = Table::new(&["", ""]);
@@ -267,7 +326,11 @@ impl fmt::Display for Summary {
 }
 
 fn section(f: &mut fmt::Formatter<'_>, title: &str, table: &Table) -> fmt::Result {
-    if table.is_empty() { Ok(()) } else { write!(f, "\n{title}\n{table}") }
+    if table.is_empty() {
+        Ok(())
+    } else {
+        write!(f, "\n{title}\n{table}")
+    }
 }
 
 fn band(c: &Consistency) -> String {
@@ -275,9 +338,25 @@ fn band(c: &Consistency) -> String {
 }
 
 fn sensors(f: &mut fmt::Formatter<'_>, tallies: &[SensorTally]) -> fmt::Result {
-    let mut t = Table::new(&["", ">accepted", ">rejected", ">readopted", ">unusable", ">mean NIS", ">dof", ">95 % band", ""]);
+    let mut t = Table::new(&[
+        "",
+        ">accepted",
+        ">rejected",
+        ">readopted",
+        ">unusable",
+        ">mean NIS",
+        ">dof",
+        ">95 % band",
+        "",
+    ]);
     for s in tallies {
-        let mut cells = vec![s.name.clone(), s.accepted.to_string(), s.rejected.to_string(), s.readopted.to_string(), s.unusable.to_string()];
+        let mut cells = vec![
+            s.name.clone(),
+            s.accepted.to_string(),
+            s.rejected.to_string(),
+            s.readopted.to_string(),
+            s.unusable.to_string(),
+        ];
         if let Some(c) = &s.nis {
             cells.extend([number(c.mean), c.dof.to_string(), band(c), c.word().to_owned()]);
         }
@@ -306,14 +385,32 @@ fn errors(f: &mut fmt::Formatter<'_>, score: &Score) -> fmt::Result {
     }
     section(f, &format!("Errors against the reference, {} epochs", score.epochs), &t)?;
     if score.position.is_some() {
-        writeln!(f, "  horizontal RMS {} m, max {} m", number(score.horizontal_rms), number(score.horizontal_max))?;
+        writeln!(
+            f,
+            "  horizontal RMS {} m, max {} m",
+            number(score.horizontal_rms),
+            number(score.horizontal_max)
+        )?;
     }
     if let Some(m) = &score.mounting_deg {
-        writeln!(f, "  mean mounting taken out: roll {}, pitch {}, yaw {} deg", number(m[0]), number(m[1]), number(m[2]))?;
+        writeln!(
+            f,
+            "  mean mounting taken out: roll {}, pitch {}, yaw {} deg",
+            number(m[0]),
+            number(m[1]),
+            number(m[2])
+        )?;
     }
     for (what, c) in [("position", &score.nees_position), ("velocity", &score.nees_velocity)] {
         if let Some(c) = c {
-            writeln!(f, "  NEES of {what} {}, {} dof, 95 % band {}: {}", number(c.mean), c.dof, band(c), c.word())?;
+            writeln!(
+                f,
+                "  NEES of {what} {}, {} dof, 95 % band {}: {}",
+                number(c.mean),
+                c.dof,
+                band(c),
+                c.word()
+            )?;
         }
     }
     Ok(())
@@ -321,7 +418,13 @@ fn errors(f: &mut fmt::Formatter<'_>, score: &Score) -> fmt::Result {
 
 fn drifts(f: &mut fmt::Formatter<'_>, score: &Score) -> fmt::Result {
     let mut t = Table::new(&[">from [s]", ">to [s]", ">max horizontal error [m]", ">growth [m]"]);
-    for Drift { from, to, max_horizontal, growth } in score.drift.iter().take(OUTAGES) {
+    for Drift {
+        from,
+        to,
+        max_horizontal,
+        growth,
+    } in score.drift.iter().take(OUTAGES)
+    {
         t.row([format!("{from:.1}"), format!("{to:.1}"), number(*max_horizontal), number(*growth)]);
     }
     section(f, "Drift in outages", &t)?;
@@ -330,7 +433,13 @@ fn drifts(f: &mut fmt::Formatter<'_>, score: &Score) -> fmt::Result {
     }
     if let (Some(rms), Some(median)) = (score.drift_rms, score.drift_median) {
         let count = score.drift.len();
-        writeln!(f, "  RMS {} m, median {} m over {count} outage{}", number(rms), number(median), if count == 1 { "" } else { "s" })?;
+        writeln!(
+            f,
+            "  RMS {} m, median {} m over {count} outage{}",
+            number(rms),
+            number(median),
+            if count == 1 { "" } else { "s" }
+        )?;
     }
     Ok(())
 }
@@ -341,8 +450,11 @@ fn parameters(f: &mut fmt::Formatter<'_>, states: &[FinalState]) -> fmt::Result 
         let (factor, unit) = readable(state.unit);
         // A rotation is stored as a quaternion and read as roll, pitch, yaw.
         let is_rotation = state.value.len() == 4 && state.sigma.len() == 3;
-        let values: Vec<f64> =
-            if is_rotation { so3::to_rpy(&Attitude::read(&state.value)).as_slice().to_vec() } else { state.value.clone() };
+        let values: Vec<f64> = if is_rotation {
+            so3::to_rpy(&Attitude::read(&state.value)).as_slice().to_vec()
+        } else {
+            state.value.clone()
+        };
         for (k, value) in values.iter().enumerate() {
             let axis = match (values.len(), is_rotation) {
                 (1, _) => String::new(),
@@ -351,7 +463,13 @@ fn parameters(f: &mut fmt::Formatter<'_>, states: &[FinalState]) -> fmt::Result 
                 _ => format!(" {k}"),
             };
             let sigma = state.sigma.get(k).copied().unwrap_or(f64::NAN) * factor;
-            t.row([format!("{}{axis}", state.name), number(value * factor), "±".to_owned(), number(sigma), unit.clone()]);
+            t.row([
+                format!("{}{axis}", state.name),
+                number(value * factor),
+                "±".to_owned(),
+                number(sigma),
+                unit.clone(),
+            ]);
         }
     }
     section(f, "Estimated parameters at the end", &t)
@@ -373,11 +491,21 @@ mod tests {
 
     #[test]
     fn numbers_keep_four_digits() {
-        let cases = [(0.0, "0"), (-0.000_000_1, "-1.000e-7"), (12.3456, "12.35"), (-0.012_345, "-0.01235"), (98765.4, "98765"), (1.5e6, "1.500e6")];
+        let cases = [
+            (0.0, "0"),
+            (-0.000_000_1, "-1.000e-7"),
+            (12.3456, "12.35"),
+            (-0.012_345, "-0.01235"),
+            (98765.4, "98765"),
+            (1.5e6, "1.500e6"),
+        ];
         for (value, text) in cases {
             assert_eq!(number(value), text);
         }
-        assert_eq!((fixed(-0.0001, 2).as_str(), short(2.5).as_str(), numbers(&[2.0; 3]).as_str()), ("0.00", "2.5", "2"));
+        assert_eq!(
+            (fixed(-0.0001, 2).as_str(), short(2.5).as_str(), numbers(&[2.0; 3]).as_str()),
+            ("0.00", "2.5", "2")
+        );
     }
 
     #[test]
@@ -393,14 +521,28 @@ mod tests {
 
     #[test]
     fn a_mean_above_its_band_is_optimistic() {
-        let c = |mean| Consistency { mean, dof: 3, count: 100, independent: 100.0, band: (2.5, 3.5) };
+        let c = |mean| Consistency {
+            mean,
+            dof: 3,
+            count: 100,
+            independent: 100.0,
+            band: (2.5, 3.5),
+        };
         assert_eq!([3.6, 3.0, 2.4].map(|m| c(m).word()), ["optimistic", "consistent", "pessimistic"]);
     }
 
     #[test]
     fn a_run_that_never_started_says_what_it_waits_for() {
-        let summary = Summary { waiting: vec![("fix".to_owned(), "a position".to_owned())], ..Summary::default() };
+        let summary = Summary {
+            waiting: vec![("fix".to_owned(), "a position".to_owned())],
+            ..Summary::default()
+        };
         assert_eq!(summary.warnings(), ["the filter never started: `fix` waits for a position"]);
-        assert!(summary.to_string().contains("  started  never\n           `fix` waits for a position\n"), "{summary}");
+        assert!(
+            summary
+                .to_string()
+                .contains("  started  never\n           `fix` waits for a position\n"),
+            "{summary}"
+        );
     }
 }

@@ -1,11 +1,16 @@
 //! The integration tests, one binary: this page is their table of contents.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests are tests")]
+
 /// The built command: help, results, exit codes, files.
 #[path = "suite/command.rs"]
 mod command;
 /// What a user is told about every kind of mistake, word for word.
 #[path = "suite/mistakes.rs"]
 mod mistakes;
+/// Real recorded logs, scored against their references.
+#[path = "suite/real.rs"]
+mod real;
 /// The JSON Schema against every example and every shipped design.
 #[path = "suite/schema.rs"]
 mod schema;

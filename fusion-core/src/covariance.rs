@@ -6,10 +6,10 @@
 //! Letters: P covariance (n×n), Φ transition (n×n), Q process noise, H Jacobian (m×n),
 //! S innovation covariance (m×m), K gain (n×m), R measurement noise (m×m).
 //!
-//! The inner loops run along padded rows of a length known at compile time; the portable code
-//! has no fused multiply-add, so that every machine gives the same bits.
+//! The inner loops run along pieces of padded rows of a length known at compile time; the portable
+//! code has no fused multiply-add, so that every machine gives the same bits.
 
-use crate::linear::{BlockMatrix, Jacobian, NoiseBlocks, Transition, padded};
+use crate::linear::{BlockMatrix, Jacobian, Transition, padded};
 
 /// A symmetric covariance.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,6 +18,17 @@ pub struct Covariance {
     ld: usize,
     p: Vec<f64>,
 }
+
+/// One element of Φ that is not zero, with where the row that it multiplies starts in P and in Aᵀ.
+#[derive(Clone, Copy, Debug)]
+struct Term {
+    factor: f64,
+    in_p: u32,
+    in_at: u32,
+}
+
+/// Variances beyond this have overflowed, or are about to.
+const LARGEST: f64 = 1e300;
 
 /// How an update keeps P positive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -33,7 +44,13 @@ pub enum Form {
 #[derive(Clone, Debug)]
 pub struct Scratch {
     a: Vec<f64>,
-    b: Vec<f64>,
+    at: Vec<f64>,
+    core: Vec<f64>,
+    terms: Vec<Term>,
+    /// Where each row's terms end.
+    ends: Vec<usize>,
+    /// What P held where noise was added before the transition.
+    covered: Vec<f64>,
     /// H P, m × ld.
     pub(crate) hp: Vec<f64>,
     /// H P Hᵀ, m × m.
@@ -52,8 +69,12 @@ impl Scratch {
     pub fn new(n: usize, m: usize) -> Self {
         let ld = padded(n);
         Self {
-            a: vec![0.0; n * ld],
-            b: vec![0.0; n * ld],
+            a: vec![0.0; n.next_multiple_of(2) * ld],
+            at: vec![0.0; n * ld],
+            core: vec![0.0; n * n],
+            terms: Vec::with_capacity(n * n),
+            ends: Vec::with_capacity(n),
+            covered: Vec::with_capacity(n * n),
             hp: vec![0.0; m * ld],
             hph: vec![0.0; m * m],
             s: vec![0.0; m * m],
@@ -114,63 +135,108 @@ impl Covariance {
         &self.p[i * self.ld..(i + 1) * self.ld]
     }
 
-    /// P ← Φ(P + Q_before)Φᵀ + Q_after.
-    pub fn predict(&mut self, t: &Transition, w: &mut Scratch) {
-        self.add_noise(&t.before);
-        self.congruence(&t.phi, w);
-        self.add_noise(&t.after);
-    }
-
-    fn add_noise(&mut self, q: &NoiseBlocks) {
-        for &(i, j, value) in &q.entries {
-            self.p[i as usize * self.ld + j as usize] += value;
+    /// P ← Φ(P + Q_before)Φᵀ + Q_after; false, and P as before, where a variance would overflow or
+    /// not be a number.
+    pub fn predict(&mut self, t: &Transition, w: &mut Scratch) -> bool {
+        let ld = self.ld;
+        w.covered.clear();
+        for &(i, j, value) in &t.before.entries {
+            let p = &mut self.p[i as usize * ld + j as usize];
+            w.covered.push(*p);
+            *p += value;
         }
+        self.product(&t.phi, w);
+        let m = t.phi.active().len();
+        let diagonal = (0..m).map(|a| w.core[a * m + a]);
+        let noise = t.before.entries.iter().chain(&t.after.entries).map(|e| e.2);
+        if !diagonal.chain(noise).all(|v| v.abs() < LARGEST) {
+            // Last first: an element may have been covered twice.
+            for (&(i, j, _), &old) in t.before.entries.iter().zip(&w.covered).rev() {
+                self.p[i as usize * ld + j as usize] = old;
+            }
+            return false;
+        }
+        self.place(&t.phi, w);
+        for &(i, j, value) in &t.after.entries {
+            self.p[i as usize * ld + j as usize] += value;
+        }
+        true
     }
 
-    /// P ← Φ P Φᵀ, as Φ(ΦP)ᵀ: two passes along rows and a transposition between them.
+    /// P ← Φ P Φᵀ.
     pub fn congruence(&mut self, phi: &BlockMatrix, w: &mut Scratch) {
-        match self.ld {
-            8 => self.congruence_padded::<8>(phi, w),
-            16 => self.congruence_padded::<16>(phi, w),
-            24 => self.congruence_padded::<24>(phi, w),
-            32 => self.congruence_padded::<32>(phi, w),
-            40 => self.congruence_padded::<40>(phi, w),
-            48 => self.congruence_padded::<48>(phi, w),
-            _ => self.congruence_any(phi, w),
+        self.product(phi, w);
+        self.place(phi, w);
+    }
+
+    /// The active rows of A = ΦP into `w.a`, those of ΦPΦᵀ among themselves into `w.core`.
+    ///
+    /// Active are the rows in which Φ may differ from the identity. For an active row i and any
+    /// other j, (ΦPΦᵀ)_ij = A_ij; for two others it is P_ij. So there is a second product, ΦAᵀ,
+    /// among the active rows only, and one triangle of it is computed.
+    fn product(&self, phi: &BlockMatrix, w: &mut Scratch) {
+        let (ld, m) = (self.ld, phi.active().len());
+        let width = m.next_multiple_of(2);
+        if m == 0 {
+            return;
+        }
+        w.terms.clear();
+        w.ends.clear();
+        for elements in phi.elements() {
+            for e in elements {
+                let factor = phi.value(e);
+                if factor != 0.0 {
+                    w.terms.push(Term { factor, in_p: u32::from(e.column) * ld as u32, in_at: u32::from(e.place) * width as u32 });
+                }
+            }
+            w.ends.push(w.terms.len());
+        }
+        let mut start = 0;
+        for (&end, out) in w.ends.iter().zip(w.a.chunks_exact_mut(ld)) {
+            let terms = &w.terms[start..end];
+            let (pieces, last) = out.as_chunks_mut::<16>();
+            for (k, out) in pieces.iter_mut().enumerate() {
+                *out = combination(terms, |t| t.in_p as usize + 16 * k, &self.p);
+            }
+            if let Some(out) = last.first_chunk_mut::<8>() {
+                *out = combination(terms, |t| t.in_p as usize + ld - 8, &self.p);
+            }
+            start = end;
+        }
+        // Aᵀ, active rows as columns, as far as Φ reads it; in pairs, as they are read again at once.
+        // The last row of an odd number has any other beside it: nothing reads that column.
+        for (pair, rows) in w.a[..width * ld].chunks_exact(2 * ld).enumerate() {
+            let (first, second) = rows.split_at(ld);
+            for (&column, out) in phi.columns().iter().zip(w.at.chunks_exact_mut(width)) {
+                out[2 * pair..2 * pair + 2].copy_from_slice(&[first[column as usize], second[column as usize]]);
+            }
+        }
+        let mut start = 0;
+        for (a, (&end, out)) in w.ends.iter().zip(w.core.chunks_exact_mut(m)).enumerate() {
+            triangle_row(&w.terms[start..end], &w.at, a / 2 * 2, width, out);
+            start = end;
         }
     }
 
-    fn congruence_padded<const LD: usize>(&mut self, phi: &BlockMatrix, w: &mut Scratch) {
-        let (p, _) = self.p.as_chunks_mut::<LD>();
-        let (a, _) = w.a.as_chunks_mut::<LD>();
-        let (b, _) = w.b.as_chunks_mut::<LD>();
-        rows_padded(phi, p, a);
-        for i in 0..self.n {
-            for j in 0..self.n {
-                b[j][i] = a[i][j];
+    /// Puts what [`Covariance::product`] made into rows and columns of P.
+    fn place(&mut self, phi: &BlockMatrix, w: &Scratch) {
+        let (ld, m) = (self.ld, phi.active().len());
+        if m == 0 {
+            return;
+        }
+        for (&i, row) in phi.active().iter().zip(w.a.chunks_exact(ld)) {
+            self.p[i as usize * ld..(i as usize + 1) * ld].copy_from_slice(row);
+        }
+        for (a, (&i, row)) in phi.active().iter().zip(w.core.chunks_exact(m)).enumerate() {
+            for (&j, &value) in phi.active().iter().zip(row).skip(a) {
+                self.p[i as usize * ld + j as usize] = value;
+                self.p[j as usize * ld + i as usize] = value;
             }
         }
-        rows_padded(phi, b, p);
-        for i in 0..self.n {
-            for j in 0..i {
-                p[i][j] = p[j][i];
-            }
-        }
-    }
-
-    fn congruence_any(&mut self, phi: &BlockMatrix, w: &mut Scratch) {
-        let (n, ld) = (self.n, self.ld);
-        rows_any(phi, &self.p, &mut w.a, n, ld);
-        for i in 0..n {
-            for j in 0..n {
-                w.b[j * ld + i] = w.a[i * ld + j];
-            }
-        }
-        rows_any(phi, &w.b, &mut self.p, n, ld);
-        for i in 0..n {
-            for j in 0..i {
-                self.p[i * ld + j] = self.p[j * ld + i];
-            }
+        for &j in phi.rest() {
+            let out = &mut self.p[j as usize * ld..(j as usize + 1) * ld];
+            let column = w.a[j as usize..].iter().step_by(ld);
+            phi.active().iter().zip(column).for_each(|(&i, a)| out[i as usize] = *a);
         }
     }
 
@@ -274,50 +340,37 @@ fn axpy(factor: f64, x: &[f64], y: &mut [f64]) {
     }
 }
 
-fn rows_padded<const LD: usize>(phi: &BlockMatrix, input: &[[f64; LD]], out: &mut [[f64; LD]]) {
-    for (i, out) in out.iter_mut().enumerate().take(phi.dim()) {
-        let (row, ranges) = phi.row(i);
-        if ranges.is_empty() {
-            *out = input[i];
-            continue;
+/// Σ factor · x[start .. start + W] over `terms`.
+#[inline]
+fn combination<const W: usize>(terms: &[Term], start: impl Fn(&Term) -> usize, x: &[f64]) -> [f64; W] {
+    let mut sum = [0.0; W];
+    for term in terms {
+        let at = start(term);
+        for (s, x) in sum.iter_mut().zip(&x[at..at + W]) {
+            *s += term.factor * x;
         }
-        let mut sum = [0.0; LD];
-        let mut diagonal = false;
-        for &(start, end) in ranges {
-            let (start, end) = (start as usize, end as usize);
-            diagonal |= (start..end).contains(&i);
-            for k in start..end {
-                let factor = row[k];
-                for (s, x) in sum.iter_mut().zip(&input[k]) {
-                    *s += factor * x;
-                }
-            }
-        }
-        if !diagonal {
-            for (s, x) in sum.iter_mut().zip(&input[i]) {
-                *s += x;
-            }
-        }
-        *out = sum;
     }
+    sum
 }
 
-fn rows_any(phi: &BlockMatrix, input: &[f64], out: &mut [f64], n: usize, ld: usize) {
-    for i in 0..n {
-        let (row, ranges) = phi.row(i);
-        let out = &mut out[i * ld..(i + 1) * ld];
-        out.fill(0.0);
-        let mut diagonal = false;
-        for &(start, end) in ranges {
-            let (start, end) = (start as usize, end as usize);
-            diagonal |= (start..end).contains(&i);
-            for k in start..end {
-                axpy(row[k], &input[k * ld..(k + 1) * ld], out);
-            }
+/// Elements `at` and on of a row of ΦAᵀ, an even number of them, in pieces of up to 16.
+fn triangle_row(terms: &[Term], a_transposed: &[f64], mut at: usize, width: usize, out: &mut [f64]) {
+    fn piece<const W: usize>(terms: &[Term], x: &[f64], at: usize, out: &mut [f64]) {
+        let sum: [f64; W] = combination(terms, |t| t.in_at as usize + at, x);
+        out[at..].iter_mut().zip(sum).for_each(|(out, s)| *out = s);
+    }
+    while at < width {
+        match width - at {
+            2 => piece::<2>(terms, a_transposed, at, out),
+            4 => piece::<4>(terms, a_transposed, at, out),
+            6 => piece::<6>(terms, a_transposed, at, out),
+            8 => piece::<8>(terms, a_transposed, at, out),
+            10 => piece::<10>(terms, a_transposed, at, out),
+            12 => piece::<12>(terms, a_transposed, at, out),
+            14 => piece::<14>(terms, a_transposed, at, out),
+            _ => piece::<16>(terms, a_transposed, at, out),
         }
-        if !diagonal {
-            axpy(1.0, &input[i * ld..(i + 1) * ld], out);
-        }
+        at += 16;
     }
 }
 

@@ -270,7 +270,9 @@ impl Filter {
         }
     }
 
-    fn step(&mut self, input: &Input<'_>, dt: f64) {
+    /// One step; false where its result is not finite, with a state then to be restored and a
+    /// covariance as before.
+    fn step(&mut self, input: &Input<'_>, dt: f64) -> bool {
         self.transition.reset();
         self.process.linearise(&self.belief.x, input, dt, &mut self.transition);
         // The process moves under the state it was linearised at, so blocks decay after it.
@@ -286,7 +288,7 @@ impl Filter {
                 }
             }
         }
-        self.belief.covariance.predict(&self.transition, &mut self.scratch);
+        self.belief.x.iter().all(|v| v.is_finite()) && self.belief.covariance.predict(&self.transition, &mut self.scratch)
     }
 
     fn refresh_signals(&mut self) {
@@ -405,16 +407,19 @@ impl Estimator for Filter {
         }
         let total = to.seconds_since(from);
         if total > 0.0 {
-            self.rows.x_before.copy_from_slice(&self.belief.x);
-            self.rows.p_before.copy_from(&self.belief.covariance);
             let steps = (total / self.process.max_step()).ceil().clamp(1.0, 1e6);
-            for _ in 0..steps as usize {
-                self.step(input, total / steps);
+            self.rows.x_before.copy_from_slice(&self.belief.x);
+            if steps > 1.0 {
+                self.rows.p_before.copy_from(&self.belief.covariance);
             }
-            let variances = &self.belief.covariance;
-            if self.belief.x.iter().any(|v| !v.is_finite()) || (0..variances.dim()).any(|i| !variances.get(i, i).is_finite()) {
+            for _ in 0..steps as usize {
+                if self.step(input, total / steps) {
+                    continue;
+                }
                 self.belief.x.copy_from_slice(&self.rows.x_before);
-                self.belief.covariance.copy_from(&self.rows.p_before);
+                if steps > 1.0 {
+                    self.belief.covariance.copy_from(&self.rows.p_before);
+                }
                 return Err(FilterError::Diverged(to));
             }
             self.belief.time = to;

@@ -20,6 +20,26 @@ pub struct BlockMatrix {
     data: Vec<f64>,
     /// Per row, the ranges of columns that may be non-zero besides the identity.
     rows: Vec<Vec<(u16, u16)>>,
+    /// The same for the first 64 columns, a bit each: a block known already costs one test.
+    known: Vec<u64>,
+    /// Rows that have ranges, and those that have none, in order.
+    active: Vec<u16>,
+    rest: Vec<u16>,
+    /// Columns that active rows read, in order.
+    columns: Vec<u16>,
+    /// What active rows read, row after row, and where each row ends.
+    elements: Vec<Element>,
+    ends: Vec<usize>,
+}
+
+/// An element of an active row.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Element {
+    at: u32,
+    /// Its column.
+    pub(crate) column: u16,
+    /// The place of its column among [`BlockMatrix::columns`].
+    pub(crate) place: u16,
 }
 
 impl BlockMatrix {
@@ -27,8 +47,21 @@ impl BlockMatrix {
     #[must_use]
     pub fn identity(n: usize) -> Self {
         let ld = padded(n);
-        let mut m = Self { n, ld, data: vec![0.0; n * ld], rows: vec![Vec::new(); n] };
+        let mut m = Self {
+            n,
+            ld,
+            data: vec![0.0; n * ld],
+            rows: vec![Vec::new(); n],
+            known: vec![0; n],
+            active: Vec::new(),
+            rest: (0..n as u16).collect(),
+            columns: Vec::new(),
+            elements: Vec::new(),
+            ends: Vec::new(),
+        };
         m.reset();
+        // Rows without ranges are never written: their ones stay.
+        (0..n).for_each(|i| m.data[i * ld + i] = 1.0);
         m
     }
 
@@ -40,10 +73,12 @@ impl BlockMatrix {
 
     /// Back to the identity, the learnt pattern kept.
     pub fn reset(&mut self) {
-        for (i, ranges) in self.rows.iter().enumerate() {
+        for &i in &self.active {
+            let i = i as usize;
             let row = &mut self.data[i * self.ld..(i + 1) * self.ld];
-            for &(start, end) in ranges {
-                row[start as usize..end as usize].fill(0.0);
+            for &(start, end) in &self.rows[i] {
+                // A loop, for ranges too short for a call.
+                row[start as usize..end as usize].iter_mut().for_each(|v| *v = 0.0);
             }
             row[i] = 1.0;
         }
@@ -64,8 +99,8 @@ impl BlockMatrix {
         for i in 0..R {
             self.mark(row + i, col, C);
             let at = (row + i) * self.ld + col;
-            for j in 0..C {
-                self.data[at + j] = block[(i, j)];
+            for (j, out) in self.data[at..at + C].iter_mut().enumerate() {
+                *out = block[(i, j)];
             }
         }
     }
@@ -77,6 +112,17 @@ impl BlockMatrix {
     }
 
     fn mark(&mut self, row: usize, col: usize, len: usize) {
+        let known = col + len <= 64 && {
+            let bits = (u64::MAX >> (64 - len)) << col;
+            self.known[row] & bits == bits
+        };
+        if !known {
+            self.learn(row, col, len);
+        }
+    }
+
+    #[cold]
+    fn learn(&mut self, row: usize, col: usize, len: usize) {
         let ranges = &mut self.rows[row];
         let (start, end) = (col as u16, (col + len) as u16);
         if ranges.iter().any(|&(s, e)| s <= start && end <= e) {
@@ -93,6 +139,21 @@ impl BlockMatrix {
             }
         }
         *ranges = merged;
+        (start..end.min(64)).for_each(|k| self.known[row] |= 1 << k);
+        let is_active = |i: &u16| !self.rows[*i as usize].is_empty();
+        (self.active, self.rest) = (0..self.n as u16).partition(is_active);
+        let lists = |i: u16, k: u16| self.rows[i as usize].iter().any(|&(s, e)| s <= k && k < e);
+        self.columns = (0..self.n as u16).filter(|&k| self.active.iter().any(|&i| i == k || lists(i, k))).collect();
+        self.elements.clear();
+        self.ends.clear();
+        for &i in &self.active {
+            let listed = self.columns.iter().enumerate().filter(|&(_, &k)| lists(i, k));
+            // The one of the identity comes last where it is not in a range.
+            let own = self.columns.iter().enumerate().filter(|&(_, &k)| k == i && !lists(i, i));
+            let element = |(place, &k): (usize, &u16)| Element { at: u32::from(i) * self.ld as u32 + u32::from(k), column: k, place: place as u16 };
+            self.elements.extend(listed.chain(own).map(element));
+            self.ends.push(self.elements.len());
+        }
     }
 
     /// One element.
@@ -103,6 +164,36 @@ impl BlockMatrix {
 
     pub(crate) fn row(&self, i: usize) -> (&[f64], &[(u16, u16)]) {
         (&self.data[i * self.ld..(i + 1) * self.ld], &self.rows[i])
+    }
+
+    /// Rows that may differ from the identity, in order.
+    pub(crate) fn active(&self) -> &[u16] {
+        &self.active
+    }
+
+    /// Rows of the identity, in order.
+    pub(crate) fn rest(&self) -> &[u16] {
+        &self.rest
+    }
+
+    /// Columns that active rows read, in order.
+    pub(crate) fn columns(&self) -> &[u16] {
+        &self.columns
+    }
+
+    /// What active rows read, row by row.
+    pub(crate) fn elements(&self) -> impl Iterator<Item = &[Element]> {
+        let mut start = 0;
+        self.ends.iter().map(move |&end| {
+            let row = &self.elements[start..end];
+            start = end;
+            row
+        })
+    }
+
+    /// The value of an element.
+    pub(crate) fn value(&self, element: &Element) -> f64 {
+        self.data[element.at as usize]
     }
 }
 

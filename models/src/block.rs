@@ -119,7 +119,7 @@ pub struct Listen {
 
 /// A process model as declared.
 #[typetag::deserialize]
-pub trait ProcessSpec: Debug {
+pub trait ProcessSpec: Debug + Send + Sync {
     /// What an input sample consists of; empty for a process driven by time alone.
     fn input(&self) -> Vec<Channel>;
 
@@ -133,7 +133,7 @@ pub trait ProcessSpec: Debug {
 /// A measurement model as declared. Source, noise, gate and loss are its siblings and are read
 /// by the assembler.
 #[typetag::deserialize]
-pub trait SensorSpec: Debug {
+pub trait SensorSpec: Debug + Send + Sync {
     /// What it reads.
     fn reading(&self) -> Reading;
 
@@ -154,7 +154,7 @@ pub trait SensorSpec: Debug {
 
 /// A stage as declared.
 #[typetag::deserialize]
-pub trait StageSpec: Debug {
+pub trait StageSpec: Debug + Send + Sync {
     /// What it listens to: one input each.
     fn inputs(&self) -> Vec<Listen>;
 
@@ -170,7 +170,7 @@ pub trait StageSpec: Debug {
 
 /// An initialiser as declared.
 #[typetag::deserialize]
-pub trait InitialiserSpec: Debug {
+pub trait InitialiserSpec: Debug + Send + Sync {
     /// What it listens to: one input each.
     fn inputs(&self) -> Vec<Listen>;
 
@@ -186,7 +186,7 @@ pub trait InitialiserSpec: Debug {
 
 /// A gate policy as declared.
 #[typetag::deserialize]
-pub trait GateSpec: Debug {
+pub trait GateSpec: Debug + Send + Sync {
     /// Makes the gate.
     ///
     /// # Errors
@@ -196,7 +196,7 @@ pub trait GateSpec: Debug {
 
 /// A loss as declared.
 #[typetag::deserialize]
-pub trait LossSpec: Debug {
+pub trait LossSpec: Debug + Send + Sync {
     /// Makes the loss.
     ///
     /// # Errors

@@ -2,7 +2,7 @@
 
 use crate::block::{BuildError, GateSpec};
 use crate::units::{NonNegative, Positive, Probability, dim};
-use fusion_core::gate::{Gate, Nis, Open, Recovery};
+use fusion_core::gate::{Ellipse, Gate, Magnitude, Nis, Open, Recovery, TwoCondition};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -89,5 +89,103 @@ impl GateSpec for NisSpec {
             return Err(BuildError::at("probability", message).help("write a probability from 0.5 to below 1, e.g. 0.999; `none` passes everything"));
         }
         Ok(Box::new(Nis::new(p, self.recovery.build())))
+    }
+}
+
+/// Rejects a position fix that lies outside the confidence ellipse of the estimate *and* far
+/// away, horizontally; both conditions have variants.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TwoConditionSpec {
+    /// Condition 1: the share of the estimate's own ellipse; 0.99 is γ = 9.21.
+    #[serde(default = "ninety_nine")]
+    probability: Probability,
+    /// Whose ellipse condition 1 looks at.
+    #[serde(default)]
+    ellipse: EllipseSpec,
+    /// Condition 2: how a fix is told to be far away.
+    #[serde(default)]
+    magnitude: MagnitudeSpec,
+    /// 1σ of a good fix, slow errors included; that of the sensor's noise where absent.
+    sigma: Option<Positive<dim::Length>>,
+    /// A fix nearer than this is never an outlier.
+    #[serde(default = "three_metres")]
+    min_distance: NonNegative<dim::Length>,
+    /// The speed by which fix and estimate may move apart, for `magnitude = "step"`.
+    max_speed: Option<Positive<dim::Speed>>,
+    /// The largest 1σ a good fix reports, for `magnitude = "reported"`.
+    max_reported: Option<Positive<dim::Length>>,
+    /// How the gate avoids a lock-out.
+    #[serde(default)]
+    recovery: RecoverySpec,
+}
+
+/// Whose ellipse the first condition looks at.
+#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum EllipseSpec {
+    /// That of the estimate, P.
+    #[default]
+    Estimate,
+    /// That of the innovation, P + R.
+    Innovation,
+    /// The estimate's, axis by axis.
+    PerAxis,
+}
+
+/// How the second condition tells that a fix is far away.
+#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MagnitudeSpec {
+    /// By its distance from the estimate: more than 3√2 σ.
+    #[default]
+    Distance,
+    /// By its step since the fix before, less the estimate's own: more than `max_speed` · Δt + 3√2 σ.
+    Step,
+    /// By the 1σ that the receiver reports: more than `max_reported`.
+    Reported,
+}
+
+fn ninety_nine() -> Probability {
+    Probability::try_from_si(0.99).unwrap_or_else(|_| unreachable!("0.99 is a probability"))
+}
+
+fn three_metres() -> NonNegative<dim::Length> {
+    NonNegative::try_from_si(3.0).unwrap_or_default()
+}
+
+crate::register!(Gate, "two_condition", TwoConditionSpec, r#"
+probability = 0.99
+ellipse = "estimate"
+magnitude = "step"
+max_speed = "2 m/s"
+sigma = "1.28 m"
+min_distance = "3 m"
+"#);
+
+#[typetag::deserialize(name = "two_condition")]
+impl GateSpec for TwoConditionSpec {
+    fn build(&self) -> Result<Box<dyn Gate>, BuildError> {
+        let p = self.probability.si();
+        if !(0.5..1.0).contains(&p) {
+            let message = format!("an ellipse of {p} is no condition");
+            return Err(BuildError::at("probability", message).help("write a probability from 0.5 to below 1, e.g. 0.99"));
+        }
+        let ellipse = match self.ellipse {
+            EllipseSpec::Estimate => Ellipse::Estimate,
+            EllipseSpec::Innovation => Ellipse::Innovation,
+            EllipseSpec::PerAxis => Ellipse::PerAxis,
+        };
+        let magnitude = match (self.magnitude, self.max_speed, self.max_reported) {
+            (MagnitudeSpec::Distance, None, None) => Magnitude::Distance,
+            (MagnitudeSpec::Step, Some(speed), None) => Magnitude::Step { speed: speed.si() },
+            (MagnitudeSpec::Reported, None, Some(limit)) => Magnitude::Reported { limit: limit.si() },
+            (MagnitudeSpec::Step, None, _) => return Err(BuildError::at("magnitude", "`step` needs `max_speed`")),
+            (MagnitudeSpec::Reported, _, None) => return Err(BuildError::at("magnitude", "`reported` needs `max_reported`")),
+            _ => return Err(BuildError::at("magnitude", "`max_speed` belongs to `step`, `max_reported` to `reported`")),
+        };
+        let sigma = self.sigma.map(|s| s.si());
+        let gate = TwoCondition::new(p, ellipse, magnitude, sigma, self.min_distance.si(), self.recovery.build());
+        Ok(Box::new(gate))
     }
 }

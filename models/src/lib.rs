@@ -17,6 +17,7 @@ pub mod registry;
 pub mod sensor;
 pub mod sim;
 pub mod stage;
+pub mod testing;
 pub mod units;
 
 pub use fusion_core;

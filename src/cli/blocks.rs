@@ -107,7 +107,10 @@ fn one(r: &Registration) -> String {
 
 /// Line breaks of the source text taken out; paragraphs stay.
 fn unbroken(text: &str) -> String {
-    text.split("\n\n").map(|paragraph| paragraph.replace('\n', " ")).collect::<Vec<_>>().join("\n\n")
+    text.split("\n\n")
+        .map(|paragraph| paragraph.replace('\n', " "))
+        .collect::<Vec<_>>()
+        .join("\n\n")
 }
 
 /// The definition that a schema refers to, or itself.
@@ -118,7 +121,9 @@ fn resolved<'a>(schema: &'a Value, root: &'a Value) -> &'a Value {
 
 /// A line per field with what may be written, then what it means.
 fn add_fields(text: &mut String, schema: &Value, root: &Value, depth: usize) {
-    let Some(properties) = schema["properties"].as_object() else { return };
+    let Some(properties) = schema["properties"].as_object() else {
+        return;
+    };
     let required = |name: &str| schema["required"].as_array().is_some_and(|r| r.iter().any(|f| f == name));
     // The required ones first, as they have to be written.
     let (first, then): (Vec<_>, Vec<_>) = properties.iter().partition(|(name, _)| required(name));
@@ -136,9 +141,13 @@ fn add_fields(text: &mut String, schema: &Value, root: &Value, depth: usize) {
         for line in wrapped(&unbroken(meaning), WIDTH - 4 - indent.len()) {
             *text += &format!("{indent}    {line}\n");
         }
-        let items = target["additionalProperties"].as_object().and(Some(&target["additionalProperties"]));
+        let items = target["additionalProperties"]
+            .as_object()
+            .and(Some(&target["additionalProperties"]));
         let is_table = |choice: &&Value| choice["properties"].is_object() && !choice["properties"]["estimate"].is_object();
-        let choice = target["anyOf"].as_array().and_then(|any| any.iter().map(|c| resolved(c, root)).find(is_table));
+        let choice = target["anyOf"]
+            .as_array()
+            .and_then(|any| any.iter().map(|c| resolved(c, root)).find(is_table));
         let nested = choice.unwrap_or_else(|| items.map_or(target, |items| resolved(items, root)));
         if depth < 4 {
             add_fields(text, nested, root, depth + 1);
@@ -170,7 +179,9 @@ fn type_of(schema: &Value, root: &Value) -> String {
                 return format!("{}, {ESTIMATED}", type_of(fixed, root));
             }
             if table["type"] == "array" && table["items"] == *fixed {
-                let count = table["minItems"].as_u64().map_or_else(|| "an array of them".to_owned(), |n| format!("an array of {n}"));
+                let count = table["minItems"]
+                    .as_u64()
+                    .map_or_else(|| "an array of them".to_owned(), |n| format!("an array of {n}"));
                 return format!("{}, or {count}", type_of(fixed, root));
             }
         }
@@ -184,18 +195,36 @@ fn type_of(schema: &Value, root: &Value) -> String {
     }
     let is = |name: &str| schema["type"] == name || schema["type"].as_array().is_some_and(|t| t.iter().any(|t| t == name));
     if is("number") && is("string") {
-        return schema["examples"][0].as_str().map_or_else(|| "number or text".to_owned(), |e| format!("quantity such as {e:?}"));
+        return schema["examples"][0]
+            .as_str()
+            .map_or_else(|| "number or text".to_owned(), |e| format!("quantity such as {e:?}"));
     }
     if is("array") {
         let length = schema["minItems"].as_u64().filter(|n| schema["maxItems"].as_u64() == Some(*n));
         let of = type_of(&schema["items"], root);
-        return length.map_or_else(|| format!("array of {of}"), |n| format!("array of {n}: {of}"));
+        let many = of
+            .strip_prefix("quantity ")
+            .map_or_else(|| of.clone(), |rest| format!("quantities {rest}"));
+        return length.map_or_else(|| format!("array of {many}"), |n| format!("array of {n} {many}"));
     }
     if is("object") {
-        return if schema["properties"].is_object() { "table" } else { "tables by name" }.to_owned();
+        return if schema["properties"].is_object() {
+            "table"
+        } else {
+            "tables by name"
+        }
+        .to_owned();
     }
-    let words = [("integer", "whole number"), ("number", "number"), ("boolean", "true | false"), ("string", "text")];
-    words.into_iter().find(|(name, _)| is(name)).map_or_else(|| "any".to_owned(), |(_, word)| word.to_owned())
+    let words = [
+        ("integer", "whole number"),
+        ("number", "number"),
+        ("boolean", "true | false"),
+        ("string", "text"),
+    ];
+    words
+        .into_iter()
+        .find(|(name, _)| is(name))
+        .map_or_else(|| "any".to_owned(), |(_, word)| word.to_owned())
 }
 
 /// The registered example as it stands in a design.
@@ -206,9 +235,19 @@ fn example(r: &Registration) -> String {
     let nested = |header: &str| fields.replace("\n[", &format!("\n[{header}."));
     match r.role {
         Role::Gate | Role::Loss => {
-            format!("  [sensor.{}]\n  {} = {{ type = {:?}{comma}{} }}\n", "gnss", r.role.name(), r.name, inline())
+            format!(
+                "  [sensor.{}]\n  {} = {{ type = {:?}{comma}{} }}\n",
+                "gnss",
+                r.role.name(),
+                r.name,
+                inline()
+            )
         }
-        Role::Segment => format!("  [simulation]\n  trajectory = [\n    {{ type = {:?}{comma}{} }},\n  ]\n", r.name, inline()),
+        Role::Segment => format!(
+            "  [simulation]\n  trajectory = [\n    {{ type = {:?}{comma}{} }},\n  ]\n",
+            r.name,
+            inline()
+        ),
         role => {
             let header = match role {
                 Role::Process => "process".to_owned(),

@@ -23,7 +23,11 @@ pub(super) struct CheckArgs {
 
 pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
     let design = args.design.read()?;
-    let options = Options { data: args.design.data.clone(), base: args.design.base(), ..Options::default() };
+    let options = Options {
+        data: args.design.data.clone(),
+        base: args.design.base(),
+        ..Options::default()
+    };
     let assembly = assemble(&design, declared_streams(&design)?)?;
     let sources = sources(&design, &options)?;
     if let Some(simulation) = &design.simulation {
@@ -36,11 +40,20 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
     let mut facts = Table::new(&["", ""]);
     facts.row(["backend", &backend_name(&design.filter.backend())]);
     let process = &design.process;
-    let source = process.block.source.as_ref().map_or_else(|| "driven by time alone".to_owned(), |s| format!("driven by `{s}`"));
+    let source = process
+        .block
+        .source
+        .as_ref()
+        .map_or_else(|| "driven by time alone".to_owned(), |s| format!("driven by `{s}`"));
     facts.row(["process", &format!("{}, {source}", type_of(&process.node))]);
     if let Some(o) = design.run.origin {
         let origin = fusion::core::geometry::wgs84::Geodetic::from(o);
-        let place = format!("{:.7} deg, {:.7} deg, {} m", origin.lat.to_degrees(), origin.lon.to_degrees(), short(origin.height));
+        let place = format!(
+            "{:.7} deg, {:.7} deg, {} m",
+            origin.lat.to_degrees(),
+            origin.lon.to_degrees(),
+            short(origin.height)
+        );
         facts.row(["origin", &place]);
     }
     if let Some(r) = &design.reference {
@@ -52,6 +65,7 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
     let sections = [
         (format!("State, {} dimensions", assembly.layout.dim()), state(&assembly)),
         ("Sensors".to_owned(), sensors(&design, &assembly)),
+        ("Gates and losses".to_owned(), policies(&design)),
         ("Stages".to_owned(), stages(&design)),
         ("Initialisers".to_owned(), initialisers(&design)),
         ("Streams".to_owned(), streams(&assembly.streams)),
@@ -71,7 +85,11 @@ fn type_of(node: &Node) -> &str {
 
 /// A declaration in a line: its type, then its fields as written.
 fn inline(node: &Node) -> String {
-    let fields = node.entries().iter().filter(|e| e.key != "type").map(|e| format!("{} {}", e.key, value(&e.node)));
+    let fields = node
+        .entries()
+        .iter()
+        .filter(|e| e.key != "type")
+        .map(|e| format!("{} {}", e.key, value(&e.node)));
     [type_of(node).to_owned()].into_iter().chain(fields).collect::<Vec<_>>().join(", ")
 }
 
@@ -84,50 +102,71 @@ fn value(node: &Node) -> String {
         Value::Datetime(t) => t.to_string(),
         Value::Array(items) => format!("[{}]", items.iter().map(value).collect::<Vec<_>>().join(", ")),
         Value::Table { entries, .. } => {
-            format!("({})", entries.iter().map(|e| format!("{} {}", e.key, value(&e.node))).collect::<Vec<_>>().join(", "))
+            format!(
+                "({})",
+                entries
+                    .iter()
+                    .map(|e| format!("{} {}", e.key, value(&e.node)))
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            )
         }
     }
 }
 
-fn kind(kind: Kind) -> String {
+const fn kind(kind: Kind) -> &'static str {
     match kind {
-        Kind::Geodetic => "geodetic position".to_owned(),
-        Kind::Position => "position".to_owned(),
-        Kind::Velocity => "velocity".to_owned(),
-        Kind::Attitude => "attitude".to_owned(),
-        Kind::Scalar => "scalar".to_owned(),
-        Kind::Angle => "angle".to_owned(),
-        Kind::Vector(_) => "vector".to_owned(),
+        Kind::Geodetic => "geodetic",
+        Kind::Position => "position",
+        Kind::Velocity => "velocity",
+        Kind::Attitude => "attitude",
+        Kind::Scalar => "scalar",
+        Kind::Angle => "angle",
+        Kind::Vector(_) => "vector",
     }
 }
 
 fn state(assembly: &Assembly) -> Table {
-    let mut t = Table::new(&["block", "type", ">dim", ">at", ">initial 1σ", "unit", "brought by", "moves by"]);
+    let mut t = Table::new(&["block", "type", ">dim", ">initial 1σ", "", "brought by", "moves by"]);
     for b in assembly.layout.blocks() {
         let (factor, unit) = readable(b.unit);
         let scaled = |values: &[f64]| numbers(&values.iter().map(|v| v * factor).collect::<Vec<_>>());
-        let sigma = if b.sigma.iter().all(|s| *s == 0.0) { "found".to_owned() } else { scaled(&b.sigma) };
+        let is_found = b.sigma.iter().all(|s| *s == 0.0);
+        let (sigma, unit) = if is_found {
+            ("initialised".to_owned(), String::new())
+        } else {
+            (scaled(&b.sigma), unit)
+        };
         let moves = match &b.dynamics {
             Dynamics::Process => "the process".to_owned(),
-            Dynamics::Constant => "nothing, constant".to_owned(),
+            Dynamics::Constant => "nothing".to_owned(),
             Dynamics::RandomWalk { psd } => {
                 let density: Vec<f64> = psd.iter().map(|q| q.sqrt()).collect();
-                format!("random walk {} {unit}/√s", scaled(&density))
+                format!("walks {} /√s", scaled(&density))
             }
-            Dynamics::GaussMarkov { sigma, tau } => format!("Gauss-Markov {} {unit}, {} s", scaled(sigma), short(*tau)),
+            Dynamics::GaussMarkov { sigma, tau } => format!("Gauss-Markov {} in {} s", scaled(sigma), short(*tau)),
         };
-        let cells =
-            [b.name.clone(), kind(b.kind), b.kind.dim().to_string(), b.tangent.to_string(), sigma, unit.clone(), b.owner.clone(), moves];
-        t.row(cells);
+        t.row([
+            b.name.clone(),
+            kind(b.kind).to_owned(),
+            b.kind.dim().to_string(),
+            sigma,
+            unit,
+            b.owner.clone(),
+            moves,
+        ]);
     }
     t
 }
 
 fn sensors(design: &Design, assembly: &Assembly) -> Table {
-    let mut t = Table::new(&["sensor", "type", "source", "channel", ">delay [s]", "noise 1σ", "gate and loss"]);
+    let mut t = Table::new(&["sensor", "type", "source", "channel", ">delay [s]", "noise 1σ"]);
     for (named, info) in design.sensors.iter().zip(&assembly.sensors) {
         let SensorDesign { model, common, .. } = &named.block;
-        let channel = info.channel.as_ref().map_or_else(|| "none, timed by rows".to_owned(), |c| c.name.to_string());
+        let channel = info
+            .channel
+            .as_ref()
+            .map_or_else(|| "(a constant)".to_owned(), |c| c.name.to_string());
         let unit = model.noise().first().map(|d| d.kind().symbol).unwrap_or_default();
         let (factor, unit) = readable(unit);
         let mut noise = Vec::new();
@@ -139,8 +178,6 @@ fn sensors(design: &Design, assembly: &Assembly) -> Table {
             let scale = common.noise.scale.map_or_else(String::new, |s| format!("{} × ", short(s.si())));
             noise.push(format!("{scale}what the source reports"));
         }
-        let policy = |key: &str, without: &str| named.node.get(key).map_or_else(|| without.to_owned(), inline);
-        let policies = format!("{}; {}", policy("gate", "no gate"), policy("loss", "quadratic"));
         let cells = [
             named.name.clone(),
             type_of(&named.node).to_owned(),
@@ -148,24 +185,57 @@ fn sensors(design: &Design, assembly: &Assembly) -> Table {
             channel,
             short(info.delay),
             noise.join(" and "),
-            policies,
         ];
         t.row(cells);
     }
     t
 }
 
+fn policies(design: &Design) -> Table {
+    let mut t = Table::new(&["sensor", "", ""]);
+    for named in &design.sensors {
+        for key in ["gate", "loss"] {
+            if let Some(node) = named.node.get(key) {
+                t.row([named.name.as_str(), key, &inline(node)]);
+            }
+        }
+    }
+    t
+}
+
 fn heard(inputs: &[Listen]) -> String {
-    let one = |l: &Listen| l.channels.iter().map(|c| format!("{}.{}", l.source, c.name)).collect::<Vec<_>>().join(", ");
-    if inputs.is_empty() { "nothing".to_owned() } else { inputs.iter().map(one).collect::<Vec<_>>().join(", ") }
+    let one = |l: &Listen| match &l.channels[..] {
+        [] => format!("rows of {}", l.source),
+        all => all
+            .iter()
+            .map(|c| format!("{}.{}", l.source, c.name))
+            .collect::<Vec<_>>()
+            .join(", "),
+    };
+    if inputs.is_empty() {
+        "nothing".to_owned()
+    } else {
+        inputs.iter().map(one).collect::<Vec<_>>().join(", ")
+    }
 }
 
 fn stages(design: &Design) -> Table {
     let mut t = Table::new(&["stage", "type", "emits", "listens to"]);
     for stage in &design.stages {
-        let emits = stage.block.output().iter().map(|c| c.name.to_string()).collect::<Vec<_>>().join(", ");
+        let emits = stage
+            .block
+            .output()
+            .iter()
+            .map(|c| c.name.to_string())
+            .collect::<Vec<_>>()
+            .join(", ");
         let emits = if emits.is_empty() { "ticks".to_owned() } else { emits };
-        t.row([stage.name.clone(), type_of(&stage.node).to_owned(), emits, heard(&stage.block.inputs())]);
+        t.row([
+            stage.name.clone(),
+            type_of(&stage.node).to_owned(),
+            emits,
+            heard(&stage.block.inputs()),
+        ]);
     }
     t
 }
@@ -173,7 +243,12 @@ fn stages(design: &Design) -> Table {
 fn initialisers(design: &Design) -> Table {
     let mut t = Table::new(&["initialiser", "type", "listens to", "writes, where the state has it"]);
     for i in &design.initialisers {
-        t.row([i.name.clone(), type_of(&i.node).to_owned(), heard(&i.block.inputs()), i.block.writes().join(", ")]);
+        t.row([
+            i.name.clone(),
+            type_of(&i.node).to_owned(),
+            heard(&i.block.inputs()),
+            i.block.writes().join(", "),
+        ]);
     }
     t
 }
@@ -207,7 +282,12 @@ fn sources(design: &Design, options: &Options) -> Result<Table, Diagnostics> {
         let missing = files.iter().any(|f| !context.resolve(f).exists());
         for file in &files {
             let path = context.resolve(file);
-            t.row([named.name.clone(), type_of(&named.node).to_owned(), size(&path), path.display().to_string()]);
+            t.row([
+                named.name.clone(),
+                type_of(&named.node).to_owned(),
+                size(&path),
+                path.display().to_string(),
+            ]);
         }
         if missing {
             check_faults(named, &context, &mut d);
@@ -218,7 +298,11 @@ fn sources(design: &Design, options: &Options) -> Result<Table, Diagnostics> {
             }
         }
     }
-    if let Some(r) = design.reference.as_ref().filter(|r| !design.sources.iter().any(|s| s.name == r.block.source)) {
+    if let Some(r) = design
+        .reference
+        .as_ref()
+        .filter(|r| !design.sources.iter().any(|s| s.name == r.block.source))
+    {
         if design.simulation.is_none() {
             d.push(unknown_reference(design, r));
         }

@@ -106,7 +106,9 @@ impl DesignArgs {
             return Err(d);
         }
         for name in &self.variant {
-            let laid = self.check_variant(&document, name).and_then(|()| document.overlay(&format!("variant.{name}")));
+            let laid = self
+                .check_variant(&document, name)
+                .and_then(|()| document.overlay(&format!("variant.{name}")));
             d.keep(laid);
         }
         for assignment in &self.set {
@@ -127,10 +129,15 @@ impl DesignArgs {
         if known.contains(&name) {
             return Ok(());
         }
-        let file = self.config.as_ref().map_or_else(|| DEFAULT_NAME.to_owned(), |p| p.display().to_string());
+        let file = self
+            .config
+            .as_ref()
+            .map_or_else(|| DEFAULT_NAME.to_owned(), |p| p.display().to_string());
         let unknown = Diagnostic::error(format!("`{file}` has no variant `{name}`"));
         Err(match (&known[..], did_you_mean(name, &known)) {
-            ([], _) => unknown.help(format!("a variant is a table [variant.{name}] with what differs; this file has none")),
+            ([], _) => unknown.help(format!(
+                "a variant is a table [variant.{name}] with what differs; this file has none"
+            )),
             (_, Some(meant)) => unknown.help(format!("did you mean `{meant}`? its variants: `{}`", known.join("`, `"))),
             (_, None) => unknown.help(format!("its variants: `{}`", known.join("`, `"))),
         })
@@ -159,7 +166,10 @@ fn read_text(path: &Path) -> Result<String, Diagnostics> {
             if other != path && other.exists() {
                 unreadable("there is no such file", &format!("did you mean `{}`?", other.display()))
             } else {
-                unreadable("there is no such file", "name a design such as `configs/ins-gps.toml`, or none for the built-in one")
+                unreadable(
+                    "there is no such file",
+                    "name a design such as `configs/ins-gps.toml`, or none for the built-in one",
+                )
             }
         }
         Err(_) if path.is_dir() => unreadable("it is a directory", "name the TOML file in it"),

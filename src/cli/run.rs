@@ -22,7 +22,12 @@ pub(super) struct RunArgs {
 
 pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     let design = args.design.read()?;
-    let options = Options { data: args.design.data.clone(), base: args.design.base(), out: args.out.clone(), seed: args.seed };
+    let options = Options {
+        data: args.design.data.clone(),
+        base: args.design.base(),
+        out: args.out.clone(),
+        seed: args.seed,
+    };
     let mut progress = Progress::new(&design);
     let result = run_design(&design, &options, &mut |time| progress.at(time));
     progress.finish();

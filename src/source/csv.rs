@@ -17,7 +17,8 @@
 //! Order    of a channel's arithmetic: sign, unit, `scale`, root of a variance, `offset`, increment
 //!          to rate, rotation, mean with the previous sample
 //! Interval of an increment: since the previous stamp in the file, be its row used or not; 1/`rate`
-//!          in the first row, after an unreadable stamp and where the gap exceeds 1.5 intervals
+//!          in the first row, after an unreadable stamp and where the gap exceeds 1.5 intervals;
+//!          always 1/`rate` with `interval = "nominal"`
 //! Memory   one row; a quotation mark that is never closed makes the rest of the file that row
 //! Not here fields separated by runs of blanks, calendar dates, stamps in two columns (week and
 //!          seconds), decimal commas
@@ -38,7 +39,7 @@ use crate::config::did_you_mean;
 use ::csv::{ByteRecord, Reader, ReaderBuilder, Trim};
 use clock::Clock;
 use core::fmt;
-use declaration::{Policy, Repeats, Ties};
+use declaration::{Interval, Policy, Repeats, Ties};
 use flate2::bufread::MultiGzDecoder;
 use fusion_core::time::Time;
 use fusion_models::block::BuildError;
@@ -103,6 +104,9 @@ impl CsvSpec {
         }
         if self.keep.is_some_and(|keep| keep.every.is_some() == keep.except_every.is_some()) {
             errors.push(BuildError::at("keep", "rows are kept by `every` or by `except_every`"));
+        }
+        if self.interval == Interval::Nominal && self.rate.is_none() {
+            errors.push(BuildError::at("interval", "a nominal interval needs the nominal `rate`"));
         }
         if let Some((name, _)) = self.channels.iter().find(|(_, channel)| channel.increment) {
             let message = |what: &str| format!("`{name}` holds increments, {what}");
@@ -248,6 +252,7 @@ impl SourceSpec for CsvSpec {
                 drops_repeats: self.repeats == Repeats::Drop,
                 needs_interval: plans.iter().any(|plan| plan.increment),
                 nominal: self.rate.map(|rate| 1.0 / rate.si()),
+                evenly: self.interval == Interval::Nominal,
                 keep: self.keep,
                 valid,
                 raw: vec![0.0; cells.len()],

@@ -57,7 +57,7 @@ impl OpenContext {
 
 /// A source as declared.
 #[typetag::deserialize]
-pub trait SourceSpec: Debug {
+pub trait SourceSpec: Debug + Send + Sync {
     /// The files it reads, as declared; none for a simulated one.
     fn files(&self) -> Vec<PathBuf>;
 

@@ -97,6 +97,7 @@ fn every_example_is_valid() {
             Role::Process => design["process"] = block,
             Role::Sensor => {
                 block["source"] = json!("gnss");
+                block["enabled"] = json!(false);
                 block["noise"] = json!({ "sigma": ["1 m", 2.5], "from_source": true, "scale": 1.5 });
                 design["sensor"]["x"] = block;
             }
@@ -139,11 +140,23 @@ fn every_shipped_design_is_valid() {
 #[test]
 fn slips_are_invalid() {
     let slips = [
+        ("[sensor.x]\ntype = \"zero_velocity\"\nnoise = { sigma = 1 }", "no `source`"),
+        (
+            "[sensor.x]\ntype = \"zero_velocity\"\nsource = \"gnss\"\nnoise = { sigma = 1 }\nenabled = 1",
+            ".enabled: 1 is not",
+        ),
         ("[sensors.x]", ".sensors is not known"),
         ("[filter]\nbackend = \"ekff\"", "is not"),
         ("[stage.x]\ntype = \"periodic\"\nsource = \"gnss\"", "no `rate`"),
         ("[stage.x]\ntype = \"periodic\"\nsource = \"gnss\"\nrate = true", "is not"),
-        ("[initial.x]\ntype = \"first_fix\"\nsource = \"gnss\"\nposition_sigma = [1, 2]", "2 elements"),
+        (
+            "[initial.x]\ntype = \"course\"\nsource = \"gnss\"\nmin_speed = 3\nsigma = 1\nlever_arm = 1",
+            "is not known",
+        ),
+        (
+            "[sensor.x]\ntype = \"gnss_position\"\nsource = \"gnss\"\nnoise = {}\nlever_arm = [1, 2]",
+            "lever_arm",
+        ),
         ("[source.gnss.fault.x]\ntype = \"drop\"\nshare = 0.1", "not"),
     ];
     for (slip, word) in slips {

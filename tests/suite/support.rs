@@ -40,9 +40,17 @@ impl Workspace {
 
     /// Runs the command here, its outputs captured: no terminal.
     pub fn fusion(&self, args: &[&str]) -> Ran {
-        let output = Command::new(env!("CARGO_BIN_EXE_fusion")).args(args).current_dir(&self.dir).output().unwrap();
+        let output = Command::new(env!("CARGO_BIN_EXE_fusion"))
+            .args(args)
+            .current_dir(&self.dir)
+            .output()
+            .unwrap();
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-        Ran { code: output.status.code().unwrap(), stdout: text(output.stdout), stderr: text(output.stderr) }
+        Ran {
+            code: output.status.code().unwrap(),
+            stdout: text(output.stdout),
+            stderr: text(output.stderr),
+        }
     }
 }
 
@@ -101,14 +109,20 @@ pub fn fixes() -> String {
     let mut text = "t,lat,lon,h,vn,ve,vd\n".to_owned();
     for k in 0..60 {
         let noise = f64::from((k * 37) % 11 - 5) * 4e-6;
-        text += &format!("{k}.0,{:.7},{:.7},400.0,11.1,0.0,0.0\n", 47.0 + 1e-4 * f64::from(k) + noise, 8.0 - noise);
+        text += &format!(
+            "{k}.0,{:.7},{:.7},400.0,11.1,0.0,0.0\n",
+            47.0 + 1e-4 * f64::from(k) + noise,
+            8.0 - noise
+        );
     }
     text
 }
 
 /// Compares with tests/snapshots/NAME.txt; with FUSION_BLESS set, writes it.
 pub fn snapshot(name: &str, actual: &str) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/snapshots").join(format!("{name}.txt"));
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/snapshots")
+        .join(format!("{name}.txt"));
     if std::env::var_os("FUSION_BLESS").is_some() {
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         std::fs::write(&path, actual).unwrap();

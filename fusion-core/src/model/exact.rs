@@ -119,7 +119,7 @@ impl<'a, D: Real> ExactView<'a, D> {
         let r = wgs84::radii(p.lat);
         [
             self.delta(place, 0) * (1.0 / (r.meridian + p.height)) + p.lat,
-            self.delta(place, 1) * (1.0 / ((r.normal + p.height) * p.lat.cos())) + p.lon,
+            self.delta(place, 1) * (1.0 / ((r.normal + p.height) * wgs84::divisible_cos(p.lat.cos()))) + p.lon,
             -self.delta(place, 2) + p.height,
         ]
     }

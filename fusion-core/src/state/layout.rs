@@ -278,6 +278,9 @@ impl LayoutBuilder {
             return Err(bad("sigma needs one finite, non-negative number per axis"));
         }
         match &d.dynamics {
+            Dynamics::GaussMarkov { .. } if matches!(M::KIND, Kind::Attitude | Kind::Geodetic) => {
+                return Err(bad("a rotation or a geodetic position does not decay to zero: use a random walk, or no correlation time"));
+            }
             Dynamics::RandomWalk { psd } if !fits(psd) => return Err(bad("psd needs one finite, non-negative number per axis")),
             Dynamics::GaussMarkov { sigma, tau } if !fits(sigma) || !(tau.is_finite() && *tau > 0.0) => {
                 return Err(bad("a Gauss-Markov block needs a non-negative sigma per axis and a positive tau"));

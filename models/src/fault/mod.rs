@@ -72,7 +72,7 @@ pub struct FaultContext<'a> {
 
 /// A fault as declared.
 #[typetag::deserialize]
-pub trait FaultSpec: Debug {
+pub trait FaultSpec: Debug + Send + Sync {
     /// When the source is silent because of it, for the drift per outage; `None` for a fault that
     /// is no outage.
     fn outage(&self) -> Option<&Windows> {

@@ -34,6 +34,10 @@ pub struct CsvSpec {
     pub(super) time: TimeSpec,
     /// Nominal rate: the interval that increments cover in the first row and after a gap.
     pub(super) rate: Option<Positive<dim::Frequency>>,
+    /// Whether increments cover the interval between the stamps, or the nominal one of a unit
+    /// that samples evenly and is stamped unevenly.
+    #[serde(default)]
+    pub(super) interval: Interval,
     /// What to do at a row that cannot be read: `stop`, or `skip` it and report.
     #[serde(default)]
     pub(super) bad_rows: Policy,
@@ -156,6 +160,17 @@ pub(super) enum Policy {
     Stop,
     /// Leave the row out and report it.
     Skip,
+}
+
+/// What an increment covers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Interval {
+    /// The interval since the previous stamp.
+    #[default]
+    Stamps,
+    /// 1/`rate`: the stamps jitter, the samples do not.
+    Nominal,
 }
 
 /// What to do with equal stamps.

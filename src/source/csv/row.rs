@@ -41,6 +41,8 @@ pub(super) struct Row {
     pub(super) needs_interval: bool,
     /// The nominal interval [s].
     pub(super) nominal: Option<f64>,
+    /// Whether increments always cover the nominal interval.
+    pub(super) evenly: bool,
     pub(super) keep: Option<Keep>,
     pub(super) valid: Vec<Test>,
     /// Column and sign of every cell that a channel reads.
@@ -164,7 +166,7 @@ impl Row {
         }
         let since = previous.map(|previous| Time::from_nanos(stamp).seconds_since(Time::from_nanos(previous)));
         match (since, self.nominal) {
-            (Some(since), Some(nominal)) if since > GAP * nominal => Some(nominal),
+            (Some(since), Some(nominal)) if self.evenly || since > GAP * nominal => Some(nominal),
             (Some(since), _) => Some(since),
             (None, nominal) => nominal,
         }

@@ -171,6 +171,17 @@ fn a_clock_is_shifted_and_stretched_about_its_first_stamp_or_another() {
 }
 
 #[test]
+fn a_nominal_interval_keeps_the_jitter_of_stamps_out_of_the_rates() {
+    let toml = "rate = '10 Hz'\ninterval = 'nominal'\ntime = { column = 't' }
+        channels.w = { columns = ['d'], unit = 'rad', increment = true }";
+    let text = "t,d\n1,1\n1.09,1\n1.21,1\n";
+    let (rows, _) = read(toml, text.as_bytes()).unwrap();
+    assert_eq!(rows.iter().map(|(_, row)| row[0]).collect::<Vec<_>>(), [10.0, 10.0, 10.0]);
+    let error = read(&toml.replace("rate = '10 Hz'\n", ""), text.as_bytes()).unwrap_err();
+    assert!(error.to_string().contains("needs the nominal `rate`"), "{error}");
+}
+
+#[test]
 fn increments_become_rates_over_the_interval_since_the_previous_stamp() {
     let toml = "rate = '10 Hz'\ntime = { column = 't' }\nbad_rows = 'skip'
         channels.w = { columns = ['d'], unit = 'rad', increment = true }";

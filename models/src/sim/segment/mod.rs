@@ -110,7 +110,7 @@ pub trait Segment: Debug + Send {
 
 /// A segment as declared.
 #[typetag::deserialize]
-pub trait SegmentSpec: Debug + Send {
+pub trait SegmentSpec: Debug + Send + Sync {
     /// The segment that starts at `from`.
     ///
     /// # Errors

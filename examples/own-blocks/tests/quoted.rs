@@ -1,0 +1,48 @@
+//! What the documents quote is what is compiled and run; what they list is what there is.
+
+use fusion::models::registry::{self, Role};
+
+const README: &str = include_str!("../../../README.md");
+const CONTRIBUTING: &str = include_str!("../../../CONTRIBUTING.md");
+
+/// The text of the first code block that follows `mark`.
+fn block<'a>(document: &'a str, mark: &str) -> &'a str {
+    let (_, after) = document.split_once(mark).unwrap_or_else(|| panic!("no {mark:?}"));
+    let (_, code) = after.split_once("```").and_then(|(_, code)| code.split_once('\n')).unwrap();
+    code.split_once("```").unwrap().0
+}
+
+#[test]
+fn contributing_quotes_the_block_as_it_is_compiled() {
+    assert_eq!(block(CONTRIBUTING, "`examples/own-blocks/src/range_rate.rs`"), include_str!("../src/range_rate.rs"));
+}
+
+#[test]
+fn the_quoted_block_is_as_short_as_contributing_says() {
+    let code = |line: &&str| !line.trim().is_empty() && !line.trim_start().starts_with("//");
+    assert!(include_str!("../src/range_rate.rs").lines().filter(code).count() <= 40);
+}
+
+#[test]
+fn the_readme_quotes_the_embedded_filter_as_it_is_compiled() {
+    assert_eq!(block(README, "`examples/embed.toml`"), include_str!("../../embed.toml"));
+    assert_eq!(block(README, "`examples/embed.rs`"), include_str!("../../embed.rs"));
+}
+
+#[test]
+fn the_readme_quotes_a_diagnostic_as_it_is_printed() {
+    let printed = include_str!("../../../tests/snapshots/unknown_key.txt");
+    assert!(block(README, "## Mistakes").contains(printed.trim_end()), "{printed}");
+}
+
+#[test]
+fn the_readme_lists_the_registered_blocks_and_no_others() {
+    fusion::models::link();
+    for role in Role::ALL {
+        let start = format!("| {} |", role.name());
+        let row = README.lines().find(|line| line.starts_with(&start)).unwrap_or_else(|| panic!("no row {start:?}"));
+        let mut listed: Vec<&str> = row.split('`').skip(1).step_by(2).collect();
+        listed.sort_unstable();
+        assert_eq!(listed, registry::names(role), "{}", role.name());
+    }
+}

@@ -1,0 +1,127 @@
+//! The memory of a gate: denial, and the way back.
+
+use super::{Decision, GateInput, Mode};
+use crate::time::Time;
+
+/// Numbers of the largest residual the gates remember.
+pub(super) const MAX_DIM: usize = 8;
+/// Residuals that must agree before a denied sensor is believed again.
+const WITNESSES: usize = 5;
+
+/// When a gate that rejects goes into denial, and how it comes out.
+#[derive(Clone, Copy, Debug)]
+pub struct Recovery {
+    /// Consecutive rejections after which the sensor counts as denied.
+    pub deny_after: u32,
+    /// Consecutive acceptable measurements that bring a denied sensor back.
+    pub resume_after: u32,
+    /// Time in denial [s] after which [`WITNESSES`] mutually consistent measurements are
+    /// believed against the estimate; infinite never.
+    pub readopt_after: f64,
+    /// A pause of the sensor [s] after which consistent measurements are believed at once.
+    pub gap: f64,
+    /// How far the witnesses may differ from their mean, in units of √R_ii.
+    pub agreement: f64,
+}
+
+impl Default for Recovery {
+    fn default() -> Self {
+        // 3√2 σ: three sigma of the difference of two fixes.
+        Self { deny_after: 5, resume_after: 3, readopt_after: 30.0, gap: 10.0, agreement: 3.0 * core::f64::consts::SQRT_2 }
+    }
+}
+
+/// The memory of a gate: TRACK, DENIED, and the way back.
+///
+/// The gate is never widened because it has been rejecting: a sustained false track would then
+/// be believed. A denied sensor returns by passing the test again, or by witnesses that agree
+/// with each other after a long denial or after a gap.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Lockout {
+    recovery: Recovery,
+    mode: Mode,
+    rejected: u32,
+    passed: u32,
+    since: Time,
+    last: Option<Time>,
+    resumed: bool,
+    witnesses: [[f64; MAX_DIM]; WITNESSES],
+    count: usize,
+}
+
+impl Lockout {
+    /// A gate memory in TRACK.
+    #[must_use]
+    pub fn new(recovery: Recovery) -> Self {
+        Self { recovery, ..Self::default() }
+    }
+
+    /// The mode now.
+    #[must_use]
+    pub const fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// Turns the outcome of a test into a decision.
+    pub fn decide(&mut self, passes: bool, input: &GateInput<'_>) -> Decision {
+        self.decide_within(passes, input, 0.0)
+    }
+
+    /// The same, with witnesses that may differ by `floor` however small their noise.
+    pub fn decide_within(&mut self, passes: bool, input: &GateInput<'_>, floor: f64) -> Decision {
+        let pause = self.last.map_or(0.0, |last| input.time.seconds_since(last));
+        self.last = Some(input.time);
+        if pause >= self.recovery.gap {
+            self.resumed = true;
+            self.count = 0;
+        }
+        if passes {
+            self.passed += 1;
+            self.rejected = 0;
+            self.count = 0;
+            if self.mode == Mode::Denied {
+                if self.passed < self.recovery.resume_after {
+                    return Decision::Reject;
+                }
+                self.mode = Mode::Track;
+            }
+            self.resumed = false;
+            return Decision::Accept;
+        }
+        self.passed = 0;
+        self.rejected += 1;
+        if self.rejected == 1 {
+            self.since = input.time;
+        }
+        if self.mode == Mode::Track && self.rejected >= self.recovery.deny_after {
+            self.mode = Mode::Denied;
+        }
+        self.remember(input.residual);
+        let waited = input.time.seconds_since(self.since) >= self.recovery.readopt_after;
+        if (waited || self.resumed) && self.witnesses_agree(input, floor) {
+            *self = Self { last: self.last, ..Self::new(self.recovery) };
+            return Decision::Readopt;
+        }
+        Decision::Reject
+    }
+
+    fn remember(&mut self, residual: &[f64]) {
+        self.witnesses.rotate_left(1);
+        for (slot, r) in self.witnesses[WITNESSES - 1].iter_mut().zip(residual) {
+            *slot = *r;
+        }
+        self.count = (self.count + 1).min(WITNESSES);
+    }
+
+    fn witnesses_agree(&self, input: &GateInput<'_>, floor: f64) -> bool {
+        let m = input.residual.len();
+        if self.count < WITNESSES || m > MAX_DIM {
+            return false;
+        }
+        (0..m).all(|i| {
+            let limit = (self.recovery.agreement * input.noise[i * m + i].sqrt()).max(floor);
+            let mean = self.witnesses.iter().map(|w| w[i]).sum::<f64>() / WITNESSES as f64;
+            self.witnesses.iter().all(|w| (w[i] - mean).abs() <= limit)
+        })
+    }
+}

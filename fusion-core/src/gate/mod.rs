@@ -1,0 +1,90 @@
+//! Gates: whether a measurement may touch the estimate.
+//!
+//! A gate is a policy with a memory. It sees the whitened, unweighted residual, answers with its
+//! statistic, notices when it has been rejecting for long, and says how it recovers. A rejected
+//! measurement is an outcome, never an error.
+
+mod lockout;
+mod nis;
+mod two_condition;
+
+pub use lockout::{Lockout, Recovery};
+pub use nis::Nis;
+pub use two_condition::{Ellipse, Magnitude, TwoCondition};
+
+use crate::time::Time;
+use core::fmt::Debug;
+
+/// What a gate judges by. Matrices are m×m, row by row.
+#[derive(Clone, Copy, Debug)]
+pub struct GateInput<'a> {
+    /// Time of validity.
+    pub time: Time,
+    /// r = z ⊟ h(x̂).
+    pub residual: &'a [f64],
+    /// HPHᵀ: the estimate's own covariance seen through the sensor.
+    pub predicted: &'a [f64],
+    /// R.
+    pub noise: &'a [f64],
+    /// S = HPHᵀ + R.
+    pub innovation: &'a [f64],
+    /// rᵀS⁻¹r.
+    pub nis: f64,
+}
+
+/// What a gate decides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Decision {
+    /// Use it.
+    Accept,
+    /// Leave the estimate alone.
+    Reject,
+    /// Believe the sensor again: P first grows by rrᵀ + R as the sensor sees it, then update.
+    Readopt,
+}
+
+/// Whether a gate trusts its sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Mode {
+    /// The sensor is followed.
+    #[default]
+    Track,
+    /// The gate has been rejecting: interference, or an estimate gone wrong.
+    Denied,
+}
+
+/// A gate's answer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Answer {
+    /// The decision.
+    pub decision: Decision,
+    /// The statistic it was based on.
+    pub statistic: f64,
+    /// What the statistic was compared with.
+    pub threshold: f64,
+    /// The gate's mode after the decision.
+    pub mode: Mode,
+}
+
+/// A gate policy.
+pub trait Gate: Debug + Send {
+    /// Judges one measurement.
+    fn judge(&mut self, input: &GateInput<'_>) -> Answer;
+
+    /// Copies the gate with its memory, for snapshots.
+    fn boxed_clone(&self) -> Box<dyn Gate>;
+}
+
+/// Accepts everything and still reports the NIS.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Open;
+
+impl Gate for Open {
+    fn judge(&mut self, input: &GateInput<'_>) -> Answer {
+        Answer { decision: Decision::Accept, statistic: input.nis, threshold: f64::INFINITY, mode: Mode::Track }
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Gate> {
+        Box::new(*self)
+    }
+}

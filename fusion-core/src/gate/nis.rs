@@ -1,0 +1,93 @@
+//! The classical gate.
+
+use super::lockout::MAX_DIM;
+use super::{Answer, Gate, GateInput, Lockout, Recovery};
+use crate::consistency::chi_square_quantile;
+
+/// Normalised innovation squared against a χ² quantile.
+#[derive(Clone, Copy, Debug)]
+pub struct Nis {
+    thresholds: [f64; MAX_DIM + 1],
+    lockout: Lockout,
+}
+
+impl Nis {
+    /// Passes what a consistent filter would see with `probability`.
+    #[must_use]
+    pub fn new(probability: f64, recovery: Recovery) -> Self {
+        let thresholds = core::array::from_fn(|m| chi_square_quantile(probability, m as f64));
+        Self { thresholds, lockout: Lockout::new(recovery) }
+    }
+}
+
+impl Gate for Nis {
+    fn judge(&mut self, input: &GateInput<'_>) -> Answer {
+        let threshold = self.thresholds[input.residual.len().min(MAX_DIM)];
+        let decision = self.lockout.decide(input.nis <= threshold, input);
+        Answer { decision, statistic: input.nis, threshold, mode: self.lockout.mode() }
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Gate> {
+        Box::new(*self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Decision, Mode, Open};
+    use super::*;
+    use crate::time::Time;
+    use crate::testing::check_gate;
+
+    #[test]
+    fn every_gate_obeys_the_laws_of_gates() {
+        let gates: [Box<dyn Gate>; 2] = [Box::new(Open), Box::new(Nis::new(0.99, Recovery::default()))];
+        for gate in gates {
+            check_gate(gate.as_ref()).unwrap_or_else(|e| panic!("{gate:?}: {e}"));
+        }
+    }
+
+    #[test]
+    fn the_law_sees_a_gate_that_locks_out() {
+        let never = Recovery { readopt_after: f64::INFINITY, gap: f64::INFINITY, ..Recovery::default() };
+        assert!(check_gate(&Nis::new(0.99, never)).unwrap_err().contains("locked out"));
+    }
+
+    #[test]
+    fn the_law_sees_a_gate_that_believes_what_contradicts_itself() {
+        let credulous = Recovery { agreement: f64::INFINITY, ..Recovery::default() };
+        assert!(check_gate(&Nis::new(0.99, credulous)).unwrap_err().contains("contradictory"));
+    }
+
+    fn judge(gate: &mut Nis, time: f64, residual: f64) -> Answer {
+        let nis = residual * residual / 2.0;
+        let time = Time::from_seconds(time);
+        gate.judge(&GateInput { time, residual: &[residual], predicted: &[1.0], noise: &[1.0], innovation: &[2.0], nis })
+    }
+
+    #[test]
+    fn thresholds_are_the_chi_square_quantiles() {
+        let mut gate = Nis::new(0.99, Recovery::default());
+        assert!((judge(&mut gate, 0.0, 0.0).threshold - 6.635).abs() < 6e-4); // printed to three decimals
+    }
+
+    #[test]
+    fn five_rejections_deny_and_three_passes_resume() {
+        let mut gate = Nis::new(0.99, Recovery::default());
+        let modes: Vec<_> = (0..5).map(|k| judge(&mut gate, f64::from(k), 100.0 * f64::from(k % 2 * 2 - 1)).mode).collect();
+        assert_eq!(modes, [Mode::Track, Mode::Track, Mode::Track, Mode::Track, Mode::Denied]);
+        let decisions: Vec<_> = (5..8).map(|k| judge(&mut gate, f64::from(k), 0.0).decision).collect();
+        assert_eq!(decisions, [Decision::Reject, Decision::Reject, Decision::Accept]);
+    }
+
+    #[test]
+    fn five_agreeing_fixes_are_believed_after_thirty_seconds_of_denial_or_at_once_after_a_gap() {
+        let mut gate = Nis::new(0.99, Recovery::default());
+        let first = (0..100).find(|&k| judge(&mut gate, f64::from(k), 50.0).decision == Decision::Readopt);
+        assert_eq!(first, Some(30));
+        let mut gate = Nis::new(0.99, Recovery::default());
+        judge(&mut gate, 0.0, 0.0);
+        let first = (0..100).find(|&k| judge(&mut gate, 20.0 + f64::from(k), 50.0).decision == Decision::Readopt);
+        assert_eq!(first, Some(4));
+    }
+}

@@ -1,0 +1,58 @@
+//! Hold: a position that stands still and may be anywhere at the next fix.
+//!
+//! State      `position` (geodetic) as a random walk
+//! Φ          I;  Q = walk²·Δt
+//! Use        with a walk far above the fix noise, the latest fix held: the baseline that every
+//!            filter should beat
+
+use crate::block::{Build, BuildError, Channel, ProcessSpec};
+use crate::units::{Axes, dim, range};
+use fusion_core::geometry::wgs84::Geodetic as Place;
+use fusion_core::linear::Transition;
+use fusion_core::model::{Input, Process};
+use fusion_core::state::{Dynamics, Geodetic};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// A position that stands still between fixes: with a large walk the latest fix, held.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HoldSpec {
+    /// Random walk of the position, north east down.
+    walk: Axes<dim::PositionRandomWalk, range::NonNegative>,
+    /// Initial 1σ of position, about the origin or where an initialiser puts it.
+    position_sigma: Axes<dim::Length, range::NonNegative>,
+}
+
+crate::register!(Process, "hold", HoldSpec, r#"
+walk = "100 m/sqrt(s)"
+position_sigma = "10 m"
+"#);
+
+#[typetag::deserialize(name = "hold")]
+impl ProcessSpec for HoldSpec {
+    fn input(&self) -> Vec<Channel> {
+        Vec::new()
+    }
+
+    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
+        let place = b.origin.unwrap_or(Place { lat: 0.0, lon: 0.0, height: 0.0 });
+        let psd = self.walk.si().map(|w| w * w).to_vec();
+        b.declare::<Geodetic>("position", "m", place, self.position_sigma.si().to_vec(), Dynamics::RandomWalk { psd })?;
+        Ok(Box::new(Hold))
+    }
+}
+
+/// The runtime model: the block's own dynamics are all there is.
+#[derive(Debug)]
+struct Hold;
+
+impl Process for Hold {
+    fn input_dim(&self) -> usize {
+        0
+    }
+
+    fn propagate(&self, _: &mut [f64], _: &Input<'_>, _: f64) {}
+
+    fn linearise(&self, _: &[f64], _: &Input<'_>, _: f64, _: &mut Transition) {}
+}

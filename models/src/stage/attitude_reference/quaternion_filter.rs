@@ -1,0 +1,184 @@
+//! The orientation Kalman filter: its state is the quaternion itself, with a gyro bias beside it.
+//!
+//! State      x = [q; b],  q = `q_nb` scalar first, b the gyro bias [rad/s]
+//! Predicted  q⁺ by the quaternion kinematics at w = w_m − b,  b⁺ = b
+//!            Φ = [I₄ + ½Ω(w)Δt, −½Ξ(q)Δt; 0, I₃],  Ξ(q) = [−q_vᵀ; q0 I + [q_v ×]]
+//!            Q = diag(¼Δt² Ξ Σ_g Ξᵀ, q_b Δt I₃),  Σ_g = N_g²/Δt I₃
+//! Measured   z = a quaternion, H = [I₄ 0]; its sign is turned where z·q < 0
+//!            a heading: H = 2 sᵀ Lᵀ, L(q) the columns [0, e_i] ⊗ q, s = ∂ψ/∂ε, of whose
+//!            correction only the turn about down reaches q
+//! Kept       q has length 1 after every step; P by Joseph's form, which holds for any gain
+//! Without    P_bb = 0 and q_b = 0 the filter is that of the quaternion alone
+//! Not here   the constraint |q| = 1 in P: its radial part is fed by R and bled by K alone
+//! Source     Φ, Q: Sabatini 2006, IEEE Trans. Biomed. Eng. 53(7), eqs. 5-12
+
+#![expect(non_snake_case, reason = "the letters of the Kalman filter, defined above")]
+
+use fusion_core::geometry::so3;
+use nalgebra::{Matrix3, Matrix4, Matrix4x3, SMatrix, SVector, UnitQuaternion, Vector3};
+
+type Matrix7 = SMatrix<f64, 7, 7>;
+
+/// Ξ(q), 4×3: q̇ = ½ Ξ(q) w.
+#[inline]
+#[must_use]
+pub fn rate_columns(q: &UnitQuaternion<f64>) -> Matrix4x3<f64> {
+    let (w, x, y, z) = (q.w, q.i, q.j, q.k);
+    #[rustfmt::skip]
+    let xi = Matrix4x3::new(
+        -x, -y, -z,
+        w, -z, y,
+        z, w, -x,
+        -y, x, w,
+    );
+    xi
+}
+
+/// The columns [0, e_i] ⊗ q, 4×3: a turn ε [rad] in navigation axes gives δq = ½ columns ε.
+#[inline]
+#[must_use]
+pub fn turn_columns(q: &UnitQuaternion<f64>) -> Matrix4x3<f64> {
+    let (w, x, y, z) = (q.w, q.i, q.j, q.k);
+    #[rustfmt::skip]
+    let columns = Matrix4x3::new(
+        -x, -y, -z,
+        w, z, -y,
+        -z, w, x,
+        y, -x, w,
+    );
+    columns
+}
+
+/// P_q, 4×4, of an attitude error covariance in body axes [rad²]: ¼ Ξ P_φ Ξᵀ.
+#[inline]
+#[must_use]
+pub fn of_body_axes(q: &UnitQuaternion<f64>, p: &Matrix3<f64>) -> Matrix4<f64> {
+    let xi = rate_columns(q);
+    xi * p * xi.transpose() * 0.25
+}
+
+/// The radial variance of a measured quaternion: its length says nothing of the attitude, and
+/// that z − q of a large turn has a radial part must not be believed.
+const RADIAL: f64 = 1.0;
+
+/// R, 4×4, of a measured attitude whose error covariance in body axes is `p` [rad²].
+#[inline]
+#[must_use]
+pub fn measured_in_body_axes(q: &UnitQuaternion<f64>, p: &Matrix3<f64>) -> Matrix4<f64> {
+    let v = so3::to_scalar_first(q);
+    of_body_axes(q, p) + v * v.transpose() * RADIAL
+}
+
+/// How the quaternion is integrated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kinematics {
+    /// q + q̇Δt, normalised.
+    Literal,
+    /// q ⊗ Exp(wΔt).
+    Exact,
+}
+
+/// The belief of the orientation filter.
+#[derive(Clone, Debug)]
+pub struct QuaternionFilter {
+    /// Attitude, body to navigation.
+    pub q: UnitQuaternion<f64>,
+    /// Gyro bias [rad/s].
+    pub bias: Vector3<f64>,
+    P: Matrix7,
+}
+
+impl QuaternionFilter {
+    /// From an attitude with its covariance about the body axes [rad²] and a bias with its 1σ
+    /// [rad/s].
+    #[must_use]
+    pub fn new(q: UnitQuaternion<f64>, p_b: &Matrix3<f64>, bias: Vector3<f64>, bias_sigma: &Vector3<f64>) -> Self {
+        let mut P = Matrix7::zeros();
+        P.fixed_view_mut::<4, 4>(0, 0).copy_from(&of_body_axes(&q, p_b));
+        P.fixed_view_mut::<3, 3>(4, 4).copy_from(&Matrix3::from_diagonal(&bias_sigma.component_mul(bias_sigma)));
+        Self { q, bias, P }
+    }
+
+    /// Carries the belief over `dt` [s] at the rate `w_nb_b` [rad/s], free of the bias.
+    pub fn predict(&mut self, w_nb_b: &Vector3<f64>, dt: f64, gyro_psd: &Matrix3<f64>, bias_psd: &Matrix3<f64>, kinematics: Kinematics) {
+        let xi = rate_columns(&self.q);
+        let mut F = Matrix7::identity();
+        let turning = Matrix4::identity() + so3::rate_matrix(w_nb_b) * (0.5 * dt);
+        F.fixed_view_mut::<4, 4>(0, 0).copy_from(&turning);
+        F.fixed_view_mut::<4, 3>(0, 4).copy_from(&(xi * (-0.5 * dt)));
+        self.P = F * self.P * F.transpose();
+        // ¼Δt² Ξ (N²/Δt) Ξᵀ.
+        let mut q_block = self.P.fixed_view_mut::<4, 4>(0, 0);
+        q_block += xi * gyro_psd * xi.transpose() * (0.25 * dt);
+        let mut b_block = self.P.fixed_view_mut::<3, 3>(4, 4);
+        b_block += bias_psd * dt;
+        self.q = match kinematics {
+            Kinematics::Literal => so3::integrate_literal(&self.q, w_nb_b, dt),
+            Kinematics::Exact => so3::integrate_exact(&self.q, w_nb_b, dt),
+        };
+        self.q.renormalize();
+    }
+
+    /// Takes the quaternion `z` with covariance `R`. Nothing changes where P + R is singular.
+    pub fn update(&mut self, z: &UnitQuaternion<f64>, R: &Matrix4<f64>) {
+        let x = so3::to_scalar_first(&self.q);
+        let z = so3::to_scalar_first(z);
+        let z = if z.dot(&x) < 0.0 { -z } else { z };
+        let columns = self.P.fixed_columns::<4>(0).into_owned();
+        let Some(S) = (columns.fixed_rows::<4>(0) + R).cholesky() else { return };
+        let K = S.solve(&columns.transpose()).transpose();
+        let correction = K * (z - x);
+        let mut I_KH = Matrix7::identity();
+        let mut left = I_KH.fixed_columns_mut::<4>(0);
+        left -= K;
+        self.P = I_KH * self.P * I_KH.transpose() + K * R * K.transpose();
+        self.correct(&correction);
+    }
+
+    /// Variance of the turn about down [rad²].
+    #[must_use]
+    pub fn heading_variance(&self) -> f64 {
+        let axis = turn_columns(&self.q).column(2) * 2.0;
+        (axis.transpose() * self.P.fixed_view::<4, 4>(0, 0) * axis)[0]
+    }
+
+    /// Takes a heading by which the attitude is wrong: `turn` = `slope`·ε [rad] of `variance`
+    /// [rad²], ε the turn in navigation axes. Only the heading is corrected, and of the bias its
+    /// part about the vertical, if `gate`, asked with turn² and its variance, lets it. Whether it did.
+    pub fn update_heading(&mut self, turn: f64, slope: &Vector3<f64>, variance: f64, gate: impl FnOnce(f64, f64) -> bool) -> bool {
+        let columns = turn_columns(&self.q);
+        let mut H = SVector::<f64, 7>::zeros();
+        H.fixed_rows_mut::<4>(0).copy_from(&(columns * slope * 2.0));
+        let PH = self.P * H;
+        let S = H.dot(&PH) + variance;
+        if S.is_nan() || S <= 0.0 || !gate(turn * turn, S) {
+            return false;
+        }
+        // Roll and pitch are the vertical's business: what a disturbed field would do to them is
+        // worse than what an undisturbed one adds.
+        let mut K = PH / S;
+        let (axis, down) = (columns.column(2) * 0.5, self.q.inverse_transform_vector(&Vector3::z()));
+        let heading = axis * (4.0 * axis.dot(&K.fixed_rows::<4>(0)));
+        let bias = down * down.dot(&K.fixed_rows::<3>(4));
+        K.fixed_rows_mut::<4>(0).copy_from(&heading);
+        K.fixed_rows_mut::<3>(4).copy_from(&bias);
+        let I_KH = Matrix7::identity() - K * H.transpose();
+        self.P = I_KH * self.P * I_KH.transpose() + K * K.transpose() * variance;
+        self.correct(&(K * turn));
+        true
+    }
+
+    fn correct(&mut self, dx: &SVector<f64, 7>) {
+        self.q = so3::from_scalar_first(&(so3::to_scalar_first(&self.q) + dx.fixed_rows::<4>(0)));
+        self.bias += dx.fixed_rows::<3>(4);
+        self.P = (self.P + self.P.transpose()) * 0.5;
+    }
+
+    /// 1σ about the body axes [rad]: √diag(4 Ξᵀ P Ξ).
+    #[must_use]
+    pub fn attitude_sigma(&self) -> Vector3<f64> {
+        let xi = rate_columns(&self.q);
+        let p = xi.transpose() * self.P.fixed_view::<4, 4>(0, 0) * xi * 4.0;
+        p.diagonal().map(|v| v.max(0.0).sqrt())
+    }
+}

@@ -1,0 +1,296 @@
+//! The attitude reference itself: what it does with a row of the IMU, of the magnetometer, of a
+//! compass. It knows neither TOML nor streams.
+
+use super::kernel::{self, Field};
+use super::quaternion_filter::{Kinematics, QuaternionFilter, measured_in_body_axes};
+use fusion_core::geometry::so3;
+use fusion_core::state::wrap;
+use fusion_core::time::Time;
+use nalgebra::{Matrix3, Matrix4, UnitQuaternion, Vector3};
+
+/// How the accelerometers correct the tilt.
+#[derive(Clone, Copy, Debug)]
+pub enum Correction {
+    /// A gradient step of every sample, as a measured quaternion.
+    Gradient {
+        /// α of the step length.
+        alpha: f64,
+        /// μ₀ of the step length.
+        floor: f64,
+        /// 1σ of each component of the measured quaternion, half that of an angle.
+        sigma: f64,
+        /// Takes the quaternion for a measurement of the heading too, as H = I₄ says, which it is
+        /// not: the heading then looks far better known than it is.
+        heading_too: bool,
+        /// k of R = σ²(1 + k (|f|/g − 1)²).
+        adaptive: f64,
+        /// Samples with ||f| − g| > `band`·g are skipped.
+        band: f64,
+        /// Steps from the last estimate, as printed, instead of from the prediction.
+        from_last: bool,
+    },
+    /// The specific force low-passed in axes that do not turn, as the vertical.
+    LowPass {
+        /// Of the low pass [s].
+        time_constant: f64,
+        /// 1σ of the vertical that it gives [rad].
+        sigma: f64,
+        /// Samples with ||f̄| − g| > `band`·g of the low-passed force are skipped.
+        band: f64,
+    },
+}
+
+/// How the compass corrects the heading.
+#[derive(Clone, Debug)]
+pub struct Compass {
+    /// Clockwise from true to magnetic north [rad].
+    pub declination: f64,
+    /// A.
+    pub soft_iron: Matrix3<f64>,
+    /// b, in the unit of the field.
+    pub hard_iron: Vector3<f64>,
+    /// 1σ of a heading [rad].
+    pub sigma: f64,
+    /// Least time between two corrections [ns].
+    pub period: i64,
+    /// Which headings are left out.
+    pub gate: Option<CompassGate>,
+}
+
+/// Which headings are left out.
+#[derive(Clone, Copy, Debug)]
+pub struct CompassGate {
+    /// The undisturbed |m| and dip; learnt while aligning where absent.
+    pub field: Option<(f64, f64)>,
+    /// Largest relative difference of |m|.
+    pub magnitude: f64,
+    /// Largest difference of the dip [rad].
+    pub dip: f64,
+    /// Largest innovation, in its own 1σ.
+    pub innovation: f64,
+    /// A field that has been another one, but steady, for so long [s] is the new reference.
+    pub adopt_after: f64,
+}
+
+/// Everything the reference is told once.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// How the quaternion is integrated.
+    pub kinematics: Kinematics,
+    /// N_g² per axis [rad²/s].
+    pub gyro_psd: Matrix3<f64>,
+    /// Initial 1σ of the gyro bias [rad/s]; zero where it is not estimated.
+    pub bias_sigma: Vector3<f64>,
+    /// Random walk of the bias [rad²/s³].
+    pub bias_psd: Matrix3<f64>,
+    /// How the tilt is corrected.
+    pub correction: Correction,
+    /// g [m/s²].
+    pub gravity: f64,
+    /// How long force and field are averaged for the first attitude [s].
+    pub alignment: f64,
+    /// 1σ of roll and pitch after the alignment [rad].
+    pub tilt_sigma: f64,
+    /// How the heading is corrected.
+    pub compass: Option<Compass>,
+}
+
+/// Sums over the alignment.
+#[derive(Clone, Copy, Debug, Default)]
+struct Alignment {
+    since: Option<Time>,
+    force: Vector3<f64>,
+    field: Vector3<f64>,
+    fields: f64,
+    heading: Option<f64>,
+}
+
+/// What the compass gate remembers.
+#[derive(Clone, Copy, Debug, Default)]
+struct Memory {
+    /// The undisturbed |m| and dip.
+    reference: Option<(f64, f64)>,
+    /// Another field, and since when.
+    other: Option<(f64, f64, Time)>,
+    last: Option<Time>,
+}
+
+/// The attitude reference.
+#[derive(Debug)]
+pub struct AttitudeReference {
+    settings: Settings,
+    alignment: Alignment,
+    belief: Option<QuaternionFilter>,
+    /// Low-passed specific force, body axes.
+    force: Vector3<f64>,
+    memory: Memory,
+    last: Option<Time>,
+}
+
+impl AttitudeReference {
+    /// One that has seen nothing yet.
+    #[must_use]
+    pub fn new(settings: Settings) -> Self {
+        Self {
+            settings,
+            alignment: Alignment::default(),
+            belief: None,
+            force: Vector3::zeros(),
+            memory: Memory::default(),
+            last: None,
+        }
+    }
+
+    /// The belief, once aligned.
+    #[must_use]
+    pub const fn belief(&self) -> Option<&QuaternionFilter> {
+        self.belief.as_ref()
+    }
+
+    /// Takes rate `w_ib_b` [rad/s] and force `f_b` [m/s²] of the interval that ends at `time`,
+    /// while the navigation frame turns by `w_in_n` [rad/s].
+    pub fn imu(&mut self, time: Time, w_ib_b: &Vector3<f64>, f_b: &Vector3<f64>, w_in_n: &Vector3<f64>) {
+        let dt = self.last.map_or(0.0, |last| time.seconds_since(last));
+        self.last = Some(time);
+        let Some(belief) = &mut self.belief else {
+            self.align(time, f_b);
+            return;
+        };
+        let s = &self.settings;
+        let before = belief.q;
+        let w = kernel::compensated_rate(&(w_ib_b - belief.bias), &before, w_in_n);
+        belief.predict(&w, dt, &s.gyro_psd, &s.bias_psd, s.kinematics);
+        let off = |f: &Vector3<f64>| f.norm() / s.gravity - 1.0;
+        match s.correction {
+            Correction::Gradient { alpha, floor, sigma, heading_too, adaptive, band, from_last } => {
+                let from = if from_last { before } else { belief.q };
+                let step = kernel::gradient_step(&from, f_b, kernel::step_length(alpha, floor, &w, dt));
+                if let Some(z) = step.filter(|_| off(f_b).abs() <= band) {
+                    let variance = sigma * sigma * (1.0 + adaptive * off(f_b).powi(2));
+                    let noise = if heading_too { Matrix4::identity() * variance } else { of_vertical(&belief.q, 4.0 * variance) };
+                    belief.update(&z, &noise);
+                }
+            }
+            Correction::LowPass { time_constant, sigma, band } => {
+                self.force = kernel::low_passed(&self.force, f_b, &w, dt, time_constant);
+                if off(&self.force).abs() <= band && dt > 0.0 {
+                    // Neighbours share what the low pass holds: 2τ/Δt of them say as much as one.
+                    let variance = sigma * sigma * (2.0 * time_constant / dt).max(1.0);
+                    let z = kernel::levelled(&belief.q, &self.force);
+                    belief.update(&z, &of_vertical(&belief.q, variance));
+                }
+            }
+        }
+    }
+
+    /// Takes a raw field (any unit).
+    pub fn field(&mut self, time: Time, raw: &Vector3<f64>) {
+        let Some(compass) = &self.settings.compass else { return };
+        let m = kernel::calibrated(raw, &compass.soft_iron, &compass.hard_iron);
+        let Some(belief) = &self.belief else {
+            self.alignment.field += m;
+            self.alignment.fields += 1.0;
+            return;
+        };
+        let seen = kernel::field(&m, &belief.q, compass.declination);
+        if let Some(gate) = compass.gate
+            && !self.memory.undisturbed(&gate, &seen, time)
+        {
+            return;
+        }
+        self.turn(time, seen.turn, &(belief.q * m));
+    }
+
+    /// Takes a heading [rad] of a compass, clockwise from magnetic north.
+    pub fn heading(&mut self, time: Time, heading: f64) {
+        let Some(compass) = &self.settings.compass else { return };
+        let heading = wrap(heading + compass.declination);
+        let Some(belief) = &self.belief else {
+            self.alignment.heading = Some(heading);
+            return;
+        };
+        let c = so3::rotation(&belief.q);
+        if c[(2, 0)].abs() <= so3::GIMBAL_LOCK_C31 {
+            self.turn(time, wrap(heading - c[(1, 0)].atan2(c[(0, 0)])), &c.column(0).into_owned());
+        }
+    }
+
+    /// Corrects the heading by `turn` [rad], at which the direction `v_n` says it is wrong: at
+    /// most once per period, and if the gate lets it.
+    fn turn(&mut self, time: Time, turn: f64, v_n: &Vector3<f64>) {
+        let (Some(compass), Some(belief)) = (&self.settings.compass, &mut self.belief) else { return };
+        let due = self.memory.last.is_none_or(|last| time.nanos() - last.nanos() >= compass.period);
+        if !due {
+            return;
+        }
+        let limit = compass.gate.map_or(f64::INFINITY, |g| g.innovation * g.innovation);
+        let passes = |squared: f64, variance: f64| squared <= limit * variance;
+        if belief.update_heading(turn, &kernel::heading_slope(v_n), compass.sigma * compass.sigma, passes) {
+            self.memory.last = Some(time);
+        }
+    }
+
+    fn align(&mut self, time: Time, f_b: &Vector3<f64>) {
+        let a = &mut self.alignment;
+        a.force += f_b;
+        let since = *a.since.get_or_insert(time);
+        let s = &self.settings;
+        let waiting = s.compass.is_some() && a.heading.is_none() && a.fields == 0.0;
+        if time.seconds_since(since) < s.alignment || waiting || a.force == Vector3::zeros() {
+            return;
+        }
+        let mut q = kernel::levelled(&UnitQuaternion::identity(), &a.force);
+        if let Some(compass) = &s.compass {
+            let turn = match a.heading {
+                Some(heading) => wrap(heading - so3::to_rpy(&q).z),
+                None => {
+                    let seen = kernel::field(&(a.field / a.fields), &q, compass.declination);
+                    let declared = compass.gate.and_then(|g| g.field);
+                    self.memory.reference = declared.or(Some((seen.magnitude, seen.dip)));
+                    seen.turn
+                }
+            };
+            q = kernel::turned(&q, turn);
+        }
+        let heading_sigma = s.compass.as_ref().map_or(core::f64::consts::PI, |c| c.sigma);
+        let sigma_n = Vector3::new(s.tilt_sigma, s.tilt_sigma, heading_sigma);
+        let p_b = in_body_axes(&q, &sigma_n.component_mul(&sigma_n));
+        self.force = a.force.normalize() * s.gravity;
+        self.belief = Some(QuaternionFilter::new(q, &p_b, Vector3::zeros(), &s.bias_sigma));
+    }
+}
+
+/// Variance of what a measurement does not tell [rad²].
+const UNKNOWN: f64 = 100.0;
+
+/// A diagonal covariance in navigation axes, seen in body axes.
+fn in_body_axes(q: &UnitQuaternion<f64>, variance_n: &Vector3<f64>) -> Matrix3<f64> {
+    let c_nb = so3::rotation(q);
+    c_nb.transpose() * Matrix3::from_diagonal(variance_n) * c_nb
+}
+
+/// R of a measured quaternion that tells the vertical, to `variance` [rad²] per axis, and no heading.
+fn of_vertical(q: &UnitQuaternion<f64>, variance: f64) -> Matrix4<f64> {
+    measured_in_body_axes(q, &in_body_axes(q, &Vector3::new(variance, variance, UNKNOWN)))
+}
+
+impl Memory {
+    /// Whether the field looks as it does undisturbed.
+    fn undisturbed(&mut self, gate: &CompassGate, seen: &Field, time: Time) -> bool {
+        let near = |m: f64, dip: f64| (seen.magnitude / m - 1.0).abs() <= gate.magnitude && (seen.dip - dip).abs() <= gate.dip;
+        if self.reference.is_none_or(|(m, dip)| near(m, dip)) {
+            self.other = None;
+            return true;
+        }
+        match self.other {
+            Some((m, dip, since)) if near(m, dip) => {
+                if time.seconds_since(since) >= gate.adopt_after {
+                    self.reference = Some((m, dip));
+                    self.other = None;
+                }
+            }
+            _ => self.other = Some((seen.magnitude, seen.dip, time)),
+        }
+        false
+    }
+}

@@ -1,0 +1,278 @@
+//! Many runs of one design: variants side by side, and Monte Carlo over seeds.
+
+use crate::config::{Diagnostics, Document};
+use crate::design::Design;
+use crate::run::{Options, Summary, run};
+use fusion_core::consistency::mean_band;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::fmt;
+use std::io::{self, Write};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// One run of a comparison.
+#[derive(Debug)]
+pub struct Compared {
+    /// The variant, or the file.
+    pub name: String,
+    /// Its result.
+    pub summary: Summary,
+}
+
+/// Runs the document as declared and under each of `variants`, on the same data and seeds.
+///
+/// # Errors
+/// Mistakes of the design or a variant, or what is wrong with the data.
+pub fn compare(document: &Document, variants: &[String], options: &Options) -> Result<Vec<Compared>, Diagnostics> {
+    let mut results = Vec::new();
+    for variant in variants {
+        let mut document = document.clone();
+        if variant != AS_DECLARED {
+            document.overlay(&format!("variant.{variant}")).map_err(Diagnostics::from)?;
+        }
+        let design = Design::read(document)?;
+        results.push(Compared { name: variant.clone(), summary: run(&design, options, &mut |_| {})? });
+    }
+    Ok(results)
+}
+
+/// The name of the design without a variant.
+pub const AS_DECLARED: &str = "base";
+
+/// What is kept of one Monte Carlo run. No timing, so that it is a function of its seed.
+#[derive(Clone, Debug, Serialize)]
+pub struct RunRow {
+    /// Its number.
+    pub run: u64,
+    /// Its seed.
+    pub seed: u64,
+    /// Position error RMS, north east down [m].
+    pub rms: [f64; 3],
+    /// Largest position error, north east down [m].
+    pub max: [f64; 3],
+    /// Velocity error RMS [m/s].
+    pub velocity_rms: [f64; 3],
+    /// Attitude error RMS, roll pitch yaw [deg].
+    pub attitude_rms: [f64; 3],
+    /// Mean NEES of position, velocity, attitude.
+    pub nees: [f64; 3],
+    /// Per sensor: mean NIS, accepted, rejected, readopted.
+    pub sensors: Vec<(f64, u64, u64, u64)>,
+}
+
+impl RunRow {
+    fn new(run: u64, seed: u64, summary: &Summary) -> Self {
+        let score = summary.score.clone().unwrap_or_default();
+        let axes = |a: Option<crate::score::Axes>| a.unwrap_or_default();
+        let mean = |c: &Option<crate::score::Consistency>| c.map_or(f64::NAN, |c| c.mean);
+        Self {
+            run,
+            seed,
+            rms: axes(score.position).rms,
+            max: axes(score.position).max,
+            velocity_rms: axes(score.velocity).rms,
+            attitude_rms: axes(score.attitude_deg).rms,
+            nees: [mean(&score.nees_position), mean(&score.nees_velocity), mean(&score.nees_attitude)],
+            sensors: summary.sensors.iter().map(|s| (mean(&s.nis), s.accepted, s.rejected, s.readopted)).collect(),
+        }
+    }
+}
+
+/// The result of a Monte Carlo campaign.
+#[derive(Clone, Debug)]
+pub struct Campaign {
+    /// One row per run, in order of their numbers.
+    pub rows: Vec<RunRow>,
+    /// Names of the sensors, and the dimensions of their residuals.
+    pub sensors: Vec<(String, usize)>,
+}
+
+/// The seed of run number `run`: it depends on nothing else.
+#[must_use]
+pub fn seed_of(seed: u64, run: u64) -> u64 {
+    fusion_models::fault::derive_seed(seed, &["run", &run.to_string()])
+}
+
+/// Runs the design `count` times, each with a seed of its own; on `threads` threads, 0 for as
+/// many as there are cores. The rows do not depend on the number of threads.
+///
+/// # Errors
+/// What the first failing run reports.
+pub fn monte_carlo(
+    design: &Design,
+    options: &Options,
+    count: u64,
+    seed: u64,
+    threads: usize,
+    progress: &(dyn Fn(usize) + Sync),
+) -> Result<Campaign, Diagnostics> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let pool = pool.map_err(|e| Diagnostics::from(crate::config::Diagnostic::error(format!("no threads to run on: {e}"))))?;
+    let done = AtomicUsize::new(0);
+    let one = |number: u64| -> Result<(RunRow, Vec<(String, usize)>), Diagnostics> {
+        let seed = seed_of(seed, number);
+        let options = Options { seed: Some(seed), out: None, data: options.data.clone(), base: options.base.clone() };
+        let summary = run(design, &options, &mut |_| {})?;
+        progress(done.fetch_add(1, Ordering::Relaxed) + 1);
+        let sensors = summary.sensors.iter().map(|s| (s.name.clone(), s.nis.map_or(0, |n| n.dof))).collect();
+        Ok((RunRow::new(number, seed, &summary), sensors))
+    };
+    let results: Result<Vec<_>, Diagnostics> = pool.install(|| (0..count).into_par_iter().map(one).collect());
+    let results = results?;
+    let sensors = results.first().map(|(_, s)| s.clone()).unwrap_or_default();
+    Ok(Campaign { rows: results.into_iter().map(|(row, _)| row).collect(), sensors })
+}
+
+/// Whether a mean statistic is what its covariance promised.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Honesty {
+    /// In its band.
+    Consistent,
+    /// The errors are larger than the filter believes.
+    Optimistic,
+    /// The errors are smaller than the filter believes.
+    Pessimistic,
+}
+
+impl fmt::Display for Honesty {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Consistent => "consistent",
+            Self::Optimistic => "optimistic",
+            Self::Pessimistic => "pessimistic",
+        })
+    }
+}
+
+/// A mean over runs with its band.
+#[derive(Clone, Copy, Debug)]
+pub struct Judged {
+    /// The mean over all runs.
+    pub mean: f64,
+    /// Degrees of freedom.
+    pub dof: usize,
+    /// The 95 % band of the mean.
+    pub band: (f64, f64),
+    /// The verdict.
+    pub honesty: Honesty,
+}
+
+/// Mean, standard deviation, smallest and largest over the runs.
+#[derive(Clone, Copy, Debug)]
+pub struct Spread {
+    /// Mean.
+    pub mean: f64,
+    /// Standard deviation.
+    pub std: f64,
+    /// Smallest.
+    pub min: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+impl Campaign {
+    /// The spread over the runs of some figure of a run; `None` without finite figures.
+    #[must_use]
+    pub fn spread(&self, figure: impl Fn(&RunRow) -> f64) -> Option<Spread> {
+        let values: Vec<f64> = self.rows.iter().map(figure).filter(|v| v.is_finite()).collect();
+        let n = values.len() as f64;
+        if values.is_empty() {
+            return None;
+        }
+        let mean = values.iter().sum::<f64>() / n;
+        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+        let (min, max) = values.iter().fold((f64::MAX, f64::MIN), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
+        Some(Spread { mean, std: variance.sqrt(), min, max })
+    }
+
+    /// Judges the mean of a statistic that each run reports: its time average.
+    ///
+    /// Runs are independent, their time averages are not χ²: the band is that of the mean of the
+    /// runs' averages, from their own scatter (95 %), about the degrees of freedom; with a single
+    /// run it is the band of that many χ² variables.
+    #[must_use]
+    pub fn judge(&self, dof: usize, figure: impl Fn(&RunRow) -> f64) -> Option<Judged> {
+        let s = self.spread(figure)?;
+        let n = self.rows.len();
+        let half = 1.96 * s.std / (n as f64).sqrt();
+        let d = dof as f64;
+        let band = if n > 1 { (d - half, d + half) } else { mean_band(0.95, dof, 1) };
+        let honesty = if s.mean > band.1 {
+            Honesty::Optimistic
+        } else if s.mean < band.0 {
+            Honesty::Pessimistic
+        } else {
+            Honesty::Consistent
+        };
+        Some(Judged { mean: s.mean, dof, band, honesty })
+    }
+
+    /// Writes runs.csv: one row per run and no timing, the same file for any number of threads.
+    ///
+    /// # Errors
+    /// What the writer reports.
+    pub fn write(&self, mut out: impl Write) -> io::Result<()> {
+        write!(out, "run,seed,rms_n_m,rms_e_m,rms_d_m,max_n_m,max_e_m,max_d_m")?;
+        write!(out, ",rms_vn_mps,rms_ve_mps,rms_vd_mps,rms_roll_deg,rms_pitch_deg,rms_yaw_deg")?;
+        write!(out, ",nees_position,nees_velocity,nees_attitude")?;
+        for (name, _) in &self.sensors {
+            write!(out, ",{name}_nis,{name}_accepted,{name}_rejected,{name}_readopted")?;
+        }
+        writeln!(out)?;
+        for row in &self.rows {
+            write!(out, "{},{}", row.run, row.seed)?;
+            for values in [row.rms, row.max, row.velocity_rms, row.attitude_rms, row.nees] {
+                for value in values {
+                    if value.is_finite() { write!(out, ",{value:.9e}")? } else { write!(out, ",")? }
+                }
+            }
+            for (nis, accepted, rejected, readopted) in &row.sensors {
+                if nis.is_finite() { write!(out, ",{nis:.9e}")? } else { write!(out, ",")? }
+                write!(out, ",{accepted},{rejected},{readopted}")?;
+            }
+            writeln!(out)?;
+        }
+        out.flush()
+    }
+}
+
+/// The campaign as a table: spreads per axis, consistency with its verdict, what the gates did.
+impl fmt::Display for Campaign {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{} runs", self.rows.len())?;
+        writeln!(f, "\nErrors over the runs             mean      std      min      max")?;
+        type Figure = fn(&RunRow) -> [f64; 3];
+        let groups: [(&str, Figure, [&str; 3]); 4] = [
+            ("position RMS [m]", |r| r.rms, ["north", "east", "down"]),
+            ("position max [m]", |r| r.max, ["north", "east", "down"]),
+            ("velocity RMS [m/s]", |r| r.velocity_rms, ["north", "east", "down"]),
+            ("attitude RMS [deg]", |r| r.attitude_rms, ["roll", "pitch", "yaw"]),
+        ];
+        for (name, figure, axes) in groups {
+            for (i, axis) in axes.iter().enumerate() {
+                if let Some(s) = self.spread(|r| figure(r)[i]) {
+                    writeln!(f, "  {:<28} {:8.4} {:8.4} {:8.4} {:8.4}", format!("{name} {axis}"), s.mean, s.std, s.min, s.max)?;
+                }
+            }
+        }
+        writeln!(f, "\nConsistency                      mean  dof        95 % band")?;
+        let states = ["position", "velocity", "attitude"];
+        let nees = states.iter().enumerate().map(|(i, s)| (format!("NEES {s}"), self.judge(3, |r| r.nees[i])));
+        let nis = self.sensors.iter().enumerate().map(|(i, (s, dof))| (format!("NIS {s}"), self.judge(*dof, |r| r.sensors[i].0)));
+        for (name, judged) in nees.chain(nis) {
+            if let Some(j) = judged {
+                let by = match j.honesty {
+                    Honesty::Consistent => String::new(),
+                    _ => format!(", σ off by a factor {:.2}", (j.mean / j.dof as f64).sqrt()),
+                };
+                writeln!(f, "  {name:<28} {:8.3} {:4}  {:7.3} … {:<7.3}  {}{by}", j.mean, j.dof, j.band.0, j.band.1, j.honesty)?;
+            }
+        }
+        writeln!(f, "\nGates                        accepted  rejected  readopted")?;
+        for (i, (name, _)) in self.sensors.iter().enumerate() {
+            let sum = |g: fn(&(f64, u64, u64, u64)) -> u64| self.rows.iter().map(|r| g(&r.sensors[i])).sum::<u64>();
+            writeln!(f, "  {name:<24} {:>10} {:>9} {:>10}", sum(|s| s.1), sum(|s| s.2), sum(|s| s.3))?;
+        }
+        Ok(())
+    }
+}

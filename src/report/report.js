@@ -1,0 +1,657 @@
+"use strict";
+// Draws the data of the page: time plots by uPlot, the map by hand.
+(() => {
+  const root = document.documentElement;
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const runs = data.runs;
+  const several = runs.length > 1;
+
+  // ---- data ------------------------------------------------------------------------------
+  const bytes = text => Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer;
+  // Times count from the log's beginning where they are those of a calendar.
+  const zero = data.span[0] > 1e6 || data.span[0] < 0 ? Math.floor(data.span[0]) : 0;
+  const table = d => {
+    const t = new Float64Array(bytes(d.t)).map(t => t - zero);
+    return { t, c: d.c.map(c => new Float32Array(bytes(c))) };
+  };
+  for (const run of runs) {
+    for (const q of run.quantities) for (const k of ["estimate", "truth", "error"]) q[k] = table(q[k]);
+    for (const k of ["path", "true_path"]) run[k] = table(run[k]);
+    for (const s of run.sensors) for (const k of ["updates", "used", "rejected"]) s[k] = table(s[k]);
+    for (const i of run.inputs) i.table = table(i.table);
+  }
+  const span = data.span.map(t => t - zero);
+  if (!(span[1] > span[0])) span[1] = span[0] + 1;
+  const outages = runs[0] ? runs[0].outages.map(w => w.map(t => t - zero)) : [];
+  const empty = d => d.t.length === 0 || !d.c.some(c => c.some(v => v === v));
+  const plus = (a, b, k) => a.map((v, i) => v + k * b[i]);
+  /** Index of the sample nearest to time t. */
+  const nearest = (ts, t) => {
+    let a = 0, b = ts.length - 1;
+    if (b < 0) return -1;
+    while (b - a > 1) { const m = (a + b) >> 1; if (ts[m] < t) a = m; else b = m; }
+    return t - ts[a] <= ts[b] - t ? a : b;
+  };
+
+  // ---- looks -----------------------------------------------------------------------------
+  let style;
+  const color = name => style.getPropertyValue(`--${name}`).trim();
+  const faint = (hex, a) => `${hex}${Math.round(a * 255).toString(16).padStart(2, "0")}`;
+  const phone = () => !root.dataset.print && innerWidth < 560;
+  const fontSize = () => root.dataset.print ? 11 : phone() ? 16 : 14;
+  const font = () => `${fontSize()}px system-ui, "Segoe UI", Roboto, "DejaVu Sans", sans-serif`;
+  const minus = text => text.replace("-", "−");
+  const show = v => {
+    if (v == null || v !== v) return "–";
+    const a = Math.abs(v);
+    return minus(a !== 0 && (a < 1e-3 || a >= 1e6) ? v.toExponential(2) : a >= 1000 ? v.toFixed(0) : v.toFixed(a >= 100 ? 1 : a >= 10 ? 2 : 3));
+  };
+  const heading = v => { const w = ((v % 360) + 360) % 360; return w > 180 ? w - 360 : w; };
+  const el = (tag, attributes = {}, ...children) => {
+    const e = document.createElement(tag);
+    for (const [k, v] of Object.entries(attributes)) e.setAttribute(k, v);
+    e.append(...children);
+    return e;
+  };
+  const swatch = (kind, name) => {
+    const c = `var(--${name})`;
+    const mark = {
+      line: `<path d="M0 8H30" stroke="${c}" stroke-width="2.5"/>`,
+      dash: `<path d="M0 8H30" stroke="${c}" stroke-width="2" stroke-dasharray="6 4"/>`,
+      gate: `<path d="M0 8H30" stroke="${c}" stroke-width="2" stroke-dasharray="2 3"/>`,
+      band: `<path d="M0 2H30V14H0Z" fill="${c}" fill-opacity=".2"/><path d="M0 2H30M0 14H30" stroke="${c}"/>`,
+      block: `<path d="M0 4H30V12H0Z" fill="${c}"/>`,
+      shade: `<path d="M0 0H30V16H0Z" fill="${c}"/>`,
+      dot: `<circle cx="15" cy="8" r="3.5" fill="${c}"/>`,
+      ring: `<circle cx="15" cy="8" r="5" fill="none" stroke="${c}" stroke-width="2"/>`,
+      square: `<path d="M10 3H20V13H10Z" fill="${c}"/>`,
+      cross: `<path d="M10 3L20 13M20 3L10 13" stroke="${c}" stroke-width="2"/>`,
+    }[kind];
+    const box = document.createElement("template");
+    box.innerHTML = `<svg viewBox="0 0 30 16" aria-hidden="true" fill="none">${mark}</svg>`;
+    return box.content;
+  };
+  const legend = entries => {
+    const list = el("ul", { class: "legend" });
+    for (const [kind, name, text] of entries) list.append(el("li", {}, swatch(kind, name), text));
+    return list;
+  };
+  const runColor = i => `run${i % 6}`;
+
+  // ---- time plots ------------------------------------------------------------------------
+  const plots = []; // { spec, host, out, u }
+  let range = [...span];
+  const bar = {};
+
+  const setRange = (a, b) => {
+    const least = Math.max((span[1] - span[0]) * 1e-5, 1e-3);
+    if (b - a < least) { const m = (a + b) / 2; a = m - least / 2; b = m + least / 2; }
+    const width = Math.min(b - a, span[1] - span[0]);
+    a = Math.min(Math.max(a, span[0]), span[1] - width);
+    range = [a, a + width];
+    for (const p of plots) if (p.u) p.u.setScale("x", { min: range[0], max: range[1] });
+    map?.draw();
+    report();
+  };
+  const reset = () => { map?.reset(); setRange(span[0], span[1]); };
+  const zoom = k => { const m = (range[0] + range[1]) / 2, h = (range[1] - range[0]) / 2 * k; setRange(m - h, m + h); };
+  const move = k => { const w = (range[1] - range[0]) * k; setRange(range[0] + w, range[1] + w); };
+  const report = () => { if (bar.out) bar.out.value = `${show(range[0])} s to ${show(range[1])} s`; };
+
+  /** Puts the cursor of every plot and of the map at time t; null takes it away. */
+  let cursor = null;
+  const point = (t, from) => {
+    cursor = t;
+    for (const p of plots) {
+      if (!p.u) continue;
+      if (p.u !== from) p.u.setCursor(t == null ? { left: -10, top: -10 } : { left: p.u.valToPos(t, "x"), top: 10 }, false);
+      p.out.value = t == null ? "" : `${show(t)} s   ${read(p.spec, t)}`;
+    }
+    map?.mark(t);
+  };
+  const read = (spec, t) => spec.series.filter(s => s.label).map(s => {
+    const i = nearest(s.t, t);
+    if (i < 0 || Math.abs(s.t[i] - t) > Math.max((range[1] - range[0]) / 50, 1.5)) return null;
+    if (s.y[i] !== s.y[i]) return null;
+    const v = spec.angle ? heading(s.y[i]) : s.y[i];
+    return `${s.label} ${show(v)}${s.half ? ` ± ${show(s.half[i])}` : ""}`;
+  }).filter(Boolean).join("   ");
+
+  /** The joined table of all series: their time bases differ. */
+  const join = series => {
+    const bases = new Map();
+    series.forEach((s, i) => {
+      if (!bases.has(s.t)) bases.set(s.t, []);
+      bases.get(s.t).push(i);
+    });
+    const nulls = a => Array.from(a, v => v === v ? v : null);
+    const tables = [...bases].map(([t, own]) => [Array.from(t), ...own.map(i => nulls(series[i].y))]);
+    // A line that only shares its neighbours' times must not be broken by them.
+    const joined = tables.length === 1 ? tables[0] : uPlot.join(tables);
+    const order = [...bases.values()].flat();
+    const out = [joined[0]];
+    order.forEach((i, at) => { out[i + 1] = joined[at + 1]; });
+    return out;
+  };
+
+  const extent = (spec, u) => {
+    let low = Infinity, high = -Infinity;
+    const [a, b] = [u.scales.x.min ?? range[0], u.scales.x.max ?? range[1]];
+    for (const s of spec.series) {
+      if (s.scaleless) continue;
+      let i = nearest(s.t, a), end = nearest(s.t, b);
+      if (i < 0) continue;
+      i = Math.max(0, i - 1); end = Math.min(s.t.length - 1, end + 1);
+      for (; i <= end; i++) {
+        const v = s.y[i];
+        if (v < low) low = v;
+        if (v > high) high = v;
+      }
+    }
+    return low <= high ? [low, high] : [0, 1];
+  };
+  const rangeY = spec => u => {
+    let [low, high] = extent(spec, u);
+    if (spec.scale === "error") {
+      const m = Math.max(-low, high, 1e-9) * 1.08;
+      return [-m, m];
+    }
+    if (spec.scale === "nis") return [0, Math.max(high, 10) * 1.4];
+    const pad = Math.max((high - low) * 0.06, Math.abs(high) * 1e-6, 1e-9);
+    return [low - pad, high + pad];
+  };
+
+  const clip = (u, draw) => {
+    const { ctx, bbox } = u;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    draw(ctx, uPlot.pxRatio);
+    ctx.restore();
+  };
+  const marks = (u, s) => clip(u, (ctx, px) => {
+    const r = (s.size || 2) * px;
+    ctx.fillStyle = ctx.strokeStyle = s.stroke;
+    ctx.lineWidth = 1.5 * px;
+    ctx.beginPath();
+    const [a, b] = range;
+    for (let i = 0; i < s.t.length; i++) {
+      if (s.t[i] < a || s.t[i] > b || s.y[i] !== s.y[i]) continue;
+      const x = u.valToPos(s.t[i], "x", true), y = u.valToPos(s.y[i], "y", true);
+      if (s.kind === "cross") { ctx.moveTo(x - r, y - r); ctx.lineTo(x + r, y + r); ctx.moveTo(x + r, y - r); ctx.lineTo(x - r, y + r); }
+      else { ctx.moveTo(x + r, y); ctx.arc(x, y, r, 0, 7); }
+    }
+    if (s.kind === "cross") ctx.stroke(); else ctx.fill();
+  });
+  /** Outages in grey behind the curves; the gate's mode above them. */
+  const shades = u => clip(u, ctx => {
+    ctx.fillStyle = color("shade");
+    for (const [a, b] of outages) {
+      const x = u.valToPos(a, "x", true);
+      ctx.fillRect(x, u.bbox.top, u.valToPos(b, "x", true) - x, u.bbox.height);
+    }
+  });
+  const strips = (u, spec) => {
+    const { ctx, bbox } = u, px = uPlot.pxRatio;
+    spec.strips.forEach((s, row) => {
+      const y = bbox.top - (spec.strips.length - row) * 13 * px + px, height = 9 * px;
+      ctx.save();
+      ctx.beginPath();
+      ctx.rect(bbox.left, y, bbox.width, height);
+      ctx.clip();
+      for (let i = 0; i < s.t.length; i++) {
+        const denied = s.y[i] > 0.5;
+        let j = i;
+        while (j + 1 < s.t.length && (s.y[j + 1] > 0.5) === denied) j++;
+        const from = u.valToPos(s.t[i], "x", true);
+        const to = u.valToPos(j + 1 < s.t.length ? s.t[j + 1] : s.t[j], "x", true);
+        const wide = Math.max(to - from, 2 * px);
+        // Denied stands out by height too, not by colour alone.
+        ctx.fillStyle = color(denied ? "denied" : "track");
+        ctx.fillRect(from, denied ? y : y + height * 0.3, wide, denied ? height : height * 0.4);
+        i = j;
+      }
+      ctx.restore();
+    });
+  };
+
+  const angleIncrements = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 45, 90, 180, 360, 720, 1440, 3600, 7200, 36000];
+  const build = (p, width) => {
+    const { spec } = p;
+    const ink = color("text"), grid = { stroke: color("grid"), width: 1 };
+    for (const s of spec.series) s.stroke = color(s.color);
+    const options = {
+      width,
+      height: spec.height ?? (root.dataset.print ? 130 : phone() ? 200 : 170),
+      padding: [spec.strips ? spec.strips.length * 13 + 6 : 8, 14, 0, 0],
+      legend: { show: false },
+      cursor: {
+        y: false,
+        points: { show: false },
+        drag: { x: true, y: false, setScale: false },
+        bind: { dblclick: () => () => { reset(); return null; } },
+      },
+      scales: {
+        x: { time: false, range: () => [...range] },
+        y: { range: rangeY(spec), ...(spec.scale === "nis" ? { distr: 4, asinh: 1 } : {}) },
+      },
+      axes: [
+        { font: font(), stroke: ink, grid, ticks: grid, size: fontSize() + 16, gap: 3, space: fontSize() * 6,
+          values: (u, vs) => vs.map((v, i) => v == null ? "" : `${minus(String(+v.toFixed(6)))}${i === vs.length - 1 ? " s" : ""}`) },
+        { font: font(), stroke: ink, grid, ticks: grid, size: fontSize() * 4.4, gap: 3, space: fontSize() * 2.2,
+          ...(spec.angle ? { incrs: angleIncrements, values: (u, vs) => vs.map(v => minus(String(+heading(v).toFixed(3)))) }
+            : { values: (u, vs) => vs.map(v => v == null ? "" : minus(Math.abs(v) >= 1e6 || (v !== 0 && Math.abs(v) < 1e-4) ? v.toExponential(0) : String(+v.toFixed(5)))) }) },
+      ],
+      series: [{}, ...spec.series.map(s => {
+        const shared = { spanGaps: false, points: { show: false } };
+        if (s.kind === "dot" || s.kind === "cross") return { ...shared, paths: () => null };
+        if (s.kind === "edge") return { ...shared, stroke: faint(s.stroke, 0.5), width: 1 };
+        return { ...shared, stroke: s.stroke, width: s.width ?? 1.75, dash: s.dash };
+      })],
+      bands: spec.series.flatMap((s, i) => s.kind === "edge" && s.upper ? [{ series: [i + 1, i + 2], fill: faint(s.stroke, 0.16) }] : []),
+      hooks: {
+        drawClear: [shades],
+        draw: [u => {
+          for (const s of spec.series) if (s.kind === "dot" || s.kind === "cross") marks(u, s);
+          if (spec.strips) strips(u, spec);
+        }],
+        setSelect: [u => {
+          if (u.select.width > 4) setRange(u.posToVal(u.select.left, "x"), u.posToVal(u.select.left + u.select.width, "x"));
+          u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+        }],
+        setCursor: [u => {
+          if (p.quiet) return;
+          const { left } = u.cursor;
+          if (left >= 0) point(u.posToVal(left, "x"), u); else if (cursor != null) point(null, u);
+        }],
+      },
+    };
+    p.u?.destroy();
+    p.quiet = true;
+    p.joined ??= join(spec.series);
+    p.u = new uPlot(options, p.joined, p.host);
+    p.quiet = false;
+    touch(p.u);
+  };
+
+  /** Two fingers zoom, one finger moved sideways points. */
+  const touch = u => {
+    let start = null;
+    const x = (t) => t.clientX - u.over.getBoundingClientRect().left;
+    u.over.addEventListener("touchstart", e => {
+      start = e.touches.length === 2
+        ? { a: u.posToVal(x(e.touches[0]), "x"), b: u.posToVal(x(e.touches[1]), "x") }
+        : null;
+    }, { passive: true });
+    u.over.addEventListener("touchmove", e => {
+      const width = u.over.clientWidth;
+      if (start && e.touches.length === 2) {
+        // The two times stay under the two fingers.
+        const [p, q] = [x(e.touches[0]), x(e.touches[1])];
+        if (Math.abs(q - p) > 20) {
+          const k = (start.b - start.a) / (q - p);
+          if (k > 0) setRange(start.a - p * k, start.a + (width - p) * k);
+        }
+        e.preventDefault();
+      } else if (e.touches.length === 1) {
+        point(u.posToVal(Math.min(Math.max(x(e.touches[0]), 0), width), "x"), null);
+      }
+    }, { passive: false });
+  };
+
+  // ---- sections --------------------------------------------------------------------------
+  const page = document.getElementById("plots");
+  page.textContent = "";
+  const section = (id, title, entries, single) => {
+    const grid = el("div", { class: single ? "grid single" : "grid" });
+    const s = el("section", { id }, el("h2", {}, title), legend(entries), grid);
+    page.append(s);
+    return grid;
+  };
+  const panel = (grid, title, spec) => {
+    if (!spec.series.some(s => s.t.length)) return;
+    const out = el("output");
+    const host = el("div", { class: "host" });
+    grid.append(el("div", { class: "plot" }, el("div", { class: "head" }, el("b", { title }, title), out), host));
+    plots.push({ spec, host, out, u: null });
+  };
+
+  const truth = q => runs.map(r => r.quantities[q].truth).find(t => !empty(t));
+  const hasOutages = outages.length ? [["shade", "shade", "outage"]] : [];
+  const names = runs.map(r => r.name);
+  const label = (i, text) => several ? names[i] : text;
+
+  // The map.
+  let map = null;
+  {
+    const true_path = runs.map(r => r.true_path).find(t => t.t.length);
+    const lines = runs.map((r, i) => ({ ...r.path, color: runColor(i), name: names[i] })).filter(l => l.t.length);
+    const fixes = new Map();
+    for (const s of runs[0]?.sensors ?? []) if (s.used.t.length || s.rejected.t.length) fixes.set(s.name, s);
+    if (lines.length || true_path) {
+      const entries = [];
+      if (true_path) entries.push(["dash", "truth", "truth"]);
+      lines.forEach((l, i) => entries.push(["line", l.color, label(i, "estimate")]));
+      for (const [name, s] of fixes) {
+        const of = several ? `${name} (${names[0]})` : name;
+        if (s.used.t.length) entries.push(["dot", "fix", `fix of ${of}`]);
+        if (s.rejected.t.length) entries.push(["cross", "bad", `rejected fix of ${of}`]);
+      }
+      entries.push(["ring", "text", "start"], ["square", "text", "end"]);
+      const grid = section("trajectory", "Trajectory", entries, true);
+      const out = el("output");
+      const canvas = el("canvas", { role: "img", "aria-label": "Horizontal trajectory, north over east" });
+      const host = el("div", { class: "map" }, canvas);
+      grid.append(el("div", { class: "plot" }, el("div", { class: "head" }, el("b", {}, "North over east [m]"), out), host));
+      map = makeMap(canvas, host, out, true_path, lines, [...fixes.values()]);
+    }
+  }
+
+  // Time range, buttons.
+  if (runs.length) {
+    bar.out = el("output", { "aria-label": "time shown" });
+    const button = (text, name, act) => { const b = el("button", { type: "button", "aria-label": name, title: name }, text); b.onclick = act; return b; };
+    const box = el("div", { id: "bar" }, bar.out,
+      button("‹", "earlier", () => move(-0.5)), button("−", "zoom out", () => zoom(2)),
+      button("+", "zoom in", () => zoom(0.5)), button("›", "later", () => move(0.5)), button("Reset", "show all", reset));
+    page.before(box);
+  }
+
+  // Position, velocity, attitude: value on the left, error on the right.
+  [0, 1, 2].forEach(q => {
+    const present = runs.filter(r => !empty(r.quantities[q].estimate));
+    const reference = truth(q);
+    if (!present.length && !reference) return;
+    const { name, unit, axes, angles } = runs[0].quantities[q];
+    const errors = runs.some(r => !empty(r.quantities[q].error));
+    const fixes = q === 0 ? (runs[0]?.sensors ?? []).filter(s => s.used.t.length || s.rejected.t.length) : [];
+    const entries = [];
+    if (reference) entries.push(["dash", "truth", "truth"]);
+    runs.forEach((r, i) => { if (!empty(r.quantities[q].estimate)) entries.push(["line", runColor(i), label(i, errors ? "estimate, error" : "estimate")]); });
+    entries.push(["band", several ? "soft" : "run0", "±3σ"]);
+    if (fixes.some(s => s.used.t.length)) entries.push(["dot", "fix", "fix"]);
+    if (fixes.some(s => s.rejected.t.length)) entries.push(["cross", "bad", "rejected fix"]);
+    const grid = section(name.toLowerCase(), errors ? `${name} and its error` : name, entries.concat(hasOutages), !errors);
+    axes.forEach((axis, a) => {
+      const series = [], wrong = [];
+      const band = (into, run, d, center) => {
+        const half = d.c[a + 3];
+        if (!half || !half.some(v => v > 0)) return;
+        const c = runColor(run);
+        into.push({ kind: "edge", upper: true, t: d.t, y: center ? plus(center, half, 1) : half, color: c });
+        into.push({ kind: "edge", t: d.t, y: center ? plus(center, half, -1) : half.map(v => -v), color: c });
+      };
+      runs.forEach((r, i) => { const d = r.quantities[q].estimate; if (!empty(d)) band(series, i, d, d.c[a]); });
+      for (const s of fixes) series.push({ kind: "dot", t: s.used.t, y: s.used.c[a], color: "fix", size: 1.8, label: fixes.length > 1 ? s.name : "fix" });
+      runs.forEach((r, i) => {
+        const d = r.quantities[q].estimate;
+        if (!empty(d)) series.push({ kind: "line", t: d.t, y: d.c[a], half: d.c[a + 3], color: runColor(i), label: label(i, "estimate") });
+      });
+      if (reference) series.push({ kind: "line", t: reference.t, y: reference.c[a], color: "truth", dash: [6, 4], width: 1.5, label: "truth" });
+      for (const s of fixes) series.push({ kind: "cross", t: s.rejected.t, y: s.rejected.c[a], color: "bad", size: 3.5, label: "rejected" });
+      panel(grid, `${axis} [${unit}]`, { series, angle: angles[a] });
+      if (errors) {
+        runs.forEach((r, i) => { const d = r.quantities[q].error; if (!empty(d)) band(wrong, i, d, null); });
+        runs.forEach((r, i) => {
+          const d = r.quantities[q].error;
+          if (!empty(d)) wrong.push({ kind: "line", t: d.t, y: d.c[a], half: d.c[a + 3], color: runColor(i), width: 1.25, label: label(i, "error") });
+        });
+        panel(grid, `${axis} error [${unit}]`, { series: wrong, scale: "error" });
+      }
+    });
+  });
+
+  // NIS per sensor, with the gate's line and mode.
+  {
+    const sensors = [...new Set(runs.flatMap(r => r.sensors.map(s => s.name)))];
+    if (sensors.length) {
+      const all = runs.flatMap(r => r.sensors);
+      const entries = runs.map((r, i) => ["dot", runColor(i), label(i, "NIS")]);
+      if (all.some(s => !s.updates.c[1]?.every(v => v !== v))) entries.push(["cross", several ? "soft" : "bad", "rejected"]);
+      entries.push(["dash", "soft", "expected mean"]);
+      if (all.some(s => s.gated)) entries.push(["gate", "bad", "gate"], ["block", "track", "gate in track"], ["block", "denied", "gate in denial"]);
+      const grid = section("innovations", "Innovations and gates", entries.concat(hasOutages));
+      for (const name of sensors) {
+        const own = runs.map((r, i) => ({ i, s: r.sensors.find(s => s.name === name) })).filter(o => o.s);
+        const statistic = own.some(o => o.s.own_statistic);
+        const strip = own.filter(o => o.s.gated).map(o => ({ t: o.s.updates.t, y: o.s.updates.c[4] }));
+        const rejects = (s, i) => ({ kind: "cross", t: s.updates.t, y: s.updates.c[1], color: several ? runColor(i) : "bad", size: 3.5, label: several ? "" : "rejected" });
+        const gate = s => ({ kind: "line", t: s.updates.t, y: s.updates.c[3], color: "bad", dash: [2, 3], width: 1.75, label: "gate" });
+        const series = own.map(({ s, i }) => ({ kind: "dot", t: s.updates.t, y: s.updates.c[0], color: runColor(i), size: 1.8, label: label(i, "NIS") }));
+        own.forEach(({ s, i }) => series.push(rejects(s, i)));
+        const dof = own.map(o => o.s.dof).find(d => d);
+        if (dof) series.push({ kind: "line", t: span, y: [dof, dof], color: "soft", dash: [6, 4], width: 1.25 });
+        const gated = own.find(o => o.s.gated);
+        if (gated && !statistic) series.push(gate(gated.s));
+        panel(grid, `${name}: NIS`, { series, scale: "nis", strips: strip.length ? strip : null });
+        if (statistic) {
+          const series = own.map(({ s, i }) => ({ kind: "dot", t: s.updates.t, y: s.updates.c[2], color: runColor(i), size: 1.8, label: label(i, "statistic") }));
+          if (gated) series.push(gate(gated.s));
+          panel(grid, `${name}: gate statistic`, { series, scale: "nis" });
+        }
+      }
+    }
+  }
+
+  // Sensor data: that of the first run; the runs share it.
+  {
+    const inputs = runs[0]?.inputs ?? [];
+    if (inputs.length) {
+      const triple = inputs.some(i => i.table.c.length === 3);
+      const entries = triple ? [["line", "run0", "x or north"], ["line", "run1", "y or east"], ["line", "run2", "z or down"]] : [];
+      const grid = section("data", "Sensor data", entries.concat(hasOutages));
+      for (const i of inputs) {
+        const series = i.table.c.map((y, k) => ({ kind: "line", t: i.table.t, y, color: runColor(k), width: 1.25, label: i.table.c.length === 3 ? "xyz"[k] : i.unit || "value" }));
+        const title = i.name.charAt(0).toUpperCase() + i.name.slice(1);
+        panel(grid, i.unit ? `${title} [${i.unit}]` : title, { series, angle: i.angle });
+      }
+    }
+  }
+
+  // ---- the map ---------------------------------------------------------------------------
+  function makeMap(canvas, host, out, true_path, lines, fixes) {
+    const all = lines.concat(true_path ?? []).concat(fixes.flatMap(s => [s.used, s.rejected]));
+    let low = [Infinity, Infinity], high = [-Infinity, -Infinity];
+    for (const d of all) for (let i = 0; i < d.t.length; i++) for (const k of [0, 1]) {
+      const v = d.c[k][i];
+      if (v < low[k]) low[k] = v;
+      if (v > high[k]) high[k] = v;
+    }
+    const whole = () => ({ n: (low[0] + high[0]) / 2, e: (low[1] + high[1]) / 2, h: Math.max(high[0] - low[0], 1) * 1.08, w: Math.max(high[1] - low[1], 1) * 1.06 });
+    let view = whole(), drag = null, marked = null, box = null;
+    const px = devicePixelRatio;
+    const layout = () => {
+      const width = host.clientWidth, f = fontSize();
+      const left = f * 4.4, right = 14, top = 8, bottom = f * 2.9;
+      const inner = width - left - right;
+      const most = root.dataset.print ? 480 : phone() ? 420 : 560;
+      const height = Math.round(Math.min(Math.max(inner * whole().h / whole().w, 220), most) + top + bottom);
+      return { width, height, left, right, top, bottom };
+    };
+    const draw = () => {
+      const l = layout();
+      if (!(l.width > 0)) return;
+      canvas.width = Math.round(l.width * px);
+      canvas.height = Math.round(l.height * px);
+      canvas.style.height = `${l.height}px`;
+      const ctx = canvas.getContext("2d");
+      ctx.scale(px, px);
+      const iw = l.width - l.left - l.right, ih = l.height - l.top - l.bottom;
+      const k = Math.min(iw / view.w, ih / view.h); // pixels per metre, the same for both axes
+      const X = e => l.left + iw / 2 + (e - view.e) * k, Y = n => l.top + ih / 2 - (n - view.n) * k;
+      box = { X, Y, k, ...l, iw, ih, E: x => view.e + (x - l.left - iw / 2) / k, N: y => view.n - (y - l.top - ih / 2) / k };
+      ctx.font = font();
+      ctx.fillStyle = color("text");
+      ctx.strokeStyle = color("grid");
+      ctx.lineWidth = 1;
+      const step = pixels => { const raw = pixels / k, p = 10 ** Math.floor(Math.log10(raw)); return [1, 2, 5, 10].map(m => m * p).find(s => s >= raw); };
+      const s = step(fontSize() * 6), text = v => minus(String(+v.toFixed(6)));
+      ctx.beginPath();
+      ctx.textAlign = "center";
+      ctx.textBaseline = "top";
+      const e0 = box.E(l.left), e1 = box.E(l.left + iw), n1 = box.N(l.top), n0 = box.N(l.top + ih);
+      for (let i = Math.ceil(e0 / s); i * s <= e1; i++) { const x = X(i * s); ctx.moveTo(x, l.top); ctx.lineTo(x, l.top + ih); ctx.fillText(text(i * s), x, l.top + ih + 5); }
+      ctx.textAlign = "right";
+      ctx.textBaseline = "middle";
+      for (let i = Math.ceil(n0 / s); i * s <= n1; i++) { const y = Y(i * s); ctx.moveTo(l.left, y); ctx.lineTo(l.left + iw, y); ctx.fillText(text(i * s), l.left - 6, y); }
+      ctx.stroke();
+      ctx.textAlign = "center";
+      ctx.textBaseline = "bottom";
+      ctx.fillText("East [m]", l.left + iw / 2, l.height - 1);
+      ctx.save();
+      ctx.translate(fontSize() * 0.75, l.top + ih / 2);
+      ctx.rotate(-Math.PI / 2);
+      ctx.textBaseline = "middle";
+      ctx.fillText("North [m]", 0, 0);
+      ctx.restore();
+      ctx.strokeStyle = color("rule");
+      ctx.strokeRect(l.left, l.top, iw, ih);
+      ctx.save();
+      ctx.beginPath();
+      ctx.rect(l.left, l.top, iw, ih);
+      ctx.clip();
+      ctx.lineJoin = "round";
+      const zoomed = range[0] > span[0] || range[1] < span[1];
+      const inRange = t => t >= range[0] && t <= range[1];
+      for (const f of fixes) {
+        ctx.fillStyle = color("fix");
+        for (const now of [false, true]) {
+          ctx.globalAlpha = zoomed && !now ? 0.2 : 0.75;
+          ctx.beginPath();
+          for (let i = 0; i < f.used.t.length; i++) if (inRange(f.used.t[i]) === now) { const x = X(f.used.c[1][i]), y = Y(f.used.c[0][i]); ctx.moveTo(x + 2, y); ctx.arc(x, y, 2, 0, 7); }
+          ctx.fill();
+        }
+      }
+      const line = (d, c, width, dash) => {
+        ctx.strokeStyle = color(c);
+        ctx.setLineDash(dash);
+        for (const now of zoomed ? [false, true] : [true]) {
+          ctx.globalAlpha = zoomed && !now ? 0.25 : 1;
+          ctx.lineWidth = now ? width : 1;
+          ctx.beginPath();
+          let pen = false;
+          for (let i = 0; i < d.t.length; i++) {
+            if (zoomed && now && !inRange(d.t[i])) { pen = false; continue; }
+            const x = X(d.c[1][i]), y = Y(d.c[0][i]);
+            if (pen) ctx.lineTo(x, y); else ctx.moveTo(x, y);
+            pen = true;
+          }
+          ctx.stroke();
+        }
+        ctx.setLineDash([]);
+        ctx.globalAlpha = 1;
+      };
+      for (const d of lines) line(d, d.color, 2.25, []);
+      if (true_path) line(true_path, "truth", 1.5, [6, 4]);
+      ctx.strokeStyle = color("bad");
+      ctx.lineWidth = 1.75;
+      for (const f of fixes) {
+        ctx.beginPath();
+        for (let i = 0; i < f.rejected.t.length; i++) {
+          const x = X(f.rejected.c[1][i]), y = Y(f.rejected.c[0][i]);
+          ctx.moveTo(x - 4, y - 4); ctx.lineTo(x + 4, y + 4); ctx.moveTo(x + 4, y - 4); ctx.lineTo(x - 4, y + 4);
+        }
+        ctx.stroke();
+      }
+      const way = true_path ?? lines[0];
+      ctx.strokeStyle = ctx.fillStyle = color("text");
+      ctx.lineWidth = 2;
+      ctx.beginPath();
+      ctx.arc(X(way.c[1][0]), Y(way.c[0][0]), 6, 0, 7);
+      ctx.stroke();
+      const end = way.t.length - 1;
+      ctx.fillRect(X(way.c[1][end]) - 5, Y(way.c[0][end]) - 5, 10, 10);
+      if (marked != null) {
+        for (const d of (true_path ? [{ ...true_path, color: "truth" }] : []).concat(lines)) {
+          const i = nearest(d.t, marked);
+          if (i < 0) continue;
+          ctx.beginPath();
+          ctx.arc(X(d.c[1][i]), Y(d.c[0][i]), 5.5, 0, 7);
+          ctx.fillStyle = color(d.color);
+          ctx.fill();
+          ctx.lineWidth = 2;
+          ctx.strokeStyle = color("page");
+          ctx.stroke();
+        }
+      }
+      if (drag?.to) {
+        ctx.fillStyle = color("shade");
+        ctx.fillRect(drag.from[0], drag.from[1], drag.to[0] - drag.from[0], drag.to[1] - drag.from[1]);
+      }
+      ctx.restore();
+    };
+    let waits = false;
+    const redraw = () => { if (!waits) { waits = true; requestAnimationFrame(() => { waits = false; draw(); }); } };
+    const at = e => { const r = canvas.getBoundingClientRect(); return [e.clientX - r.left, e.clientY - r.top]; };
+    canvas.addEventListener("mousedown", e => { drag = { from: at(e) }; e.preventDefault(); });
+    canvas.addEventListener("mousemove", e => {
+      const [x, y] = at(e);
+      if (drag) { drag.to = [x, y]; redraw(); return; }
+      if (!box) return;
+      const n = box.N(y), east = box.E(x);
+      // The nearest moment of the first path, if the pointer is on it.
+      const d = lines[0] ?? true_path;
+      let best = -1, distance = (25 / box.k) ** 2;
+      for (let i = 0; i < d.t.length; i++) {
+        const q = (d.c[0][i] - n) ** 2 + (d.c[1][i] - east) ** 2;
+        if (q < distance && d.t[i] >= range[0] && d.t[i] <= range[1]) { distance = q; best = i; }
+      }
+      point(best < 0 ? null : d.t[best], null);
+      out.value = `north ${show(n)}   east ${show(east)}${best < 0 ? "" : `   ${show(d.t[best])} s`}`;
+    });
+    canvas.addEventListener("mouseleave", () => { out.value = ""; if (!drag) point(null, null); });
+    addEventListener("mouseup", () => {
+      const d = drag;
+      drag = null;
+      if (!d?.to || !box) return;
+      const w = Math.abs(d.to[0] - d.from[0]), h = Math.abs(d.to[1] - d.from[1]);
+      if (w > 8 && h > 8) view = { e: box.E((d.to[0] + d.from[0]) / 2), n: box.N((d.to[1] + d.from[1]) / 2), w: w / box.k, h: h / box.k };
+      redraw();
+    });
+    canvas.addEventListener("dblclick", reset);
+    return { draw, reset: () => { view = whole(); redraw(); }, mark: t => { if (t !== marked) { marked = t; redraw(); } } };
+  }
+
+  // ---- drawing, resizing, printing -------------------------------------------------------
+  const drawAll = () => {
+    style = getComputedStyle(root);
+    for (const p of plots) build(p, p.host.clientWidth);
+    map?.draw();
+    report();
+    root.dataset.drawn = String(plots.length + (map ? 1 : 0));
+  };
+  style = getComputedStyle(root);
+  drawAll();
+  let width = innerWidth;
+  addEventListener("resize", () => {
+    if (innerWidth === width || root.dataset.print) return;
+    width = innerWidth;
+    drawAll();
+  });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { if (!root.dataset.print) drawAll(); });
+  addEventListener("beforeprint", () => { root.dataset.print = "1"; point(null, null); drawAll(); });
+  addEventListener("afterprint", () => { delete root.dataset.print; drawAll(); });
+
+  // `#check` counts what was left blank, zooms, points and resets, for a test.
+  if (location.hash === "#check") setTimeout(() => {
+    const blank = [...document.querySelectorAll("canvas")].filter(c => {
+      const pixels = new Uint32Array(c.getContext("2d").getImageData(0, 0, c.width, c.height).data.buffer);
+      return new Set(pixels).size < 4;
+    });
+    root.dataset.blank = String(blank.length);
+    root.dataset.canvases = String(document.querySelectorAll("canvas").length);
+    const middle = (span[0] + span[1]) / 2;
+    setRange(middle, middle + (span[1] - span[0]) / 10);
+    point(middle + (span[1] - span[0]) / 20, null);
+    setTimeout(() => {
+      root.dataset.linked = String(plots.filter(p => Math.abs(p.u.scales.x.min - range[0]) < 1e-6 && p.out.value).length);
+      plots[0]?.u.over.dispatchEvent(new MouseEvent("dblclick", { bubbles: true }));
+      setTimeout(() => {
+        root.dataset.reset = String(plots.filter(p => p.u.scales.x.max === span[1]).length);
+        root.dataset.overflow = String(Math.max(0, document.documentElement.scrollWidth - innerWidth));
+        root.dataset.checked = "1";
+      }, 50);
+    }, 50);
+  }, 50);
+})();
