@@ -486,7 +486,7 @@ fn read_simulation(node: &Node, root: &Node, d: &mut Diagnostics) -> Option<Simu
     let off: Vec<&str> =
         root.get("sensor").map_or(&[][..], Node::entries).iter().filter(is_off).map(|e| e.key.as_str()).collect();
     if let Some(sensors) = own.get_mut("sensor") {
-        sensors.split_off(&off);
+        drop(sensors.split_off(&off));
     }
     let mut faults = Vec::new();
     if let Some(sensors) = own.get_mut("sensor") {

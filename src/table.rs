@@ -484,9 +484,23 @@ mod tests {
         let mut t = Table::new(&["name", ">rows", "note"]);
         t.row(["imu", "12000", "σ"]);
         t.row(["gnss", "9", &"word ".repeat(20)]);
-        let expected = "  name   rows  note\n  imu   12000  σ\n  gnss      9  word word word word word word word word word word word word word word word word\n               word word word word\n";
+        let line = "word ".repeat(17);
+        let expected = format!(
+            "  name   rows  note\n  imu   12000  σ\n  gnss      9  {}\n               word word word\n",
+            line.trim_end()
+        );
         assert_eq!(t.to_string(), expected);
         assert!(t.to_string().lines().all(|l| l.chars().count() <= WIDTH));
+    }
+
+    #[test]
+    fn a_column_too_narrow_to_read_goes_below() {
+        let mut t = Table::new(&["", ""]);
+        t.row(["a".repeat(80), "b ".repeat(15)]);
+        assert_eq!(
+            t.to_string(),
+            format!("  {}\n        {}\n", "a".repeat(80), "b ".repeat(15).trim_end())
+        );
     }
 
     #[test]

@@ -8,6 +8,9 @@ mod command;
 /// What a user is told about every kind of mistake, word for word.
 #[path = "suite/mistakes.rs"]
 mod mistakes;
+/// Order of arrival against order of time.
+#[path = "suite/order.rs"]
+mod order;
 /// Real recorded logs, scored against their references.
 #[path = "suite/real.rs"]
 mod real;

@@ -186,7 +186,7 @@ impl Covariance {
             for e in elements {
                 let factor = phi.value(e);
                 if factor != 0.0 {
-                    w.terms.push(Term { factor, in_p: u32::from(e.column) * ld as u32, in_at: u32::from(e.place) * width as u32 });
+                    w.terms.push(Term { factor, in_p: e.padded, in_at: e.compact });
                 }
             }
             w.ends.push(w.terms.len());
@@ -225,7 +225,8 @@ impl Covariance {
             return;
         }
         for (&i, row) in phi.active().iter().zip(w.a.chunks_exact(ld)) {
-            self.p[i as usize * ld..(i as usize + 1) * ld].copy_from_slice(row);
+            let (out, _) = self.p[i as usize * ld..(i as usize + 1) * ld].as_chunks_mut::<8>();
+            out.iter_mut().zip(row.as_chunks::<8>().0).for_each(|(out, row)| *out = *row);
         }
         for (a, (&i, row)) in phi.active().iter().zip(w.core.chunks_exact(m)).enumerate() {
             for (&j, &value) in phi.active().iter().zip(row).skip(a) {

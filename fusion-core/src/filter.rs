@@ -165,12 +165,20 @@ pub struct Filter {
     transition: Transition,
     own: Vec<OwnDynamics>,
     signals: SignalBuffer,
-    signals_stale: bool,
+    evaluated: Evaluated,
     held: HeldInput,
     jacobian: Jacobian,
     reset: BlockMatrix,
     scratch: Scratch,
     rows: RowScratch,
+}
+
+/// How much of the signals is evaluated at the belief.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Evaluated {
+    Nothing,
+    Values,
+    Jacobian,
 }
 
 /// Vectors of one measurement and of the state, sized once.
@@ -248,7 +256,7 @@ impl Filter {
             transition: Transition::new(&layout),
             own,
             signals: SignalBuffer::new(&layout),
-            signals_stale: true,
+            evaluated: Evaluated::Nothing,
             held: HeldInput { sample: vec![0.0; process.input_dim()], neighbour: vec![0.0; process.input_dim()], ..HeldInput::default() },
             jacobian: Jacobian::new(&layout, m),
             reset: BlockMatrix::identity(n),
@@ -291,23 +299,26 @@ impl Filter {
         self.belief.x.iter().all(|v| v.is_finite()) && self.belief.covariance.predict(&self.transition, &mut self.scratch)
     }
 
-    fn refresh_signals(&mut self) {
-        if self.signals_stale {
-            self.signals.evaluate(self.process.as_ref(), &self.belief.x, &self.held.input(), true);
-            self.signals_stale = false;
+    fn evaluate_signals(&mut self, wanted: Evaluated) {
+        if self.evaluated < wanted {
+            self.signals.evaluate(self.process.as_ref(), &self.belief.x, &self.held.input(), wanted == Evaluated::Jacobian);
+            self.evaluated = wanted;
         }
     }
 
     /// Prediction, residual, H, S and NIS into scratch.
     fn linearise(&mut self, o: &Observed<'_>) -> Result<Option<f64>, Undefined> {
         let Size { value, residual: m } = o.model.size();
-        self.refresh_signals();
+        self.evaluate_signals(Evaluated::Values);
         let view = self.signals.view(&self.belief.x);
         self.jacobian.reset(m);
         o.model.predict(&view, &mut self.rows.value[..value])?;
         o.model.residual(&o.value[..value], &self.rows.value[..value], &mut self.rows.residual[..m]);
         o.model.jacobian(&view, &mut self.jacobian)?;
-        self.jacobian.chain(&self.signals.jacobian);
+        if self.jacobian.needs_signals() {
+            self.evaluate_signals(Evaluated::Jacobian);
+            self.jacobian.chain(&self.signals.jacobian);
+        }
         self.belief.covariance.project(&self.jacobian, &mut self.scratch);
         self.rows.noise[..m * m].copy_from_slice(&o.noise[..m * m]);
         let finite = self.rows.residual[..m].iter().all(|r| r.is_finite());
@@ -397,7 +408,7 @@ impl Estimator for Filter {
 
     fn set_belief(&mut self, belief: Belief) {
         self.belief = belief;
-        self.signals_stale = true;
+        self.evaluated = Evaluated::Nothing;
     }
 
     fn predict(&mut self, to: Time, input: &Input<'_>) -> Result<(), FilterError> {
@@ -425,7 +436,7 @@ impl Estimator for Filter {
             self.belief.time = to;
         }
         self.held.hold(input);
-        self.signals_stale = true;
+        self.evaluated = Evaluated::Nothing;
         Ok(())
     }
 
@@ -480,12 +491,12 @@ impl Estimator for Filter {
             }
             verdict = Verdict::Unusable;
         }
-        self.signals_stale = true;
+        self.evaluated = Evaluated::Nothing;
         self.verdict(verdict, m, nis, answer, weight)
     }
 
     fn view(&mut self) -> View<'_> {
-        self.refresh_signals();
+        self.evaluate_signals(Evaluated::Values);
         self.signals.view(&self.belief.x)
     }
 

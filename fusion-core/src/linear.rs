@@ -36,10 +36,11 @@ pub struct BlockMatrix {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Element {
     at: u32,
-    /// Its column.
-    pub(crate) column: u16,
-    /// The place of its column among [`BlockMatrix::columns`].
-    pub(crate) place: u16,
+    /// Where the row of its column starts in a padded matrix.
+    pub(crate) padded: u32,
+    /// The same in a matrix of [`BlockMatrix::columns`] rows, as wide as there are active rows,
+    /// evenly.
+    pub(crate) compact: u32,
 }
 
 impl BlockMatrix {
@@ -73,14 +74,11 @@ impl BlockMatrix {
 
     /// Back to the identity, the learnt pattern kept.
     pub fn reset(&mut self) {
+        for element in &self.elements {
+            self.data[element.at as usize] = 0.0;
+        }
         for &i in &self.active {
-            let i = i as usize;
-            let row = &mut self.data[i * self.ld..(i + 1) * self.ld];
-            for &(start, end) in &self.rows[i] {
-                // A loop, for ranges too short for a call.
-                row[start as usize..end as usize].iter_mut().for_each(|v| *v = 0.0);
-            }
-            row[i] = 1.0;
+            self.data[i as usize * (self.ld + 1)] = 1.0;
         }
     }
 
@@ -146,11 +144,16 @@ impl BlockMatrix {
         self.columns = (0..self.n as u16).filter(|&k| self.active.iter().any(|&i| i == k || lists(i, k))).collect();
         self.elements.clear();
         self.ends.clear();
+        let (ld, width) = (self.ld as u32, self.active.len().next_multiple_of(2));
         for &i in &self.active {
             let listed = self.columns.iter().enumerate().filter(|&(_, &k)| lists(i, k));
             // The one of the identity comes last where it is not in a range.
             let own = self.columns.iter().enumerate().filter(|&(_, &k)| k == i && !lists(i, i));
-            let element = |(place, &k): (usize, &u16)| Element { at: u32::from(i) * self.ld as u32 + u32::from(k), column: k, place: place as u16 };
+            let element = |(place, &k): (usize, &u16)| Element {
+                at: u32::from(i) * ld + u32::from(k),
+                padded: u32::from(k) * ld,
+                compact: (place * width) as u32,
+            };
             self.elements.extend(listed.chain(own).map(element));
             self.ends.push(self.elements.len());
         }
@@ -162,6 +165,7 @@ impl BlockMatrix {
         self.data[row * self.ld + col]
     }
 
+    #[cfg(test)]
     pub(crate) fn row(&self, i: usize) -> (&[f64], &[(u16, u16)]) {
         (&self.data[i * self.ld..(i + 1) * self.ld], &self.rows[i])
     }
@@ -213,7 +217,7 @@ impl Transition {
     #[must_use]
     pub fn new(layout: &Layout) -> Self {
         let n = layout.dim();
-        Self { phi: BlockMatrix::identity(n), before: NoiseBlocks::default(), after: NoiseBlocks::default() }
+        Self { phi: BlockMatrix::identity(n), before: NoiseBlocks::with_room(n), after: NoiseBlocks::with_room(n) }
     }
 
     /// Back to the identity without noise; the learnt pattern is kept.
@@ -260,6 +264,11 @@ pub(crate) struct NoiseBlocks {
 }
 
 impl NoiseBlocks {
+    /// Room for a full Q of dimension `n`: which of its elements are zero changes from step to step.
+    fn with_room(n: usize) -> Self {
+        Self { entries: Vec::with_capacity(n * n) }
+    }
+
     pub(crate) fn diagonal(&mut self, i: usize, value: f64) {
         self.entries.push((i as u16, i as u16, value));
     }

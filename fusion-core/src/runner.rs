@@ -14,9 +14,8 @@ use crate::loss::Loss;
 use crate::model::{Input, Measurement, Process};
 use crate::state::{Belief, Layout, View};
 use crate::time::Time;
-use core::cmp::Reverse;
 use core::fmt::Debug;
-use std::collections::{BinaryHeap, VecDeque};
+use std::collections::VecDeque;
 use std::sync::Arc;
 use thiserror::Error;
 
@@ -247,13 +246,34 @@ enum Consumer {
     Sensor(usize),
 }
 
-/// An entry of the reorder queue: time of validity, then consumer, then arrival.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+/// An entry of the reorder queue.
+#[derive(Clone, Copy, Debug)]
 struct Entry {
     time: Time,
     consumer: Consumer,
-    sequence: u64,
     row: usize,
+}
+
+/// Entries by time of validity, then consumer, then arrival.
+///
+/// Sorted, not a heap: rows come nearly in order, and one in order is put at the end at once.
+#[derive(Debug)]
+struct Queue(VecDeque<Entry>);
+
+impl Queue {
+    fn put(&mut self, entry: Entry) {
+        let precedes = |other: &Entry| (other.time, other.consumer) <= (entry.time, entry.consumer);
+        if self.0.back().is_none_or(precedes) {
+            self.0.push_back(entry);
+        } else {
+            self.0.insert(self.0.partition_point(precedes), entry);
+        }
+    }
+
+    /// Takes the first entry, unless it is later than `until`.
+    fn take(&mut self, until: Time) -> Option<Entry> {
+        self.0.front().is_some_and(|e| e.time <= until).then(|| self.0.pop_front())?
+    }
 }
 
 /// Rows in flight, reused: a row is freed when its last consumer has seen it.
@@ -310,9 +330,8 @@ pub struct Runner {
     pairs: bool,
     buffer: i64,
     lag: i64,
-    queue: BinaryHeap<Reverse<Entry>>,
+    queue: Queue,
     rows: Rows,
-    sequence: u64,
     watermark: Time,
     released: Time,
     started: bool,
@@ -343,9 +362,8 @@ impl Runner {
             pairs: process.pairs_samples(),
             buffer: crate::time::nanos(buffer.max(0.0)),
             lag: crate::time::nanos(buffer.max(0.0)),
-            queue: BinaryHeap::with_capacity(64),
+            queue: Queue(VecDeque::with_capacity(64)),
             rows: Rows::default(),
-            sequence: 0,
             watermark: Time::MIN,
             released: Time::MIN,
             started: false,
@@ -491,8 +509,7 @@ impl Runner {
                 return;
             }
             self.rows.uses[at] += 1;
-            self.sequence += 1;
-            self.queue.push(Reverse(Entry { time, consumer, sequence: self.sequence, row: at }));
+            self.queue.put(Entry { time, consumer, row: at });
         };
         if let Some(port) = &self.input {
             offer(Consumer::Input, port, "process");
@@ -518,11 +535,7 @@ impl Runner {
     }
 
     fn drain(&mut self, until: Time, observer: &mut dyn Observer) {
-        while let Some(Reverse(entry)) = self.queue.peek().copied() {
-            if entry.time > until {
-                break;
-            }
-            self.queue.pop();
+        while let Some(entry) = self.queue.take(until) {
             self.released = entry.time;
             self.dispatch(entry, observer);
         }

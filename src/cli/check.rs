@@ -298,14 +298,9 @@ fn sources(design: &Design, options: &Options) -> Result<Table, Diagnostics> {
             }
         }
     }
-    if let Some(r) = design
-        .reference
-        .as_ref()
-        .filter(|r| !design.sources.iter().any(|s| s.name == r.block.source))
-    {
-        if design.simulation.is_none() {
-            d.push(unknown_reference(design, r));
-        }
+    let recorded = design.reference.as_ref().filter(|_| design.simulation.is_none());
+    if let Some(r) = recorded.filter(|r| !design.sources.iter().any(|s| s.name == r.block.source)) {
+        d.push(unknown_reference(design, r));
     }
     d.unless_errors(t)
 }

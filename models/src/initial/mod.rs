@@ -4,6 +4,7 @@
 //! may turn the attitude that levelling has found.
 
 pub mod baseline;
+pub mod compass;
 pub mod course;
 pub mod explicit;
 pub mod first_fix;

@@ -1,6 +1,8 @@
 //! Process models: how the state moves.
 
+mod attitude_only;
 mod constant_velocity;
+mod external_attitude;
 mod hold;
 pub mod strapdown;
 mod unicycle;

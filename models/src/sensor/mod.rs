@@ -1,10 +1,12 @@
 //! Measurement models, one file each.
 
+mod attitude;
 mod barometer;
 mod body_velocity;
 mod depth;
 mod gnss_position;
 mod gnss_velocity;
+mod gravity_direction;
 mod heading;
 mod height;
 mod range;

@@ -195,13 +195,20 @@ struct Corrected {
 }
 
 impl Corrected {
-    fn by_bias(&self) -> Matrix3<f64> {
-        Matrix3::from_diagonal(&-self.gain)
+    /// ∂/∂bias, a diagonal.
+    fn by_bias(&self) -> Vector3<f64> {
+        -self.gain
     }
 
-    fn by_scale(&self) -> Matrix3<f64> {
-        Matrix3::from_diagonal(&-self.rate.component_mul(&self.gain))
+    /// ∂/∂scale, a diagonal.
+    fn by_scale(&self) -> Vector3<f64> {
+        -self.rate.component_mul(&self.gain)
     }
+}
+
+/// `m · diag(d)`.
+fn times_diagonal(m: &Matrix3<f64>, d: &Vector3<f64>) -> Matrix3<f64> {
+    Matrix3::from_fn(|i, j| m[(i, j)] * d[j])
 }
 
 fn read(q: &Param<Vector<3>>, x: &[f64]) -> Vector3<f64> {
@@ -218,19 +225,33 @@ impl Strapdown {
         Nav { position: self.position.read(x), v_eb_n: self.velocity.read(x), q_nb: self.attitude.read(x) }
     }
 
-    fn gyro(&self, x: &[f64], sample: &[f64]) -> Corrected {
-        corrected(&sample[..3], &read(&self.gyro_bias, x), &read(&self.gyro_scale, x))
+    fn gyro(&self, x: &[f64]) -> Correction {
+        Correction::new(read(&self.gyro_bias, x), &read(&self.gyro_scale, x))
     }
 
-    fn accelerometer(&self, x: &[f64], sample: &[f64]) -> Corrected {
-        corrected(&sample[3..6], &read(&self.accel_bias, x), &read(&self.accel_scale, x))
+    fn accelerometer(&self, x: &[f64]) -> Correction {
+        Correction::new(read(&self.accel_bias, x), &read(&self.accel_scale, x))
     }
 }
 
-fn corrected(measured: &[f64], bias: &Vector3<f64>, scale: &Vector3<f64>) -> Corrected {
-    let gain = scale.map(|s| 1.0 / (1.0 + s));
-    let rate = (Vector3::from_column_slice(measured) - bias).component_mul(&gain);
-    Corrected { rate, gain }
+/// What a sensor's error model makes of what it measures.
+struct Correction {
+    bias: Vector3<f64>,
+    gain: Vector3<f64>,
+}
+
+impl Correction {
+    fn new(bias: Vector3<f64>, scale: &Vector3<f64>) -> Self {
+        Self { bias, gain: scale.map(|s| 1.0 / (1.0 + s)) }
+    }
+
+    fn rate(&self, measured: &[f64]) -> Vector3<f64> {
+        (Vector3::new(measured[0], measured[1], measured[2]) - self.bias).component_mul(&self.gain)
+    }
+
+    fn of(self, measured: &[f64]) -> Corrected {
+        Corrected { rate: self.rate(measured), gain: self.gain }
+    }
 }
 
 impl Process for Strapdown {
@@ -243,13 +264,13 @@ impl Process for Strapdown {
     }
 
     fn propagate(&self, x: &mut [f64], input: &Input<'_>, dt: f64) {
-        let mut w = self.gyro(x, input.sample).rate;
-        let mut f = self.accelerometer(x, input.sample).rate;
+        let (gyro, accelerometer) = (self.gyro(x), self.accelerometer(x));
+        let (mut w, mut f) = (gyro.rate(&input.sample[..3]), accelerometer.rate(&input.sample[3..6]));
         let nav = self.nav(x);
         let next = if self.integrator == Integrator::FirstOrder {
             mechanisation::step_first_order(&nav, &w, &f, dt, self.gravity)
         } else {
-            let (w2, f2) = (self.gyro(x, input.neighbour).rate, self.accelerometer(x, input.neighbour).rate);
+            let (w2, f2) = (gyro.rate(&input.neighbour[..3]), accelerometer.rate(&input.neighbour[3..6]));
             let (we, fe, wl, fl) = if input.neighbour_is_earlier { (w2, f2, w, f) } else { (w, f, w2, f2) };
             // The intervals may differ; for linear rates this length is exact.
             let both = input.interval + input.neighbour_interval;
@@ -264,7 +285,7 @@ impl Process for Strapdown {
     }
 
     fn linearise(&self, x: &[f64], input: &Input<'_>, dt: f64, out: &mut Transition) {
-        let (w, f) = (self.gyro(x, input.sample), self.accelerometer(x, input.sample));
+        let (w, f) = (self.gyro(x).of(&input.sample[..3]), self.accelerometer(x).of(&input.sample[3..6]));
         let nav = self.nav(x);
         let b = error_model::continuous(&nav, &w.rate, &f.rate, self.gravity);
         let (r, v, a) = (self.position, self.velocity, self.attitude);
@@ -285,44 +306,46 @@ impl Process for Strapdown {
         let [r_acc, v_acc, a_acc] = &phi.by_force;
         for (param, effect) in [(&self.accel_bias, f.by_bias()), (&self.accel_scale, f.by_scale())] {
             if let Param::State(slot) = param {
-                out.set(v, *slot, &(v_acc * effect));
+                out.set(v, *slot, &times_diagonal(v_acc, &effect));
                 if second {
-                    out.set(r, *slot, &(r_acc * effect));
-                    out.set(a, *slot, &(a_acc * effect));
+                    out.set(r, *slot, &times_diagonal(r_acc, &effect));
+                    out.set(a, *slot, &times_diagonal(a_acc, &effect));
                 }
             }
         }
         let [v_gyr, a_gyr] = &phi.by_rate;
         for (param, effect) in [(&self.gyro_bias, w.by_bias()), (&self.gyro_scale, w.by_scale())] {
             if let Param::State(slot) = param {
-                out.set(a, *slot, &(a_gyr * effect));
+                out.set(a, *slot, &times_diagonal(a_gyr, &effect));
                 if second {
-                    out.set(v, *slot, &(v_gyr * effect));
+                    out.set(v, *slot, &times_diagonal(v_gyr, &effect));
                 }
             }
         }
-        let c_nb = nav.q_nb.to_rotation_matrix().into_inner();
-        out.noise_trapezoid(v, v, &(c_nb * self.accel_psd * c_nb.transpose() * dt));
+        let p = &self.accel_psd;
+        // Noise alike on all axes is the same in every frame.
+        let psd_n = if p.m11 == p.m22 && p.m22 == p.m33 { *p } else { b.v_accel * p * b.v_accel.transpose() };
+        out.noise_trapezoid(v, v, &(psd_n * dt));
         out.noise_trapezoid(a, a, &(self.gyro_psd * dt));
     }
 
     fn signals(&self, x: &[f64], input: &Input<'_>, out: &mut SignalsOut<'_>) {
-        let (w, f) = (self.gyro(x, input.sample), self.accelerometer(x, input.sample));
+        let (w, f) = (self.gyro(x).of(&input.sample[..3]), self.accelerometer(x).of(&input.sample[3..6]));
         let nav = self.nav(x);
         out.set(self.angular_rate, &w.rate);
         out.set(self.acceleration, &mechanisation::derivative(&nav, &w.rate, &f.rate, self.gravity).v_eb_n);
         if !out.wants_jacobian() {
             return;
         }
-        out.add_quantity(self.angular_rate, &self.gyro_bias, &w.by_bias());
-        out.add_quantity(self.angular_rate, &self.gyro_scale, &w.by_scale());
+        out.add_quantity(self.angular_rate, &self.gyro_bias, &Matrix3::from_diagonal(&w.by_bias()));
+        out.add_quantity(self.angular_rate, &self.gyro_scale, &Matrix3::from_diagonal(&w.by_scale()));
         let b = error_model::continuous(&nav, &w.rate, &f.rate, self.gravity);
         out.add(self.acceleration, self.position, &b.vr);
         out.add(self.acceleration, self.velocity, &b.vv);
         out.add(self.acceleration, self.attitude, &b.va);
         // b.v_accel = ∂v̇/∂b_a = −C_nb; by force it is C_nb.
-        out.add_quantity(self.acceleration, &self.accel_bias, &(-b.v_accel * f.by_bias()));
-        out.add_quantity(self.acceleration, &self.accel_scale, &(-b.v_accel * f.by_scale()));
+        out.add_quantity(self.acceleration, &self.accel_bias, &times_diagonal(&-b.v_accel, &f.by_bias()));
+        out.add_quantity(self.acceleration, &self.accel_scale, &times_diagonal(&-b.v_accel, &f.by_scale()));
     }
 }
 

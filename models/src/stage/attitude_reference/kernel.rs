@@ -73,7 +73,11 @@ pub fn levelled(q: &UnitQuaternion<f64>, f_b: &Vector3<f64>) -> UnitQuaternion<f
     let axis = up.cross(f_b);
     let (sin, cos) = (axis.norm(), up.dot(f_b));
     // Along the axis: Exp(−δφ) up ∥ f_b. Parallel vectors have no axis and need none.
-    let turn = if sin > 0.0 { axis * (-sin.atan2(cos) / sin) } else { Vector3::zeros() };
+    let turn = if sin > 0.0 {
+        axis * (-sin.atan2(cos) / sin)
+    } else {
+        Vector3::zeros()
+    };
     q * so3::exp(&turn)
 }
 
@@ -193,7 +197,10 @@ mod tests {
     fn gradient_steps_take_ten_degrees_of_tilt_down_as_specified() {
         let f = Vector3::new(0.0, 0.0, -9.8);
         let tilt = |q: &UnitQuaternion<f64>| (q * Vector3::z()).z.clamp(-1.0, 1.0).acos().to_degrees();
-        for start in [so3::from_rpy(10_f64.to_radians(), 0.0, 0.0), so3::from_rpy(0.0, 10_f64.to_radians(), 1.0)] {
+        for start in [
+            so3::from_rpy(10_f64.to_radians(), 0.0, 0.0),
+            so3::from_rpy(0.0, 10_f64.to_radians(), 1.0),
+        ] {
             let mut q = start;
             let yaw = so3::to_rpy(&q).z;
             for k in 1..=200 {
@@ -216,7 +223,10 @@ mod tests {
     fn a_vertical_that_is_met_or_missing_gives_no_step() {
         let q = so3::from_rpy(0.1, 0.2, 0.3);
         assert_eq!(gradient_step(&q, &Vector3::zeros(), 1e-3), None);
-        assert_eq!(gradient_step(&UnitQuaternion::identity(), &Vector3::new(0.0, 0.0, -1.0), 1e-3), None);
+        assert_eq!(
+            gradient_step(&UnitQuaternion::identity(), &Vector3::new(0.0, 0.0, -1.0), 1e-3),
+            None
+        );
         assert!((step_length(1.5, 1e-5, &Vector3::new(0.0, 0.2, 0.0), 0.01) - 1.51e-3).abs() < 1e-17); // rounding
     }
 

@@ -58,6 +58,10 @@ pub struct AttitudeReferenceSpec {
     /// How the accelerometers correct roll and pitch.
     #[serde(default)]
     correction: CorrectionSpec,
+    /// The numbers of `correction = "gradient"`.
+    gradient: Option<GradientSpec>,
+    /// The numbers of `correction = "low_pass"`.
+    low_pass: Option<LowPassSpec>,
     /// What corrects the heading.
     compass: Option<CompassSpec>,
     /// How long force and field are averaged for the first attitude; the body should be at rest.
@@ -104,19 +108,14 @@ enum Compensation {
 }
 
 /// How the accelerometers correct roll and pitch.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
 #[serde(rename_all = "snake_case")]
 enum CorrectionSpec {
     /// A gradient step of every sample, as a measured quaternion.
-    Gradient(GradientSpec),
+    #[default]
+    Gradient,
     /// The specific force low-passed in axes that do not turn.
-    LowPass(LowPassSpec),
-}
-
-impl Default for CorrectionSpec {
-    fn default() -> Self {
-        Self::Gradient(GradientSpec::default())
-    }
+    LowPass,
 }
 
 /// The gradient correction: steps of length α|q̇|Δt + μ₀.
@@ -177,7 +176,7 @@ enum HeadingOf {
 
 /// The low-pass correction.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 struct LowPassSpec {
     /// Time constant: longer than the accelerations last, shorter than the gyros drift.
     time_constant: Positive<dim::Duration>,
@@ -185,8 +184,17 @@ struct LowPassSpec {
     /// the time constant is taken into account.
     sigma: Positive<dim::Angle>,
     /// The low-passed force is skipped where its size differs from g by more than this share of g.
-    #[serde(default = "twentieth")]
     band: Positive<dim::Ratio>,
+}
+
+impl Default for LowPassSpec {
+    fn default() -> Self {
+        Self {
+            time_constant: constant_of(1.5),
+            sigma: constant_of(0.5_f64.to_radians()),
+            band: constant_of(0.05),
+        }
+    }
 }
 
 /// The compass of an attitude reference.
@@ -279,10 +287,6 @@ fn two_degrees() -> Positive<dim::Angle> {
     constant_of(2_f64.to_radians())
 }
 
-fn twentieth() -> Positive<dim::Ratio> {
-    constant_of(0.05)
-}
-
 fn thirty_hertz() -> Positive<dim::Frequency> {
     constant_of(30.0)
 }
@@ -307,7 +311,8 @@ gyro_bias = { sigma = "0.5 deg/s", random_walk = "1e-4 deg/s/sqrt(s)" }
 integration = "exact"
 compensation = "earth_and_transport"
 latitude = "36.1 deg"
-correction = { type = "low_pass", time_constant = "1.5 s", sigma = "0.5 deg" }
+correction = "low_pass"
+low_pass = { time_constant = "1.5 s", sigma = "0.5 deg", band = "5 %" }
 compass = { source = "imu", sigma = "10 deg", rate = "30 Hz", declination = "-8 deg", gate = { magnitude = "5 %", dip = "3 deg" } }
 alignment = "1 s"
 "#
@@ -316,19 +321,30 @@ alignment = "1 s"
 #[typetag::deserialize(name = "attitude_reference")]
 impl StageSpec for AttitudeReferenceSpec {
     fn inputs(&self) -> Vec<Listen> {
-        let mut inputs = vec![Listen { source: self.source.clone(), channels: imu_channels() }];
+        let mut inputs = vec![Listen {
+            source: self.source.clone(),
+            channels: imu_channels(),
+        }];
         if let Some(compass) = &self.compass {
             let channel = match compass.channel {
                 CompassChannel::MagneticField => Channel::vector("magnetic_field", 3, dim::MagneticField::KIND.dimension),
                 CompassChannel::Heading => heading_channel(),
             };
-            inputs.push(Listen { source: compass.source.clone(), channels: vec![channel] });
+            inputs.push(Listen {
+                source: compass.source.clone(),
+                channels: vec![channel],
+            });
         }
         inputs
     }
 
     fn output(&self) -> Vec<Channel> {
-        let attitude = Channel { name: Cow::Borrowed("attitude"), width: 4, dimension: Dimension::NONE, shape: Shape::Quaternion };
+        let attitude = Channel {
+            name: Cow::Borrowed("attitude"),
+            width: 4,
+            dimension: Dimension::NONE,
+            shape: Shape::Quaternion,
+        };
         let sigma = Channel::vector("attitude_sigma", 3, dim::Angle::KIND.dimension);
         let mut channels = vec![attitude, heading_channel(), sigma];
         channels.extend(imu_channels());
@@ -336,8 +352,18 @@ impl StageSpec for AttitudeReferenceSpec {
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
+        if self.gradient.is_some() && self.correction != CorrectionSpec::Gradient {
+            return Err(BuildError::at("gradient", "these numbers belong to `correction = \"gradient\"`"));
+        }
+        if self.low_pass.is_some() && self.correction != CorrectionSpec::LowPass {
+            return Err(BuildError::at("low_pass", "these numbers belong to `correction = \"low_pass\"`"));
+        }
         let place = match self.latitude {
-            Some(latitude) => Some(Place { lat: latitude.si(), lon: 0.0, height: 0.0 }),
+            Some(latitude) => Some(Place {
+                lat: latitude.si(),
+                lon: 0.0,
+                height: 0.0,
+            }),
             None => b.origin,
         };
         let position = b.quantity("position").ok();
@@ -346,7 +372,10 @@ impl StageSpec for AttitudeReferenceSpec {
             return Err(BuildError::at("compensation", "the latitude is not known, nor therefore the Earth's rate").help(help));
         }
         let gravity = place.map_or(STANDARD_GRAVITY, |p| LocalEarth::at(&p).gravity(b.gravity));
-        let velocity = b.quantity("velocity").ok().filter(|_| self.compensation == Compensation::EarthAndTransport);
+        let velocity = b
+            .quantity("velocity")
+            .ok()
+            .filter(|_| self.compensation == Compensation::EarthAndTransport);
         Ok(Box::new(Runtime {
             reference: AttitudeReference::new(self.settings(gravity)),
             channel: self.compass.as_ref().map_or(CompassChannel::Heading, |c| c.channel),
@@ -359,10 +388,40 @@ impl StageSpec for AttitudeReferenceSpec {
 }
 
 fn heading_channel() -> Channel {
-    Channel { name: Cow::Borrowed("heading"), width: 1, dimension: dim::Angle::KIND.dimension, shape: Shape::Angle }
+    Channel {
+        name: Cow::Borrowed("heading"),
+        width: 1,
+        dimension: dim::Angle::KIND.dimension,
+        shape: Shape::Angle,
+    }
 }
 
 impl AttitudeReferenceSpec {
+    fn correction(&self) -> Correction {
+        match self.correction {
+            CorrectionSpec::Gradient => {
+                let g = self.gradient.unwrap_or_default();
+                Correction::Gradient {
+                    alpha: g.gain.si(),
+                    floor: g.floor.si(),
+                    sigma: g.sigma.si(),
+                    heading_too: g.heading == HeadingOf::Measured,
+                    adaptive: g.adaptive.si(),
+                    band: g.band.si(),
+                    from_last: g.from == StepFrom::Last,
+                }
+            }
+            CorrectionSpec::LowPass => {
+                let l = self.low_pass.unwrap_or_default();
+                Correction::LowPass {
+                    time_constant: l.time_constant.si(),
+                    sigma: l.sigma.si(),
+                    band: l.band.si(),
+                }
+            }
+        }
+    }
+
     fn settings(&self, gravity: f64) -> Settings {
         let square = |n: [f64; 3]| Matrix3::from_diagonal(&Vector3::from(n.map(|n| n * n)));
         Settings {
@@ -373,20 +432,7 @@ impl AttitudeReferenceSpec {
             gyro_psd: square(self.gyro_noise.si()),
             bias_sigma: self.gyro_bias.map_or_else(Vector3::zeros, |b| b.sigma.si().into()),
             bias_psd: self.gyro_bias.map_or_else(Matrix3::zeros, |b| square(b.random_walk.si())),
-            correction: match self.correction {
-                CorrectionSpec::Gradient(g) => Correction::Gradient {
-                    alpha: g.gain.si(),
-                    floor: g.floor.si(),
-                    sigma: g.sigma.si(),
-                    heading_too: g.heading == HeadingOf::Measured,
-                    adaptive: g.adaptive.si(),
-                    band: g.band.si(),
-                    from_last: g.from == StepFrom::Last,
-                },
-                CorrectionSpec::LowPass(l) => {
-                    Correction::LowPass { time_constant: l.time_constant.si(), sigma: l.sigma.si(), band: l.band.si() }
-                }
-            },
+            correction: self.correction(),
             gravity,
             alignment: self.alignment.si(),
             tilt_sigma: self.tilt_sigma.si(),
@@ -451,7 +497,10 @@ impl Stage for Runtime {
                 if let Some(belief) = self.reference.belief() {
                     let (q, w, sigma) = (belief.q, w - belief.bias, belief.attitude_sigma());
                     let heading = so3::to_rpy(&q).z;
-                    out.emit(time, &[q.w, q.i, q.j, q.k, heading, sigma.x, sigma.y, sigma.z, w.x, w.y, w.z, f.x, f.y, f.z]);
+                    out.emit(
+                        time,
+                        &[q.w, q.i, q.j, q.k, heading, sigma.x, sigma.y, sigma.z, w.x, w.y, w.z, f.x, f.y, f.z],
+                    );
                 }
             }
             (_, CompassChannel::MagneticField) => self.reference.field(time, &Vector3::new(row[0], row[1], row[2])),

@@ -95,7 +95,8 @@ impl QuaternionFilter {
     pub fn new(q: UnitQuaternion<f64>, p_b: &Matrix3<f64>, bias: Vector3<f64>, bias_sigma: &Vector3<f64>) -> Self {
         let mut P = Matrix7::zeros();
         P.fixed_view_mut::<4, 4>(0, 0).copy_from(&of_body_axes(&q, p_b));
-        P.fixed_view_mut::<3, 3>(4, 4).copy_from(&Matrix3::from_diagonal(&bias_sigma.component_mul(bias_sigma)));
+        P.fixed_view_mut::<3, 3>(4, 4)
+            .copy_from(&Matrix3::from_diagonal(&bias_sigma.component_mul(bias_sigma)));
         Self { q, bias, P }
     }
 
@@ -125,7 +126,9 @@ impl QuaternionFilter {
         let z = so3::to_scalar_first(z);
         let z = if z.dot(&x) < 0.0 { -z } else { z };
         let columns = self.P.fixed_columns::<4>(0).into_owned();
-        let Some(S) = (columns.fixed_rows::<4>(0) + R).cholesky() else { return };
+        let Some(S) = (columns.fixed_rows::<4>(0) + R).cholesky() else {
+            return;
+        };
         let K = S.solve(&columns.transpose()).transpose();
         let correction = K * (z - x);
         let mut I_KH = Matrix7::identity();
@@ -180,5 +183,133 @@ impl QuaternionFilter {
         let xi = rate_columns(&self.q);
         let p = xi.transpose() * self.P.fixed_view::<4, 4>(0, 0) * xi * 4.0;
         p.diagonal().map(|v| v.max(0.0).sqrt())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector4;
+
+    const NO_BIAS: Vector3<f64> = Vector3::new(0.0, 0.0, 0.0);
+
+    fn filter(sigma: f64, bias_sigma: f64) -> QuaternionFilter {
+        let q = so3::from_rpy(0.3, -0.4, 2.0);
+        let p = Matrix3::identity() * sigma * sigma;
+        QuaternionFilter::new(q, &p, NO_BIAS, &Vector3::repeat(bias_sigma))
+    }
+
+    fn difference(a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>) -> Vector4<f64> {
+        so3::to_scalar_first(a) - so3::to_scalar_first(b)
+    }
+
+    #[test]
+    fn both_sets_of_columns_are_derivatives_of_small_turns() {
+        let (q, w) = (so3::from_rpy(0.3, -0.4, 2.0), Vector3::new(0.2, -0.5, 0.9));
+        let v = so3::to_scalar_first(&q);
+        assert!((rate_columns(&q) * w - so3::rate_matrix(&w) * v).norm() < 1e-15); // rounding
+        let step = w * 1e-6;
+        // Beyond first order ε² = 1e-12.
+        assert!((difference(&(q * so3::exp(&step)), &q) - rate_columns(&q) * step * 0.5).norm() < 1e-12);
+        assert!((difference(&(so3::exp(&step) * q), &q) - turn_columns(&q) * step * 0.5).norm() < 1e-12);
+    }
+
+    #[test]
+    fn the_prediction_is_linearised_truly_in_attitude_and_bias() {
+        let (dt, w) = (0.01, Vector3::new(0.2, -0.5, 0.9));
+        let none = Matrix3::zeros();
+        for kinematics in [Kinematics::Literal, Kinematics::Exact] {
+            let run = |off: &Vector3<f64>, bias: &Vector3<f64>| {
+                let mut f = filter(0.0, 0.0);
+                f.q *= so3::exp(off);
+                f.predict(&(w - bias), dt, &none, &none, kinematics);
+                f.q
+            };
+            let h = 1e-6;
+            for axis in 0..6 {
+                let (mut off, mut bias) = (NO_BIAS, NO_BIAS);
+                if axis < 3 {
+                    off[axis] = h
+                } else {
+                    bias[axis - 3] = h
+                }
+                let slope = difference(&run(&off, &bias), &run(&-off, &-bias)) / (2.0 * h);
+                // P of an error along one axis becomes slope slopeᵀ.
+                let mut f = filter(0.0, 0.0);
+                let mut p = Matrix7::zeros();
+                let mut error = SVector::<f64, 7>::zeros();
+                if axis < 3 {
+                    error.fixed_rows_mut::<4>(0).copy_from(&(rate_columns(&f.q).column(axis) * 0.5));
+                } else {
+                    error[axis + 1] = 1.0;
+                }
+                p += error * error.transpose();
+                f.P = p;
+                f.predict(&w, dt, &none, &none, kinematics);
+                let got = f.P.fixed_view::<4, 4>(0, 0).into_owned();
+                // Φ is of first order: (wΔt)² = 1e-4 relative; by the bias also the half step.
+                let tolerance = if axis < 3 { 1e-4 } else { 2e-2 * slope.norm_squared() };
+                assert!((got - slope * slope.transpose()).norm() < tolerance, "{kinematics:?}, axis {axis}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_covariance_given_is_the_sigma_returned() {
+        let p = Vector3::new(0.01, 0.02, 0.05);
+        let q = so3::from_rpy(0.3, -0.4, 2.0);
+        let f = QuaternionFilter::new(q, &Matrix3::from_diagonal(&p.component_mul(&p)), NO_BIAS, &NO_BIAS);
+        assert!((f.attitude_sigma() - p).norm() < 1e-15); // rounding
+        assert!((filter(0.03, 0.0).heading_variance() - 9e-4).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_measured_quaternion_moves_the_estimate_by_its_gain_whatever_its_sign() {
+        let turn = Vector3::new(1e-3, -2e-3, 3e-3);
+        for sign in [1.0, -1.0] {
+            let mut f = filter(0.03, 0.0);
+            let before = f.q;
+            let z = UnitQuaternion::new_unchecked((before * so3::exp(&turn)).into_inner() * sign);
+            f.update(&z, &(Matrix4::identity() * (0.04 * 0.04 / 4.0)));
+            // K = 9/(9 + 16) about every axis; 1e-5: second order in the turn.
+            assert!((so3::log(&(before.inverse() * f.q)) - turn * 0.36).norm() < 1e-5 * turn.norm());
+            assert!((f.attitude_sigma() - Vector3::repeat(0.03 * 0.8)).norm() < 1e-5); // √(1 − K) = 0.8
+            assert!((f.q.norm() - 1.0).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn a_vertical_says_nothing_of_the_heading_however_wrong_it_is() {
+        let mut f = filter(0.03, 0.0);
+        let before = f.q;
+        // Half a radian of tilt: z − q then has a radial part, too.
+        let z = so3::exp(&Vector3::new(0.3, -0.4, 0.0)) * before;
+        let c_nb = so3::rotation(&before);
+        let p_b = c_nb.transpose() * Matrix3::from_diagonal(&Vector3::new(1e-4, 1e-4, 100.0)) * c_nb;
+        f.update(&z, &measured_in_body_axes(&before, &p_b));
+        let moved = so3::log(&(f.q * before.inverse()));
+        // K = 0.9 along the tangent of the unit sphere and none along its radius.
+        let turn = 2.0 * (0.9 * 0.25_f64.sin()).atan();
+        assert!((moved - Vector3::new(0.6, -0.8, 0.0) * turn).norm() < 1e-6, "{moved}");
+        assert!((f.heading_variance() / 9e-4 - 1.0).abs() < 0.03, "{}", f.heading_variance());
+    }
+
+    #[test]
+    fn a_heading_corrects_the_heading_alone_and_the_bias_about_the_vertical() {
+        let mut f = filter(0.03, 0.02);
+        for _ in 0..100 {
+            f.predict(&NO_BIAS, 0.01, &Matrix3::zeros(), &Matrix3::zeros(), Kinematics::Exact);
+        }
+        let (before, sigma2) = (f.q, f.heading_variance());
+        assert!((sigma2 / (9e-4 + 4e-4) - 1.0).abs() < 1e-6, "a bias for a second: {sigma2}");
+        let slope = Vector3::new(-0.5, 0.3, 1.0);
+        assert!(!f.clone().update_heading(0.1, &slope, 1e-4, |_, _| false));
+        assert!(f.update_heading(0.1, &slope, 1e-4, |_, _| true));
+        let moved = so3::log(&(f.q * before.inverse()));
+        // 1e-12: an additive step along a tangent, normalised, is a turn about the same axis.
+        assert!(moved.xy().norm() < 1e-12 && moved.z > 0.05, "{moved}");
+        let bias_n = before * f.bias;
+        assert!(bias_n.xy().norm() < 1e-12 && bias_n.z < 0.0, "{bias_n}");
+        assert!(f.heading_variance() < sigma2);
     }
 }

@@ -162,16 +162,32 @@ impl AttitudeReference {
         belief.predict(&w, dt, &s.gyro_psd, &s.bias_psd, s.kinematics);
         let off = |f: &Vector3<f64>| f.norm() / s.gravity - 1.0;
         match s.correction {
-            Correction::Gradient { alpha, floor, sigma, heading_too, adaptive, band, from_last } => {
+            Correction::Gradient {
+                alpha,
+                floor,
+                sigma,
+                heading_too,
+                adaptive,
+                band,
+                from_last,
+            } => {
                 let from = if from_last { before } else { belief.q };
                 let step = kernel::gradient_step(&from, f_b, kernel::step_length(alpha, floor, &w, dt));
                 if let Some(z) = step.filter(|_| off(f_b).abs() <= band) {
                     let variance = sigma * sigma * (1.0 + adaptive * off(f_b).powi(2));
-                    let noise = if heading_too { Matrix4::identity() * variance } else { of_vertical(&belief.q, 4.0 * variance) };
+                    let noise = if heading_too {
+                        Matrix4::identity() * variance
+                    } else {
+                        of_vertical(&belief.q, 4.0 * variance)
+                    };
                     belief.update(&z, &noise);
                 }
             }
-            Correction::LowPass { time_constant, sigma, band } => {
+            Correction::LowPass {
+                time_constant,
+                sigma,
+                band,
+            } => {
                 self.force = kernel::low_passed(&self.force, f_b, &w, dt, time_constant);
                 if off(&self.force).abs() <= band && dt > 0.0 {
                     // Neighbours share what the low pass holds: 2τ/Δt of them say as much as one.
@@ -218,7 +234,9 @@ impl AttitudeReference {
     /// Corrects the heading by `turn` [rad], at which the direction `v_n` says it is wrong: at
     /// most once per period, and if the gate lets it.
     fn turn(&mut self, time: Time, turn: f64, v_n: &Vector3<f64>) {
-        let (Some(compass), Some(belief)) = (&self.settings.compass, &mut self.belief) else { return };
+        let (Some(compass), Some(belief)) = (&self.settings.compass, &mut self.belief) else {
+            return;
+        };
         let due = self.memory.last.is_none_or(|last| time.nanos() - last.nanos() >= compass.period);
         if !due {
             return;
@@ -292,5 +310,192 @@ impl Memory {
             _ => self.other = Some((seen.magnitude, seen.dip, time)),
         }
         false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const G: f64 = 9.81;
+    const DT: f64 = 0.01;
+
+    fn settings(correction: Correction) -> Settings {
+        let gate = CompassGate {
+            field: None,
+            magnitude: 0.05,
+            dip: 0.05,
+            innovation: 3.0,
+            adopt_after: 20.0,
+        };
+        let compass = Compass {
+            declination: -0.1,
+            soft_iron: Matrix3::identity(),
+            hard_iron: Vector3::zeros(),
+            sigma: 0.1,
+            period: 33_000_000,
+            gate: Some(gate),
+        };
+        Settings {
+            kinematics: Kinematics::Exact,
+            gyro_psd: Matrix3::identity() * 1e-6,
+            bias_sigma: Vector3::repeat(0.01),
+            bias_psd: Matrix3::zeros(),
+            correction,
+            gravity: G,
+            alignment: 1.0,
+            tilt_sigma: 0.03,
+            compass: Some(compass),
+        }
+    }
+
+    const LOW_PASS: Correction = Correction::LowPass {
+        time_constant: 1.5,
+        sigma: 0.01,
+        band: 0.05,
+    };
+
+    fn gradient(heading_too: bool) -> Correction {
+        Correction::Gradient {
+            alpha: 1.5,
+            floor: 1e-4,
+            sigma: 2e-3,
+            heading_too,
+            adaptive: 0.0,
+            band: 0.05,
+            from_last: true,
+        }
+    }
+
+    /// Declination −0.1 rad, dip 1 rad.
+    fn field_n() -> Vector3<f64> {
+        Vector3::new(0.1_f64.cos() * 1_f64.cos(), -0.1_f64.sin() * 1_f64.cos(), 1_f64.sin()) * 5e-5
+    }
+
+    /// Runs a body of attitude `q` at rest, whose gyros have a bias, while it is accelerated by `a_n(t)`.
+    fn run(
+        reference: &mut AttitudeReference,
+        q: &UnitQuaternion<f64>,
+        seconds: (f64, f64),
+        bias: &Vector3<f64>,
+        a_n: impl Fn(f64) -> Vector3<f64>,
+        m_n: &Vector3<f64>,
+    ) {
+        let steps = |t: f64| (t / DT).round() as i64;
+        for k in steps(seconds.0)..steps(seconds.1) {
+            let t = k as f64 * DT;
+            let f = q.inverse() * (a_n(t) - Vector3::new(0.0, 0.0, G));
+            reference.imu(Time::from_seconds(t), bias, &f, &Vector3::zeros());
+            reference.field(Time::from_seconds(t), &(q.inverse() * m_n));
+        }
+    }
+
+    fn error(reference: &AttitudeReference, q: &UnitQuaternion<f64>) -> Vector3<f64> {
+        so3::log(&(reference.belief().unwrap().q * q.inverse()))
+    }
+
+    fn rest(_: f64) -> Vector3<f64> {
+        Vector3::zeros()
+    }
+
+    #[test]
+    fn the_first_attitude_is_level_and_heads_to_true_north() {
+        let q = so3::from_rpy(0.4, -0.8, 2.5);
+        let mut reference = AttitudeReference::new(settings(LOW_PASS));
+        run(&mut reference, &q, (0.0, 0.99), &Vector3::zeros(), rest, &field_n());
+        assert!(reference.belief().is_none(), "a second has not passed");
+        run(&mut reference, &q, (0.99, 1.02), &Vector3::zeros(), rest, &field_n());
+        assert!(error(&reference, &q).norm() < 1e-12); // rounding of sums of 100
+    }
+
+    #[test]
+    fn gyro_biases_of_all_axes_are_found_at_rest() {
+        let q = so3::from_rpy(0.4, -0.8, 2.5);
+        let bias = Vector3::new(0.006, -0.004, 0.008);
+        for correction in [LOW_PASS, gradient(false)] {
+            let mut reference = AttitudeReference::new(settings(correction));
+            run(&mut reference, &q, (0.0, 120.0), &bias, rest, &field_n());
+            let found = reference.belief().unwrap().bias;
+            // A tenth: of the heading's axis a compass of 0.1 rad tells no more in two minutes.
+            assert!((found - bias).norm() < 0.1 * bias.norm(), "{correction:?}: {found}");
+            assert!(error(&reference, &q).norm() < 0.01, "{correction:?}");
+        }
+    }
+
+    #[test]
+    fn shaking_is_averaged_by_the_low_pass() {
+        let q = so3::from_rpy(0.1, 0.0, 1.0);
+        // 3 m/s² at 1 Hz from the second second on: |f| differs from g by 5 % at most.
+        let shake = |t: f64| {
+            if t > 2.0 {
+                Vector3::x() * 3.0 * (core::f64::consts::TAU * t).sin()
+            } else {
+                Vector3::zeros()
+            }
+        };
+        let worst = |correction| {
+            let mut reference = AttitudeReference::new(settings(correction));
+            let mut worst: f64 = 0.0;
+            for k in 0..300 {
+                let t = f64::from(k) * 0.1;
+                run(&mut reference, &q, (t, t + 0.1), &Vector3::zeros(), shake, &field_n());
+                if reference.belief().is_some() {
+                    worst = worst.max(error(&reference, &q).xy().norm());
+                }
+            }
+            worst
+        };
+        // The force is off by 0.306 rad. The low pass passes 1/(2π·1.5) of that, the filter less.
+        assert!(worst(LOW_PASS) < 0.0325, "{}", worst(LOW_PASS));
+        assert!(worst(gradient(false)) > worst(LOW_PASS));
+    }
+
+    #[test]
+    fn a_disturbed_field_is_left_out_and_one_that_stays_is_believed_in_the_end() {
+        let q = so3::from_rpy(0.1, -0.2, 1.0);
+        let mut reference = AttitudeReference::new(settings(LOW_PASS));
+        run(&mut reference, &q, (0.0, 5.0), &Vector3::zeros(), rest, &field_n());
+        // A magnet: 20 % more field, and 0.28 rad of heading.
+        let magnet = so3::exp(&Vector3::new(0.0, 0.0, 0.28)) * field_n() * 1.2;
+        run(&mut reference, &q, (5.0, 24.0), &Vector3::zeros(), rest, &magnet);
+        // What the bias is not known to may turn it a little.
+        assert!(error(&reference, &q).norm() < 1e-3, "{}", error(&reference, &q));
+        run(&mut reference, &q, (24.0, 90.0), &Vector3::zeros(), rest, &magnet);
+        assert!(error(&reference, &q).z < -0.1, "{}", error(&reference, &q));
+        let mut trusting = settings(LOW_PASS);
+        trusting.compass.as_mut().unwrap().gate = None;
+        let mut reference = AttitudeReference::new(trusting);
+        run(&mut reference, &q, (0.0, 5.0), &Vector3::zeros(), rest, &field_n());
+        run(&mut reference, &q, (5.0, 24.0), &Vector3::zeros(), rest, &magnet);
+        assert!(error(&reference, &q).z < -0.05, "without a gate it is believed at once");
+    }
+
+    #[test]
+    fn a_heading_of_an_instrument_serves_as_well_as_a_field() {
+        let q = so3::from_rpy(0.2, 0.1, -3.0);
+        let mut reference = AttitudeReference::new(settings(LOW_PASS));
+        for k in 0..500 {
+            let time = Time::from_seconds(f64::from(k) * DT);
+            reference.heading(time, wrap(-3.0 + 0.1));
+            reference.imu(
+                time,
+                &Vector3::zeros(),
+                &(q.inverse() * Vector3::new(0.0, 0.0, -G)),
+                &Vector3::zeros(),
+            );
+        }
+        assert!(error(&reference, &q).norm() < 1e-9); // rounding of 400 updates
+    }
+
+    #[test]
+    fn a_heading_taken_for_measured_drowns_the_compass() {
+        let q = so3::from_rpy(0.1, -0.2, 1.0);
+        // A bias for the gradient to work against: where there is none it takes no step.
+        let sigma = |heading_too| {
+            let mut reference = AttitudeReference::new(settings(gradient(heading_too)));
+            run(&mut reference, &q, (0.0, 20.0), &Vector3::new(1e-3, 1e-3, 0.0), rest, &field_n());
+            reference.belief().unwrap().heading_variance().sqrt()
+        };
+        assert!(sigma(true) < 0.2 * sigma(false), "{} {}", sigma(true), sigma(false));
     }
 }

@@ -1,0 +1,153 @@
+//! Heading from a compass, for gyros too poor to gyrocompass.
+//!
+//! ψ = the mean direction of the headings of the last `duration` + declination. With `levelling`
+//! earlier in the file, roll and pitch are those it found. Valid while the body keeps its heading.
+
+use super::write_yaw;
+use crate::block::{Build, BuildError, Channel, InitialiserSpec, Listen, Shape};
+use crate::units::{self, Dimensional, NonNegative, Positive, dim};
+use fusion_core::runner::Initialiser;
+use fusion_core::state::{Belief, Layout, wrap};
+use fusion_core::time::Time;
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::borrow::Cow;
+use std::collections::VecDeque;
+
+/// Heading from a compass, averaged.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CompassSpec {
+    /// A stream with a `heading` channel: a compass, or the stage `attitude_reference`.
+    source: String,
+    /// 1σ of the heading that it gives, its slow error included.
+    sigma: NonNegative<dim::Angle>,
+    /// Where the compass's north lies clockwise from true north: the magnetic declination.
+    #[serde(default)]
+    declination: units::Angle,
+    /// How long headings are averaged.
+    #[serde(default = "one_second")]
+    duration: Positive<dim::Duration>,
+}
+
+fn one_second() -> Positive<dim::Duration> {
+    Positive::try_from_si(1.0).unwrap_or_else(|_| unreachable!("one is positive"))
+}
+
+crate::register!(
+    Initialiser,
+    "compass",
+    CompassSpec,
+    r#"
+source = "compass"
+sigma = "3 deg"
+declination = "-8 deg"
+duration = "1 s"
+"#
+);
+
+#[typetag::deserialize(name = "compass")]
+impl InitialiserSpec for CompassSpec {
+    fn inputs(&self) -> Vec<Listen> {
+        let heading = Channel {
+            name: Cow::Borrowed("heading"),
+            width: 1,
+            dimension: dim::Angle::KIND.dimension,
+            shape: Shape::Angle,
+        };
+        vec![Listen {
+            source: self.source.clone(),
+            channels: vec![heading],
+        }]
+    }
+
+    fn writes(&self) -> Vec<&'static str> {
+        vec!["heading"]
+    }
+
+    fn build(&self, _: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {
+        Ok(Box::new(Compass {
+            sigma: self.sigma.si(),
+            declination: self.declination.si(),
+            duration: self.duration.si(),
+            since: None,
+            headings: VecDeque::new(),
+        }))
+    }
+}
+
+#[derive(Debug)]
+struct Compass {
+    sigma: f64,
+    declination: f64,
+    duration: f64,
+    since: Option<Time>,
+    headings: VecDeque<(Time, f64)>,
+}
+
+impl Compass {
+    fn heading(&self) -> f64 {
+        // The direction of the mean vector knows no seam at ±π.
+        let (sin, cos) = self
+            .headings
+            .iter()
+            .fold((0.0, 0.0), |(s, c), (_, psi)| (s + psi.sin(), c + psi.cos()));
+        wrap(sin.atan2(cos) + self.declination)
+    }
+
+    fn is_ready(&self) -> bool {
+        let last = self.headings.back().map(|(t, _)| *t);
+        self.since
+            .zip(last)
+            .is_some_and(|(since, last)| last.seconds_since(since) >= self.duration)
+    }
+}
+
+impl Initialiser for Compass {
+    fn row(&mut self, _: usize, time: Time, row: &[f64]) {
+        self.since.get_or_insert(time);
+        self.headings.push_back((time, row[0]));
+        while self.headings.front().is_some_and(|(t, _)| time.seconds_since(*t) > self.duration) {
+            self.headings.pop_front();
+        }
+    }
+
+    fn waits_for(&self) -> Option<String> {
+        (!self.is_ready()).then(|| format!("{} s of headings", self.duration))
+    }
+
+    fn write(&self, _: Time, layout: &Layout, belief: &mut Belief) {
+        if !self.headings.is_empty() {
+            write_yaw(layout, belief, self.heading(), self.sigma);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::f64::consts::PI;
+
+    #[test]
+    fn headings_about_the_seam_average_to_the_south_and_old_ones_are_forgotten() {
+        let (declination, duration) = (-0.1, 1.0);
+        let mut compass = Compass {
+            sigma: 0.05,
+            declination,
+            duration,
+            since: None,
+            headings: VecDeque::new(),
+        };
+        for k in 0..30 {
+            let psi = if k < 10 {
+                1.0
+            } else {
+                (if k % 2 == 0 { 1.0 } else { -1.0 }) * (PI - 0.05)
+            };
+            assert_eq!(compass.waits_for().is_none(), k > 10, "{k}");
+            compass.row(0, Time::from_seconds(f64::from(k) * 0.1), &[psi]);
+        }
+        // 11 headings remain, 6 of one kind: 1e-2 rad for the odd one, 0.05/11.
+        assert!(wrap(compass.heading() - (PI - 0.1)).abs() < 1e-2, "{}", compass.heading());
+    }
+}

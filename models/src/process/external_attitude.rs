@@ -1,0 +1,298 @@
+//! Strapdown navigation whose turning comes from an attitude reference instead of gyros.
+//!
+//! Input      mean specific force f_m [m/s²] over a sample, and the reference's attitude q_nb at
+//!            its end; the sample before gives that at its start
+//! Turning    w_nb_b = Log(q_start⁻¹ ⊗ q_end)/T, constant over the sample: it may be split anywhere
+//! States     `position` (geodetic), `velocity` v_eb_n, `attitude` q_nb; where estimated
+//!            `accel_bias`,  f = f_m − b_a
+//! Discrete   position and velocity as `strapdown`;  q⁺ = q ⊗ Exp(w_nb_b Δt)
+//! Φ          I + FΔt, F of the strapdown error model but for the attitude, which does not see
+//!            position and velocity:  Φ_aa = Exp(w_nb_b Δt)ᵀ, exact
+//! Signals    `angular_rate` w_ib_b = w_nb_b + C_nbᵀ w_in_n [rad/s], `acceleration` [m/s²]
+//! Cascaded   the stage `attitude_reference` drives this process; the sensor `attitude` on the same
+//!            stage holds the attitude to the reference's. With a small sigma the attitude is the
+//!            reference's own; with the reference's true 1σ, position fixes may correct what the
+//!            reference gets wrong. So one model serves the cascade and what lies between it and
+//!            a filter that owns the attitude
+//! Mind       the same gyros come in twice: `attitude_noise` and the sensor's sigma must hold what
+//!            the reference's errors have in common
+//! Not here   gyro biases, which the reference takes out or does not
+
+use crate::block::{Build, BuildError, Channel, ProcessSpec, Shape};
+use crate::earth::{Gravity, LocalEarth};
+use crate::param::VectorParam;
+use crate::process::strapdown::error_model::{self, Blocks};
+use crate::process::strapdown::mechanisation::{self, Nav};
+use crate::units::{Axes, Dimension, Dimensional, dim, range};
+use fusion_core::geometry::so3;
+use fusion_core::geometry::wgs84::Geodetic as Place;
+use fusion_core::linear::Transition;
+use fusion_core::model::{Input, Process, SignalsOut};
+use fusion_core::state::{Attitude, Dynamics, Geodetic, Param, Signal, Slot, Vector, Velocity};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector4};
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::borrow::Cow;
+
+use super::strapdown::GravitySpec;
+
+/// Strapdown navigation that takes its turning from an attitude reference: states position,
+/// velocity, attitude and, where declared, accelerometer bias; driven by the channels
+/// `specific_force` and `attitude` of its source.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ExternalAttitudeSpec {
+    /// White noise of the reference's turning, as an angle random walk.
+    attitude_noise: Axes<dim::AngleRandomWalk, range::NonNegative>,
+    /// White noise of the specific force: the velocity random walk, e.g. "70 ug/sqrt(Hz)".
+    accelerometer_noise: Axes<dim::VelocityRandomWalk, range::NonNegative>,
+    /// Accelerometer bias; estimated as the state `accel_bias`.
+    #[serde(default)]
+    accelerometer_bias: VectorParam<dim::Acceleration>,
+    /// The gravity model.
+    #[serde(default)]
+    gravity: GravitySpec,
+}
+
+crate::register!(
+    Process,
+    "strapdown_external_attitude",
+    ExternalAttitudeSpec,
+    r#"
+attitude_noise = "0.1 deg/sqrt(s)"
+accelerometer_noise = "70 ug/sqrt(Hz)"
+accelerometer_bias = { estimate = true, initial = [0, 0.1, 0], sigma = "10 mg", correlation_time = "1000 s" }
+gravity = "somigliana"
+"#
+);
+
+#[typetag::deserialize(name = "strapdown_external_attitude")]
+impl ProcessSpec for ExternalAttitudeSpec {
+    fn input(&self) -> Vec<Channel> {
+        vec![
+            Channel::vector("specific_force", 3, dim::Acceleration::KIND.dimension),
+            Channel {
+                name: Cow::Borrowed("attitude"),
+                width: 4,
+                dimension: Dimension::NONE,
+                shape: Shape::Quaternion,
+            },
+        ]
+    }
+
+    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
+        let gravity = self.gravity.into();
+        b.gravity = gravity;
+        // Initialisers write these three and their variances.
+        let place = b.origin.unwrap_or(Place {
+            lat: 0.0,
+            lon: 0.0,
+            height: 0.0,
+        });
+        let unset = vec![0.0; 3];
+        let square = |n: [f64; 3]| Matrix3::from_diagonal(&Vector3::from(n.map(|n| n * n)));
+        Ok(Box::new(ExternalAttitude {
+            position: b.declare::<Geodetic>("position", "m", place, unset.clone(), Dynamics::Process)?,
+            velocity: b.declare::<Velocity>("velocity", "m/s", Vector3::zeros(), unset.clone(), Dynamics::Process)?,
+            attitude: b.declare::<Attitude>("attitude", "rad", UnitQuaternion::identity(), unset, Dynamics::Process)?,
+            accel_bias: b.param_named("accel_bias", "accelerometer_bias", &self.accelerometer_bias)?,
+            angular_rate: b.signal("angular_rate")?,
+            acceleration: b.signal("acceleration")?,
+            attitude_psd: square(self.attitude_noise.si()),
+            accel_psd: square(self.accelerometer_noise.si()),
+            gravity,
+        }))
+    }
+}
+
+/// w_nb_b [rad/s] over a sample of specific force and attitude.
+fn turning(input: &Input<'_>) -> Vector3<f64> {
+    let attitude = |s: &[f64]| so3::from_scalar_first(&Vector4::new(s[3], s[4], s[5], s[6]));
+    let (own, other) = (attitude(input.sample), attitude(input.neighbour));
+    let (turn, time) = if input.neighbour_is_earlier {
+        (so3::log(&(other.inverse() * own)), input.interval)
+    } else {
+        (so3::log(&(own.inverse() * other)), input.neighbour_interval)
+    };
+    // A sample on its own turns nothing.
+    if time > 0.0 { turn / time } else { Vector3::zeros() }
+}
+
+/// The runtime model.
+#[derive(Debug)]
+struct ExternalAttitude {
+    position: Slot<Geodetic>,
+    velocity: Slot<Velocity>,
+    attitude: Slot<Attitude>,
+    accel_bias: Param<Vector<3>>,
+    angular_rate: Signal<Vector<3>>,
+    acceleration: Signal<Vector<3>>,
+    attitude_psd: Matrix3<f64>,
+    accel_psd: Matrix3<f64>,
+    gravity: Gravity,
+}
+
+/// Everything one step needs.
+struct Step {
+    nav: Nav,
+    w_nb_b: Vector3<f64>,
+    w_ib_b: Vector3<f64>,
+    f_ib_b: Vector3<f64>,
+}
+
+impl ExternalAttitude {
+    fn step(&self, x: &[f64], input: &Input<'_>) -> Step {
+        let nav = Nav {
+            position: self.position.read(x),
+            v_eb_n: self.velocity.read(x),
+            q_nb: self.attitude.read(x),
+        };
+        let bias = match &self.accel_bias {
+            Param::State(slot) => slot.read(x),
+            Param::Fixed(v) => *v,
+            // A process's parameters are never its own signals.
+            Param::Signal(_) => Vector3::zeros(),
+        };
+        let w_nb_b = turning(input);
+        let earth = LocalEarth::at(&nav.position);
+        let w_in_n = earth.earth_rate_n() + earth.transport_rate_n(&nav.v_eb_n);
+        let w_ib_b = w_nb_b + nav.q_nb.inverse_transform_vector(&w_in_n);
+        Step {
+            nav,
+            w_nb_b,
+            w_ib_b,
+            f_ib_b: Vector3::from_column_slice(&input.sample[..3]) - bias,
+        }
+    }
+
+    fn blocks(&self, s: &Step) -> Blocks {
+        error_model::continuous(&s.nav, &s.w_ib_b, &s.f_ib_b, self.gravity)
+    }
+}
+
+impl Process for ExternalAttitude {
+    fn input_dim(&self) -> usize {
+        7
+    }
+
+    fn propagate(&self, x: &mut [f64], input: &Input<'_>, dt: f64) {
+        let s = self.step(x, input);
+        let next = mechanisation::step(&s.nav, &s.w_ib_b, &s.f_ib_b, dt, self.gravity);
+        let mut q = s.nav.q_nb * so3::exp(&(s.w_nb_b * dt));
+        q.renormalize();
+        self.position.write(&next.position, x);
+        self.velocity.write(&next.v_eb_n, x);
+        self.attitude.write(&q, x);
+    }
+
+    fn linearise(&self, x: &[f64], input: &Input<'_>, dt: f64, out: &mut Transition) {
+        let s = self.step(x, input);
+        let b = self.blocks(&s);
+        let (r, v, a) = (self.position, self.velocity, self.attitude);
+        let one = Matrix3::identity();
+        out.set(r, r, &(one + b.rr * dt));
+        out.set(r, v, &(b.rv * dt));
+        out.set(v, r, &(b.vr * dt));
+        out.set(v, v, &(one + b.vv * dt));
+        out.set(v, a, &(b.va * dt));
+        out.set(a, a, &so3::rotation(&so3::exp(&(s.w_nb_b * dt))).transpose());
+        if let Param::State(bias) = &self.accel_bias {
+            out.set(v, *bias, &(b.v_accel * dt));
+        }
+        let c_nb = so3::rotation(&s.nav.q_nb);
+        out.noise_trapezoid(v, v, &(c_nb * self.accel_psd * c_nb.transpose() * dt));
+        out.noise_trapezoid(a, a, &(self.attitude_psd * dt));
+    }
+
+    fn signals(&self, x: &[f64], input: &Input<'_>, out: &mut SignalsOut<'_>) {
+        let s = self.step(x, input);
+        out.set(self.angular_rate, &s.w_ib_b);
+        out.set(
+            self.acceleration,
+            &mechanisation::derivative(&s.nav, &s.w_ib_b, &s.f_ib_b, self.gravity).v_eb_n,
+        );
+        if !out.wants_jacobian() {
+            return;
+        }
+        let b = self.blocks(&s);
+        // w_ib_b = w_nb_b + C_nbᵀ w_in: the error model's δw_nb_b = −C_nbᵀ δw_in − … turned round.
+        out.add(self.angular_rate, self.position, &-b.ar);
+        out.add(self.angular_rate, self.velocity, &-b.av);
+        out.add(self.angular_rate, self.attitude, &so3::skew(&(s.w_ib_b - s.w_nb_b)));
+        out.add(self.acceleration, self.position, &b.vr);
+        out.add(self.acceleration, self.velocity, &b.vv);
+        out.add(self.acceleration, self.attitude, &b.va);
+        out.add_quantity(self.acceleration, &self.accel_bias, &b.v_accel);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fusion_core::state::LayoutBuilder;
+    use fusion_core::testing::check_process;
+
+    fn built() -> (LayoutBuilder, Box<dyn Process>) {
+        let mut layout = LayoutBuilder::new();
+        let spec: ExternalAttitudeSpec = toml::from_str(
+            "attitude_noise = 1e-3\naccelerometer_noise = 1e-2\naccelerometer_bias = { estimate = true, initial = [0, 0, 0], sigma = 0.1 }",
+        )
+        .unwrap();
+        let origin = Some(Place::new(0.63, 2.26, -20.0));
+        let mut build = Build {
+            name: "process",
+            layout: &mut layout,
+            origin,
+            gravity: Gravity::default(),
+        };
+        let process = spec.build(&mut build).unwrap();
+        (layout, process)
+    }
+
+    fn sample(f: Vector3<f64>, q: UnitQuaternion<f64>) -> [f64; 7] {
+        [f.x, f.y, f.z, q.w, q.i, q.j, q.k]
+    }
+
+    fn between<'a>(before: &'a [f64], now: &'a [f64], interval: f64) -> Input<'a> {
+        Input {
+            sample: now,
+            neighbour: before,
+            interval,
+            neighbour_interval: interval,
+            neighbour_is_earlier: true,
+        }
+    }
+
+    #[test]
+    fn a_split_sample_ends_at_the_reference_and_so_does_a_whole_one() {
+        let (layout, process) = built();
+        let (q0, q1) = (so3::from_rpy(0.1, -0.2, 1.0), so3::from_rpy(0.15, -0.18, 1.1));
+        let f = Vector3::new(0.5, 0.2, -9.7);
+        let (before, now) = (sample(f, q0), sample(f, q1));
+        let input = between(&before, &now, 0.02);
+        let mut whole = layout.so_far().initial().to_vec();
+        whole[6..10].copy_from_slice(so3::to_scalar_first(&q0).as_slice());
+        let mut split = whole.clone();
+        process.propagate(&mut whole, &input, 0.02);
+        process.propagate(&mut split, &input, 0.013);
+        process.propagate(&mut split, &input, 0.007);
+        for x in [whole, split] {
+            let q = so3::from_scalar_first(&Vector4::from_column_slice(&x[6..10]));
+            assert!(so3::log(&(q1.inverse() * q)).norm() < 1e-15); // rounding
+        }
+    }
+
+    #[test]
+    fn a_turning_reference_is_linearised_truly() {
+        let (layout, process) = built();
+        let (q0, q1) = (so3::from_rpy(0.1, -0.2, 1.0), so3::from_rpy(0.11, -0.19, 1.02));
+        let f = Vector3::new(2.0, -1.0, -9.7);
+        let (before, now) = (sample(f, q0), sample(f, q1));
+        let mut x = layout.so_far().initial().to_vec();
+        x[3..6].copy_from_slice(&[12.0, -7.0, 1.0]);
+        x[6..10].copy_from_slice(so3::to_scalar_first(&q0).as_slice());
+        for dt in [0.1, 0.01] {
+            check_process(layout.so_far(), process.as_ref(), &x, &between(&before, &now, 0.05), dt).unwrap();
+        }
+    }
+}
