@@ -1,8 +1,10 @@
-//! Many runs of one design: variants side by side, and Monte Carlo over seeds.
+//! Many runs: variants side by side, and Monte Carlo over seeds.
 
-use crate::config::{Diagnostics, Document};
+use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
-use crate::run::{Options, Summary, run};
+use crate::run::{Options, SensorTally, Summary, run};
+use crate::score::Consistency;
+use crate::table::{Table, number};
 use fusion_core::consistency::mean_band;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -10,34 +12,41 @@ use std::fmt;
 use std::io::{self, Write};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// One run of a comparison.
-#[derive(Debug)]
-pub struct Compared {
-    /// The variant, or the file.
-    pub name: String,
-    /// Its result.
-    pub summary: Summary,
+/// Several runs on the same data and seeds, side by side.
+#[derive(Debug, Default)]
+pub struct Comparison {
+    /// Name and result of each.
+    pub runs: Vec<(String, Summary)>,
 }
 
-/// Runs the document as declared and under each of `variants`, on the same data and seeds.
-///
-/// # Errors
-/// Mistakes of the design or a variant, or what is wrong with the data.
-pub fn compare(document: &Document, variants: &[String], options: &Options) -> Result<Vec<Compared>, Diagnostics> {
-    let mut results = Vec::new();
-    for variant in variants {
-        let mut document = document.clone();
-        if variant != AS_DECLARED {
-            document.overlay(&format!("variant.{variant}")).map_err(Diagnostics::from)?;
+/// RMS and maximum per axis, drift, rejections, consistency and time per epoch.
+impl fmt::Display for Comparison {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut errors = Table::new(&["", ">RMS N [m]", ">E", ">D", ">max N [m]", ">E", ">D", ">drift [m]"]);
+        let mut health = Table::new(&["", ">accepted", ">rejected", ">readopted", ">NEES position", ">velocity", ">ns per epoch"]);
+        for (name, summary) in &self.runs {
+            let score = summary.score.clone().unwrap_or_default();
+            let axes = score.position.unwrap_or_default();
+            let mut row = vec![name.clone()];
+            row.extend(axes.rms.iter().chain(&axes.max).map(|v| number(*v)));
+            row.push(score.drift_rms.map_or_else(String::new, number));
+            errors.row(row);
+            let sum = |count: fn(&SensorTally) -> u64| summary.sensors.iter().map(count).sum::<u64>().to_string();
+            let nees = |c: Option<Consistency>| c.map_or_else(String::new, |c| format!("{} {}", number(c.mean), c.word()));
+            health.row([
+                name.clone(),
+                sum(|s| s.accepted),
+                sum(|s| s.rejected),
+                sum(|s| s.readopted),
+                nees(score.nees_position),
+                nees(score.nees_velocity),
+                format!("{:.0}", summary.filter_ns_per_epoch),
+            ]);
         }
-        let design = Design::read(document)?;
-        results.push(Compared { name: variant.clone(), summary: run(&design, options, &mut |_| {})? });
+        writeln!(f, "Errors against the reference; drift is the RMS over declared outages\n{errors}")?;
+        writeln!(f, "Measurements, consistency (3 is expected), time\n{health}")
     }
-    Ok(results)
 }
-
-/// The name of the design without a variant.
-pub const AS_DECLARED: &str = "base";
 
 /// What is kept of one Monte Carlo run. No timing, so that it is a function of its seed.
 #[derive(Clone, Debug, Serialize)]
@@ -64,7 +73,7 @@ impl RunRow {
     fn new(run: u64, seed: u64, summary: &Summary) -> Self {
         let score = summary.score.clone().unwrap_or_default();
         let axes = |a: Option<crate::score::Axes>| a.unwrap_or_default();
-        let mean = |c: &Option<crate::score::Consistency>| c.map_or(f64::NAN, |c| c.mean);
+        let mean = |c: &Option<Consistency>| c.map_or(f64::NAN, |c| c.mean);
         Self {
             run,
             seed,
@@ -107,7 +116,7 @@ pub fn monte_carlo(
     progress: &(dyn Fn(usize) + Sync),
 ) -> Result<Campaign, Diagnostics> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(|e| Diagnostics::from(crate::config::Diagnostic::error(format!("no threads to run on: {e}"))))?;
+    let pool = pool.map_err(|e| Diagnostics::from(Diagnostic::error(format!("no threads to run on: {e}"))))?;
     let done = AtomicUsize::new(0);
     let one = |number: u64| -> Result<(RunRow, Vec<(String, usize)>), Diagnostics> {
         let seed = seed_of(seed, number);
@@ -236,11 +245,9 @@ impl Campaign {
     }
 }
 
-/// The campaign as a table: spreads per axis, consistency with its verdict, what the gates did.
+/// The campaign as tables: spreads per axis, consistency with its verdict, what the gates did.
 impl fmt::Display for Campaign {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{} runs", self.rows.len())?;
-        writeln!(f, "\nErrors over the runs             mean      std      min      max")?;
         type Figure = fn(&RunRow) -> [f64; 3];
         let groups: [(&str, Figure, [&str; 3]); 4] = [
             ("position RMS [m]", |r| r.rms, ["north", "east", "down"]),
@@ -248,14 +255,15 @@ impl fmt::Display for Campaign {
             ("velocity RMS [m/s]", |r| r.velocity_rms, ["north", "east", "down"]),
             ("attitude RMS [deg]", |r| r.attitude_rms, ["roll", "pitch", "yaw"]),
         ];
+        let mut errors = Table::new(&["", ">mean", ">std", ">min", ">max"]);
         for (name, figure, axes) in groups {
             for (i, axis) in axes.iter().enumerate() {
                 if let Some(s) = self.spread(|r| figure(r)[i]) {
-                    writeln!(f, "  {:<28} {:8.4} {:8.4} {:8.4} {:8.4}", format!("{name} {axis}"), s.mean, s.std, s.min, s.max)?;
+                    errors.row([format!("{name} {axis}"), number(s.mean), number(s.std), number(s.min), number(s.max)]);
                 }
             }
         }
-        writeln!(f, "\nConsistency                      mean  dof        95 % band")?;
+        let mut consistency = Table::new(&["", ">mean", ">dof", ">95 % band", ""]);
         let states = ["position", "velocity", "attitude"];
         let nees = states.iter().enumerate().map(|(i, s)| (format!("NEES {s}"), self.judge(3, |r| r.nees[i])));
         let nis = self.sensors.iter().enumerate().map(|(i, (s, dof))| (format!("NIS {s}"), self.judge(*dof, |r| r.sensors[i].0)));
@@ -263,16 +271,18 @@ impl fmt::Display for Campaign {
             if let Some(j) = judged {
                 let by = match j.honesty {
                     Honesty::Consistent => String::new(),
-                    _ => format!(", σ off by a factor {:.2}", (j.mean / j.dof as f64).sqrt()),
+                    _ => format!(", errors are {} of what it believes", number((j.mean / j.dof as f64).sqrt())),
                 };
-                writeln!(f, "  {name:<28} {:8.3} {:4}  {:7.3} … {:<7.3}  {}{by}", j.mean, j.dof, j.band.0, j.band.1, j.honesty)?;
+                let band = format!("{} … {}", number(j.band.0), number(j.band.1));
+                consistency.row([name, number(j.mean), j.dof.to_string(), band, format!("{}{by}", j.honesty)]);
             }
         }
-        writeln!(f, "\nGates                        accepted  rejected  readopted")?;
+        let mut gates = Table::new(&["", ">accepted", ">rejected", ">readopted"]);
         for (i, (name, _)) in self.sensors.iter().enumerate() {
-            let sum = |g: fn(&(f64, u64, u64, u64)) -> u64| self.rows.iter().map(|r| g(&r.sensors[i])).sum::<u64>();
-            writeln!(f, "  {name:<24} {:>10} {:>9} {:>10}", sum(|s| s.1), sum(|s| s.2), sum(|s| s.3))?;
+            let sum = |g: fn(&(f64, u64, u64, u64)) -> u64| self.rows.iter().map(|r| g(&r.sensors[i])).sum::<u64>().to_string();
+            gates.row([name.clone(), sum(|s| s.1), sum(|s| s.2), sum(|s| s.3)]);
         }
-        Ok(())
+        writeln!(f, "{} runs\n\nErrors over the runs\n{errors}", self.rows.len())?;
+        writeln!(f, "Consistency\n{consistency}\nSensors\n{gates}")
     }
 }

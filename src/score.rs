@@ -125,6 +125,11 @@ pub struct Score {
     pub velocity: Option<Axes>,
     /// Attitude error, roll pitch yaw [deg].
     pub attitude_deg: Option<Axes>,
+    /// RMS of the heading error 2 atan2(|z|, |w|) of q_est ⊗ q_ref* [deg]: the turn about the
+    /// vertical. With `inclination_rmse_deg` free of gimbal lock; as Laidig et al. 2021 (BROAD).
+    pub heading_rmse_deg: Option<f64>,
+    /// RMS of the inclination error 2 acos √(w² + z²) [deg]: the rest of the turn.
+    pub inclination_rmse_deg: Option<f64>,
     /// The mean rotation from body to the reference's body that was taken out, roll pitch yaw [deg].
     pub mounting_deg: Option<[f64; 3]>,
     /// NEES of position.
@@ -291,6 +296,7 @@ impl Scorer {
             .map(|w| Drift { from: w.from.seconds(), to: w.to.seconds(), max_horizontal: w.max, growth: w.growth })
             .collect();
         let (attitude_deg, mounting_deg) = self.attitude();
+        let [heading_rmse_deg, inclination_rmse_deg] = self.heading_and_inclination(mounting_deg);
         Score {
             epochs: self.position.count as usize,
             position: self.position.axes(),
@@ -298,6 +304,8 @@ impl Scorer {
             horizontal_max: self.horizontal.1,
             velocity: self.velocity.axes(),
             attitude_deg,
+            heading_rmse_deg,
+            inclination_rmse_deg,
             mounting_deg,
             nees_position: Consistency::of(&self.nees_position, 3),
             nees_velocity: Consistency::of(&self.nees_velocity, 3),
@@ -307,6 +315,15 @@ impl Scorer {
             drift_median: median(drift.iter().map(|d| d.max_horizontal).collect()),
             drift,
         }
+    }
+
+    /// RMS [deg], the mean mounting [roll, pitch, yaw, deg] taken out where there is one.
+    fn heading_and_inclination(&self, mounting_deg: Option<[f64; 3]>) -> [Option<f64>; 2] {
+        let [roll, pitch, yaw] = mounting_deg.unwrap_or_default().map(f64::to_radians);
+        let mounting = so3::from_rpy(roll, pitch, yaw);
+        let errors = self.attitudes.iter().map(|(q, truth, _)| swing_and_twist(&(q * mounting * truth.inverse())));
+        let sums = errors.fold([0.0; 2], |[h, i], [heading, inclination]| [h + heading * heading, i + inclination * inclination]);
+        sums.map(|sum| (!self.attitudes.is_empty()).then(|| (sum / self.attitudes.len() as f64).sqrt().to_degrees()))
     }
 
     fn attitude(&self) -> (Option<Axes>, Option<[f64; 3]>) {
@@ -322,6 +339,13 @@ impl Scorer {
         let degrees = so3::to_rpy(&mounting).map(f64::to_degrees).into();
         (sums.axes(), self.rules.remove_mean_mounting.then_some(degrees))
     }
+}
+
+/// The least turn about the vertical of the rotation `e` between two attitudes, resolved in
+/// navigation axes, and the turn about a level axis that is left [rad].
+fn swing_and_twist(e: &UnitQuaternion<f64>) -> [f64; 2] {
+    // atan2 for acos √(w² + z²), which is coarse near 0.
+    [2.0 * e.k.abs().atan2(e.w.abs()), 2.0 * e.i.hypot(e.j).atan2(e.w.hypot(e.k))]
 }
 
 /// The rotation with the least mean squared angle to all of `rotations`.
@@ -440,6 +464,26 @@ mod tests {
         let attitude = score.attitude_deg.unwrap();
         // 1e-9 deg: rounding of trigonometric functions.
         assert!(attitude.rms[2] < 1e-9 && (score.mounting_deg.unwrap()[2] - 0.2_f64.to_degrees()).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_turn_splits_into_heading_and_inclination() {
+        let (level, down) = (Vector3::new(0.6, 0.8, 0.0), Vector3::z());
+        for (tilt, turn) in [(0.0, 0.0), (1e-9, 0.4), (0.3, -3.0), (-1.2, 0.7)] {
+            let e = so3::exp(&(level * tilt)) * so3::exp(&(down * turn));
+            let [heading, inclination] = swing_and_twist(&e);
+            // 1e-15: rounding; by acos it would be 1e-8.
+            assert!((heading - f64::abs(turn)).abs() < 1e-15 && (inclination - f64::abs(tilt)).abs() < 1e-15, "{heading} {inclination}");
+        }
+        let truth = so3::from_rpy(0.5, -0.2, 2.0);
+        let mut scorer = Scorer::new(Rules::default(), Vec::new());
+        for turn in [0.03, -0.04] {
+            scorer.attitudes.push((so3::exp(&(down * turn)) * truth, truth, Vector3::zeros()));
+        }
+        let score = scorer.finish();
+        // √((9 + 16)/2)·1e-2 rad; 1e-12: rounding.
+        assert!((score.heading_rmse_deg.unwrap() - (12.5_f64.sqrt() * 1e-2).to_degrees()).abs() < 1e-12);
+        assert!(score.inclination_rmse_deg.unwrap() < 1e-12);
     }
 
     #[test]

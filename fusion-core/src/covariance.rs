@@ -20,7 +20,7 @@ pub struct Covariance {
 }
 
 /// One element of Φ that is not zero, with where the row that it multiplies starts in P and in Aᵀ.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Term {
     factor: f64,
     in_p: u32,
@@ -51,6 +51,7 @@ pub struct Scratch {
     ends: Vec<usize>,
     /// What P held where noise was added before the transition.
     covered: Vec<f64>,
+    coefficients: Vec<f64>,
     /// H P, m × ld.
     pub(crate) hp: Vec<f64>,
     /// H P Hᵀ, m × m.
@@ -72,9 +73,10 @@ impl Scratch {
             a: vec![0.0; n.next_multiple_of(2) * ld],
             at: vec![0.0; n * ld],
             core: vec![0.0; n * n],
-            terms: Vec::with_capacity(n * n),
-            ends: Vec::with_capacity(n),
+            terms: vec![Term::default(); n * n + 1],
+            ends: vec![0; n],
             covered: Vec::with_capacity(n * n),
+            coefficients: vec![0.0; m],
             hp: vec![0.0; m * ld],
             hph: vec![0.0; m * m],
             s: vec![0.0; m * m],
@@ -89,7 +91,11 @@ impl Covariance {
     #[must_use]
     pub fn zeros(n: usize) -> Self {
         let ld = padded(n);
-        Self { n, ld, p: vec![0.0; n * ld] }
+        Self {
+            n,
+            ld,
+            p: vec![0.0; n * ld],
+        }
     }
 
     /// Dimension.
@@ -180,27 +186,22 @@ impl Covariance {
         if m == 0 {
             return;
         }
-        w.terms.clear();
-        w.ends.clear();
-        for elements in phi.elements() {
+        let mut len = 0;
+        for (elements, end) in phi.elements().zip(&mut w.ends) {
             for e in elements {
                 let factor = phi.value(e);
-                if factor != 0.0 {
-                    w.terms.push(Term { factor, in_p: e.padded, in_at: e.compact });
-                }
+                w.terms[len] = Term {
+                    factor,
+                    in_p: e.padded,
+                    in_at: e.compact,
+                };
+                len += usize::from(factor != 0.0);
             }
-            w.ends.push(w.terms.len());
+            *end = len;
         }
         let mut start = 0;
-        for (&end, out) in w.ends.iter().zip(w.a.chunks_exact_mut(ld)) {
-            let terms = &w.terms[start..end];
-            let (pieces, last) = out.as_chunks_mut::<16>();
-            for (k, out) in pieces.iter_mut().enumerate() {
-                *out = combination(terms, |t| t.in_p as usize + 16 * k, &self.p);
-            }
-            if let Some(out) = last.first_chunk_mut::<8>() {
-                *out = combination(terms, |t| t.in_p as usize + ld - 8, &self.p);
-            }
+        for (&end, out) in w.ends[..m].iter().zip(w.a.chunks_exact_mut(ld)) {
+            combine(&w.terms[start..end], |t| t.in_p, &self.p, 0, self.n.next_multiple_of(2), out);
             start = end;
         }
         // Aᵀ, active rows as columns, as far as Φ reads it; in pairs, as they are read again at once.
@@ -212,8 +213,8 @@ impl Covariance {
             }
         }
         let mut start = 0;
-        for (a, (&end, out)) in w.ends.iter().zip(w.core.chunks_exact_mut(m)).enumerate() {
-            triangle_row(&w.terms[start..end], &w.at, a / 2 * 2, width, out);
+        for (a, (&end, out)) in w.ends[..m].iter().zip(w.core.chunks_exact_mut(m)).enumerate() {
+            combine(&w.terms[start..end], |t| t.in_at, &w.at, a / 2 * 2, width, out);
             start = end;
         }
     }
@@ -234,10 +235,10 @@ impl Covariance {
                 self.p[j as usize * ld + i as usize] = value;
             }
         }
-        for &j in phi.rest() {
-            let out = &mut self.p[j as usize * ld..(j as usize + 1) * ld];
-            let column = w.a[j as usize..].iter().step_by(ld);
-            phi.active().iter().zip(column).for_each(|(&i, a)| out[i as usize] = *a);
+        for (&i, row) in phi.active().iter().zip(w.a.chunks_exact(ld)) {
+            for &j in phi.rest() {
+                self.p[j as usize * ld + i as usize] = row[j as usize];
+            }
         }
     }
 
@@ -286,7 +287,7 @@ impl Covariance {
             // P⁺ = A − (A Hᵀ − K R) Kᵀ
             for i in 0..n {
                 let row = &mut self.p[i * ld..(i + 1) * ld];
-                let coefficients = &mut w.a[..m];
+                let coefficients = &mut w.coefficients[..m];
                 for (j, c) in coefficients.iter_mut().enumerate() {
                     let hj = h.row(j);
                     let mut sum = 0.0;
@@ -341,38 +342,36 @@ fn axpy(factor: f64, x: &[f64], y: &mut [f64]) {
     }
 }
 
-/// Σ factor · x[start .. start + W] over `terms`.
+/// out[j] = Σ factor · x[start + j] over `terms`, for j from `at` to `end`, an even number of them,
+/// in pieces that fit the registers.
 #[inline]
-fn combination<const W: usize>(terms: &[Term], start: impl Fn(&Term) -> usize, x: &[f64]) -> [f64; W] {
-    let mut sum = [0.0; W];
-    for term in terms {
-        let at = start(term);
-        for (s, x) in sum.iter_mut().zip(&x[at..at + W]) {
-            *s += term.factor * x;
-        }
-    }
-    sum
-}
-
-/// Elements `at` and on of a row of ΦAᵀ, an even number of them, in pieces of up to 16.
-fn triangle_row(terms: &[Term], a_transposed: &[f64], mut at: usize, width: usize, out: &mut [f64]) {
-    fn piece<const W: usize>(terms: &[Term], x: &[f64], at: usize, out: &mut [f64]) {
-        let sum: [f64; W] = combination(terms, |t| t.in_at as usize + at, x);
-        out[at..].iter_mut().zip(sum).for_each(|(out, s)| *out = s);
-    }
-    while at < width {
-        match width - at {
-            2 => piece::<2>(terms, a_transposed, at, out),
-            4 => piece::<4>(terms, a_transposed, at, out),
-            6 => piece::<6>(terms, a_transposed, at, out),
-            8 => piece::<8>(terms, a_transposed, at, out),
-            10 => piece::<10>(terms, a_transposed, at, out),
-            12 => piece::<12>(terms, a_transposed, at, out),
-            14 => piece::<14>(terms, a_transposed, at, out),
-            _ => piece::<16>(terms, a_transposed, at, out),
+fn combine(terms: &[Term], start: impl Fn(&Term) -> u32 + Copy, x: &[f64], mut at: usize, end: usize, out: &mut [f64]) {
+    while at < end {
+        match end - at {
+            2 => piece::<2>(terms, start, x, at, out),
+            4 => piece::<4>(terms, start, x, at, out),
+            6 => piece::<6>(terms, start, x, at, out),
+            8 => piece::<8>(terms, start, x, at, out),
+            10 => piece::<10>(terms, start, x, at, out),
+            12 => piece::<12>(terms, start, x, at, out),
+            14 => piece::<14>(terms, start, x, at, out),
+            _ => piece::<16>(terms, start, x, at, out),
         }
         at += 16;
     }
+}
+
+#[inline]
+fn piece<const W: usize>(terms: &[Term], start: impl Fn(&Term) -> u32, x: &[f64], at: usize, out: &mut [f64]) {
+    let x = &x[at..];
+    let mut sum = [0.0; W];
+    for term in terms {
+        let start = start(term) as usize;
+        for (s, x) in sum.iter_mut().zip(&x[start..start + W]) {
+            *s += term.factor * x;
+        }
+    }
+    out[at..].iter_mut().zip(sum).for_each(|(out, s)| *out = s);
 }
 
 /// Lower Cholesky factor of the symmetric m×m matrix `s` into `l`; false if it is not positive
@@ -443,7 +442,15 @@ mod tests {
         let mut b = LayoutBuilder::new();
         let slots = (0..n).map(|i| {
             let (name, owner) = (format!("x{i}"), String::new());
-            b.declare::<Scalar>(Declaration { name, owner, unit: "", initial: 0.0, sigma: vec![1.0], dynamics: Dynamics::Constant }).unwrap()
+            b.declare::<Scalar>(Declaration {
+                name,
+                owner,
+                unit: "",
+                initial: 0.0,
+                sigma: vec![1.0],
+                dynamics: Dynamics::Constant,
+            })
+            .unwrap()
         });
         let slots = slots.collect();
         (b.finish(), slots)
@@ -494,7 +501,7 @@ mod tests {
         t.set(slots[0], slots[1], &Matrix1::new(0.5));
         t.noise(slots[0], slots[2], &Matrix1::new(0.1));
         t.noise_trapezoid(slots[1], slots[1], &Matrix1::new(0.4));
-        p.predict(&t, &mut w);
+        assert!(p.predict(&t, &mut w));
         let mut phi = DMatrix::identity(3, 3);
         phi[(0, 1)] = 0.5;
         let mut half = DMatrix::zeros(3, 3);
@@ -503,6 +510,22 @@ mod tests {
         expected[(0, 2)] += 0.1;
         expected[(2, 0)] += 0.1;
         close(&dense(&p), &expected, 1e-15); // rounding
+    }
+
+    #[test]
+    fn a_prediction_that_overflows_leaves_the_covariance_as_it_was() {
+        let (layout, slots) = layout(3);
+        for (element, noise) in [(1e160, 0.0), (f64::NAN, 0.0), (0.5, f64::INFINITY)] {
+            let (mut p, mut w, mut t) = (random(3, &mut Lcg::new(4)), Scratch::new(3, 1), Transition::new(&layout));
+            let before = p.clone();
+            t.set(slots[0], slots[1], &Matrix1::new(element));
+            // Twice the same element: what it held first must come back.
+            t.noise_trapezoid(slots[1], slots[1], &Matrix1::new(0.4));
+            t.noise_trapezoid(slots[1], slots[1], &Matrix1::new(1.0 / 3.0));
+            t.noise(slots[2], slots[2], &Matrix1::new(noise));
+            assert!(!p.predict(&t, &mut w));
+            assert_eq!(p, before);
+        }
     }
 
     /// Updates P by `rows` random measurements in `form`; also what dense algebra makes of it.
@@ -546,7 +569,12 @@ mod tests {
         let mut l = [0.0; 4];
         assert!(cholesky(&[4.0, 2.0, 2.0, 3.0], &mut l, 2));
         assert_eq!(l, [2.0, 0.0, 1.0, 2_f64.sqrt()]);
-        for bad in [[1.0, 1.0, 1.0, 1.0], [1.0, 2.0, 2.0, 1.0], [f64::NAN, 0.0, 0.0, 1.0], [f64::INFINITY, 0.0, 0.0, 1.0]] {
+        for bad in [
+            [1.0, 1.0, 1.0, 1.0],
+            [1.0, 2.0, 2.0, 1.0],
+            [f64::NAN, 0.0, 0.0, 1.0],
+            [f64::INFINITY, 0.0, 0.0, 1.0],
+        ] {
             assert!(!cholesky(&bad, &mut l, 2), "{bad:?}");
         }
     }

@@ -47,9 +47,17 @@ pub struct Backend {
 
 impl Backend {
     /// The classical EKF: additive Euler angles, one linearisation, Joseph form.
-    pub const EKF: Self = Self { chart: ChartKind::AdditiveEuler, update: UpdateKind::Single, form: Form::Joseph };
+    pub const EKF: Self = Self {
+        chart: ChartKind::AdditiveEuler,
+        update: UpdateKind::Single,
+        form: Form::Joseph,
+    };
     /// The error-state filter: body-frame error, one linearisation, Joseph form.
-    pub const ERROR_STATE: Self = Self { chart: ChartKind::Body, update: UpdateKind::Single, form: Form::Joseph };
+    pub const ERROR_STATE: Self = Self {
+        chart: ChartKind::Body,
+        update: UpdateKind::Single,
+        form: Form::Joseph,
+    };
 }
 
 impl ChartKind {
@@ -229,8 +237,16 @@ impl HeldInput {
 /// Dynamics that a tangent coordinate has by itself.
 #[derive(Clone, Copy, Debug)]
 enum OwnDynamics {
-    Walk { axis: usize, psd: f64 },
-    Markov { axis: usize, storage: usize, variance: f64, tau: f64 },
+    Walk {
+        axis: usize,
+        psd: f64,
+    },
+    Markov {
+        axis: usize,
+        storage: usize,
+        variance: f64,
+        tau: f64,
+    },
 }
 
 impl Filter {
@@ -245,7 +261,12 @@ impl Filter {
                 match &b.dynamics {
                     Dynamics::RandomWalk { psd } if psd[k] > 0.0 => own.push(OwnDynamics::Walk { axis, psd: psd[k] }),
                     Dynamics::GaussMarkov { sigma, tau } => {
-                        own.push(OwnDynamics::Markov { axis, storage: b.storage + k, variance: sigma[k] * sigma[k], tau: *tau });
+                        own.push(OwnDynamics::Markov {
+                            axis,
+                            storage: b.storage + k,
+                            variance: sigma[k] * sigma[k],
+                            tau: *tau,
+                        });
                     }
                     _ => {}
                 }
@@ -257,7 +278,11 @@ impl Filter {
             own,
             signals: SignalBuffer::new(&layout),
             evaluated: Evaluated::Nothing,
-            held: HeldInput { sample: vec![0.0; process.input_dim()], neighbour: vec![0.0; process.input_dim()], ..HeldInput::default() },
+            held: HeldInput {
+                sample: vec![0.0; process.input_dim()],
+                neighbour: vec![0.0; process.input_dim()],
+                ..HeldInput::default()
+            },
             jacobian: Jacobian::new(&layout, m),
             reset: BlockMatrix::identity(n),
             scratch: Scratch::new(n, m),
@@ -288,7 +313,12 @@ impl Filter {
         for own in &self.own {
             match *own {
                 OwnDynamics::Walk { axis, psd } => self.transition.after.diagonal(axis, psd * dt),
-                OwnDynamics::Markov { axis, storage, variance, tau } => {
+                OwnDynamics::Markov {
+                    axis,
+                    storage,
+                    variance,
+                    tau,
+                } => {
                     let decay = (-dt / tau).exp();
                     self.belief.x[storage] *= decay;
                     self.transition.phi.set_element(axis, axis, decay);
@@ -301,7 +331,12 @@ impl Filter {
 
     fn evaluate_signals(&mut self, wanted: Evaluated) {
         if self.evaluated < wanted {
-            self.signals.evaluate(self.process.as_ref(), &self.belief.x, &self.held.input(), wanted == Evaluated::Jacobian);
+            self.signals.evaluate(
+                self.process.as_ref(),
+                &self.belief.x,
+                &self.held.input(),
+                wanted == Evaluated::Jacobian,
+            );
             self.evaluated = wanted;
         }
     }
@@ -313,7 +348,8 @@ impl Filter {
         let view = self.signals.view(&self.belief.x);
         self.jacobian.reset(m);
         o.model.predict(&view, &mut self.rows.value[..value])?;
-        o.model.residual(&o.value[..value], &self.rows.value[..value], &mut self.rows.residual[..m]);
+        o.model
+            .residual(&o.value[..value], &self.rows.value[..value], &mut self.rows.residual[..m]);
         o.model.jacobian(&view, &mut self.jacobian)?;
         if self.jacobian.needs_signals() {
             self.evaluate_signals(Evaluated::Jacobian);
@@ -375,7 +411,9 @@ impl Filter {
         if delta.iter().any(|d| !d.is_finite()) {
             return false;
         }
-        self.belief.covariance.update(self.backend.form, &self.jacobian, &self.rows.noise[..m * m], w);
+        self.belief
+            .covariance
+            .update(self.backend.form, &self.jacobian, &self.rows.noise[..m * m], w);
         self.reset.reset();
         if self.chart.correct(&self.layout, &mut self.belief.x, delta, &mut self.reset) {
             self.belief.covariance.congruence(&self.reset, w);
@@ -442,7 +480,12 @@ impl Estimator for Filter {
 
     fn update(&mut self, observed: &Observed<'_>, gate: &mut dyn Gate, loss: &dyn Loss) -> Update<'_> {
         let m = observed.model.size().residual;
-        let silent = Answer { decision: Decision::Reject, statistic: f64::NAN, threshold: f64::NAN, mode: Mode::Track };
+        let silent = Answer {
+            decision: Decision::Reject,
+            statistic: f64::NAN,
+            threshold: f64::NAN,
+            mode: Mode::Track,
+        };
         self.rows.sigma[..m].fill(f64::NAN);
         let nis = match self.linearise(observed) {
             Ok(Some(nis)) => nis,
@@ -501,7 +544,10 @@ impl Estimator for Filter {
     }
 
     fn boxed_clone(&self) -> Box<dyn Estimator> {
-        let largest = Size { value: self.rows.value.len(), residual: self.rows.residual.len() };
+        let largest = Size {
+            value: self.rows.value.len(),
+            residual: self.rows.residual.len(),
+        };
         let mut copy = Self::new(self.layout.clone(), self.process.clone(), self.backend, largest);
         copy.belief = self.belief.clone();
         copy.held = self.held.clone();
@@ -520,7 +566,15 @@ mod tests {
 
     fn declare<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M::Value, sigma: &[f64], dynamics: Dynamics) -> Slot<M> {
         let (name, owner, sigma) = (name.to_owned(), String::new(), sigma.to_vec());
-        b.declare::<M>(Declaration { name, owner, unit: "", initial, sigma, dynamics }).unwrap()
+        b.declare::<M>(Declaration {
+            name,
+            owner,
+            unit: "",
+            initial,
+            sigma,
+            dynamics,
+        })
+        .unwrap()
     }
 
     /// Nothing moves but what moves by itself.
@@ -602,7 +656,12 @@ mod tests {
     }
 
     fn filter(layout: LayoutBuilder, process: impl Process + 'static, largest: usize) -> Filter {
-        Filter::new(Arc::new(layout.finish()), Arc::new(process), Backend::default(), Size::same(largest))
+        Filter::new(
+            Arc::new(layout.finish()),
+            Arc::new(process),
+            Backend::default(),
+            Size::same(largest),
+        )
     }
 
     fn accept<'a>(f: &'a mut Filter, model: &dyn Measurement, value: &[f64], noise: &[f64]) -> Update<'a> {
@@ -639,7 +698,15 @@ mod tests {
         let mut b = LayoutBuilder::new();
         let position = declare::<Scalar>(&mut b, "position", 0.0, &[10.0], Dynamics::Process);
         let velocity = declare::<Scalar>(&mut b, "velocity", 0.0, &[10.0], Dynamics::Process);
-        let mut f = filter(b, Track { position, velocity, sigma: 0.1 }, 1);
+        let mut f = filter(
+            b,
+            Track {
+                position,
+                velocity,
+                sigma: 0.1,
+            },
+            1,
+        );
         for k in 1..200 {
             f.predict(second(k), &Input::alone(&[0.0])).unwrap();
             accept(&mut f, &Direct(position), &[0.0], &[1.0]);
@@ -656,10 +723,22 @@ mod tests {
     /// A block of four correlated numbers.
     fn four(form: Form) -> (Filter, Slot<Vector<4>>) {
         let mut b = LayoutBuilder::new();
-        let x = declare::<Vector<4>>(&mut b, "x", SVector::from([1.0, -2.0, 3.0, 0.5]), &[1.0, 2.0, 0.5, 3.0], Dynamics::Constant);
-        let backend = Backend { form, ..Backend::default() };
+        let x = declare::<Vector<4>>(
+            &mut b,
+            "x",
+            SVector::from([1.0, -2.0, 3.0, 0.5]),
+            &[1.0, 2.0, 0.5, 3.0],
+            Dynamics::Constant,
+        );
+        let backend = Backend {
+            form,
+            ..Backend::default()
+        };
         let mut f = Filter::new(Arc::new(b.finish()), Arc::new(Still), backend, Size::same(3));
-        let mixing = Linear { x: Param::State(x), h: SMatrix::<f64, 2, 4>::new(1.0, 1.0, 0.0, 0.5, 0.0, -1.0, 2.0, 1.0) };
+        let mixing = Linear {
+            x: Param::State(x),
+            h: SMatrix::<f64, 2, 4>::new(1.0, 1.0, 0.0, 0.5, 0.0, -1.0, 2.0, 1.0),
+        };
         accept(&mut f, &mixing, &[0.0, 1.0], &[0.5, 0.1, 0.1, 0.7]);
         (f, x)
     }
@@ -670,10 +749,23 @@ mod tests {
         let (z, r) = ([0.4, -1.0, 2.0], [0.3, 0.2, 0.5]);
         for form in [Form::Joseph, Form::Standard] {
             let ((mut whole, x), (mut parts, _)) = (four(form), four(form));
-            accept(&mut whole, &Linear { x: Param::State(x), h }, &z, &[r[0], 0.0, 0.0, 0.0, r[1], 0.0, 0.0, 0.0, r[2]]);
+            accept(
+                &mut whole,
+                &Linear { x: Param::State(x), h },
+                &z,
+                &[r[0], 0.0, 0.0, 0.0, r[1], 0.0, 0.0, 0.0, r[2]],
+            );
             for i in 0..3 {
                 let row = SMatrix::<f64, 1, 4>::from_fn(|_, j| h[(i, j)]);
-                accept(&mut parts, &Linear { x: Param::State(x), h: row }, &z[i..=i], &r[i..=i]);
+                accept(
+                    &mut parts,
+                    &Linear {
+                        x: Param::State(x),
+                        h: row,
+                    },
+                    &z[i..=i],
+                    &r[i..=i],
+                );
             }
             // 1e-14: rounding.
             assert!((dense(&whole) - dense(&parts)).amax() < 1e-14);
@@ -686,7 +778,10 @@ mod tests {
         let (mut f, x) = four(Form::Joseph);
         let h = SMatrix::<f64, 2, 4>::new(1.0, 0.0, 2.0, 0.0, 0.0, 1.0, 0.0, -1.0);
         let (p, x0) = (dense(&f), nalgebra::DVector::from_column_slice(&f.belief().x));
-        let (full, r) = (DMatrix::from_fn(2, 4, |i, j| h[(i, j)]), DMatrix::from_row_slice(2, 2, &[0.4, 0.1, 0.1, 0.6]));
+        let (full, r) = (
+            DMatrix::from_fn(2, 4, |i, j| h[(i, j)]),
+            DMatrix::from_row_slice(2, 2, &[0.4, 0.1, 0.1, 0.6]),
+        );
         let z = nalgebra::DVector::from_column_slice(&[5.0, -4.0]);
         let s = &full * &p * full.transpose() + &r;
         let gain = &p * full.transpose() * s.clone().try_inverse().unwrap();
@@ -707,10 +802,23 @@ mod tests {
         let h = SMatrix::<f64, 1, 4>::new(1.0, 0.0, 0.0, 0.0);
         let model = Linear { x: Param::State(x), h };
         let huber = Huber { k: 1.0 };
-        let weight = robust.update(&Observed { model: &model, value: &[50.0], noise: &[0.2] }, &mut Open, &huber).weight;
+        let weight = robust
+            .update(
+                &Observed {
+                    model: &model,
+                    value: &[50.0],
+                    noise: &[0.2],
+                },
+                &mut Open,
+                &huber,
+            )
+            .weight;
         assert!(weight < 0.1, "{weight}");
         accept(&mut inflated, &model, &[50.0], &[0.2 / weight]);
-        assert_eq!((robust.belief().x.clone(), dense(&robust)), (inflated.belief().x.clone(), dense(&inflated)));
+        assert_eq!(
+            (robust.belief().x.clone(), dense(&robust)),
+            (inflated.belief().x.clone(), dense(&inflated))
+        );
     }
 
     fn unchanged(f: &Filter, x: &[f64], p: &DMatrix<f64>) -> bool {
@@ -721,13 +829,25 @@ mod tests {
     fn numeric_trouble_leaves_the_belief_as_it_was() {
         let (mut f, x) = four(Form::Joseph);
         let (before, p) = (f.belief().x.clone(), dense(&f));
-        let model = Linear { x: Param::State(x), h: SMatrix::<f64, 1, 4>::new(1.0, 0.0, 0.0, 0.0) };
-        for (z, r) in [(f64::NAN, 1.0), (f64::INFINITY, 1.0), (0.0, f64::NAN), (0.0, -1e3), (0.0, f64::INFINITY)] {
+        let model = Linear {
+            x: Param::State(x),
+            h: SMatrix::<f64, 1, 4>::new(1.0, 0.0, 0.0, 0.0),
+        };
+        for (z, r) in [
+            (f64::NAN, 1.0),
+            (f64::INFINITY, 1.0),
+            (0.0, f64::NAN),
+            (0.0, -1e3),
+            (0.0, f64::INFINITY),
+        ] {
             assert_eq!(accept(&mut f, &model, &[z], &[r]).verdict, Verdict::Unusable, "{z} {r}");
             assert!(unchanged(&f, &before, &p), "{z} {r}");
         }
         // S = HPHᵀ + R of two equal rows without noise is singular.
-        let twice = Linear { x: Param::State(x), h: SMatrix::<f64, 2, 4>::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0) };
+        let twice = Linear {
+            x: Param::State(x),
+            h: SMatrix::<f64, 2, 4>::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
+        };
         assert_eq!(accept(&mut f, &twice, &[0.0, 0.0], &[0.0; 4]).verdict, Verdict::Unusable);
         assert!(unchanged(&f, &before, &p));
     }
@@ -737,27 +857,58 @@ mod tests {
         let mut b = LayoutBuilder::new();
         let position = declare::<Scalar>(&mut b, "position", 0.0, &[1.0], Dynamics::Process);
         let velocity = declare::<Scalar>(&mut b, "velocity", 2.0, &[1.0], Dynamics::Process);
-        let mut f = filter(b, Track { position, velocity, sigma: 0.1 }, 1);
+        let mut f = filter(
+            b,
+            Track {
+                position,
+                velocity,
+                sigma: 0.1,
+            },
+            1,
+        );
         let (x, p) = (f.belief().x.clone(), dense(&f));
-        assert_eq!(f.predict(second(1), &Input::alone(&[f64::NAN])), Err(FilterError::Diverged(second(1))));
+        assert_eq!(
+            f.predict(second(1), &Input::alone(&[f64::NAN])),
+            Err(FilterError::Diverged(second(1)))
+        );
         assert!(unchanged(&f, &x, &p) && f.belief().time == second(0));
         // A covariance that overflows while the state does not.
         let mut belief = f.belief().clone();
         belief.covariance.set(1, 1, 1e308);
         f.set_belief(belief);
         let p = dense(&f);
-        assert_eq!(f.predict(second(100), &Input::alone(&[0.0])), Err(FilterError::Diverged(second(100))));
+        assert_eq!(
+            f.predict(second(100), &Input::alone(&[0.0])),
+            Err(FilterError::Diverged(second(100)))
+        );
         assert!(unchanged(&f, &x, &p));
-        assert_eq!(f.predict(second(-1), &Input::alone(&[0.0])), Err(FilterError::Backwards { from: second(0), to: second(-1) }));
+        assert_eq!(
+            f.predict(second(-1), &Input::alone(&[0.0])),
+            Err(FilterError::Backwards {
+                from: second(0),
+                to: second(-1)
+            })
+        );
     }
 
     #[test]
     fn a_rejected_measurement_changes_nothing() {
         let (mut f, x) = four(Form::Joseph);
         let (before, p) = (f.belief().x.clone(), dense(&f));
-        let model = Linear { x: Param::State(x), h: SMatrix::<f64, 1, 4>::new(1.0, 0.0, 0.0, 0.0) };
+        let model = Linear {
+            x: Param::State(x),
+            h: SMatrix::<f64, 1, 4>::new(1.0, 0.0, 0.0, 0.0),
+        };
         let mut gate = Nis::new(0.99, Recovery::default());
-        let update = f.update(&Observed { model: &model, value: &[1e3], noise: &[0.1] }, &mut gate, &Quadratic);
+        let update = f.update(
+            &Observed {
+                model: &model,
+                value: &[1e3],
+                noise: &[0.1],
+            },
+            &mut gate,
+            &Quadratic,
+        );
         assert_eq!((update.verdict, update.weight), (Verdict::Rejected, 0.0));
         assert!(unchanged(&f, &before, &p));
     }
@@ -768,7 +919,12 @@ mod tests {
 
     impl Gate for Credulous {
         fn judge(&mut self, input: &GateInput<'_>) -> Answer {
-            Answer { decision: Decision::Readopt, statistic: input.nis, threshold: 0.0, mode: Mode::Track }
+            Answer {
+                decision: Decision::Readopt,
+                statistic: input.nis,
+                threshold: 0.0,
+                mode: Mode::Track,
+            }
         }
         fn boxed_clone(&self) -> Box<dyn Gate> {
             Box::new(self.clone())
@@ -781,7 +937,11 @@ mod tests {
         let h = SMatrix::<f64, 2, 4>::new(1.0, 0.0, 0.5, 0.0, 0.0, 1.0, 0.0, 0.3);
         let model = Linear { x: Param::State(x), h };
         let (value, noise) = ([40.0, -30.0], [0.4, 0.1, 0.1, 0.6]);
-        let observed = Observed { model: &model, value: &value, noise: &noise };
+        let observed = Observed {
+            model: &model,
+            value: &value,
+            noise: &noise,
+        };
         // The inflation alone.
         f.linearise(&observed).unwrap();
         let r = nalgebra::DVector::from_column_slice(&f.rows.residual[..2]);
@@ -817,8 +977,15 @@ mod tests {
     #[test]
     fn a_measurement_that_is_no_number_never_reaches_its_gate() {
         let (mut f, x) = four(Form::Joseph);
-        let model = Linear { x: Param::State(x), h: SMatrix::<f64, 1, 4>::new(1.0, 0.0, 0.0, 0.0) };
-        let observed = Observed { model: &model, value: &[f64::NAN], noise: &[0.1] };
+        let model = Linear {
+            x: Param::State(x),
+            h: SMatrix::<f64, 1, 4>::new(1.0, 0.0, 0.0, 0.0),
+        };
+        let observed = Observed {
+            model: &model,
+            value: &[f64::NAN],
+            noise: &[0.1],
+        };
         assert_eq!(f.update(&observed, &mut Unasked, &Quadratic).verdict, Verdict::Unusable);
     }
 
@@ -831,7 +998,11 @@ mod tests {
         // The square of the second residual overflows once P has grown by it.
         for (h, value) in [(blind, 1.0), (seeing, 1e200)] {
             let model = Linear { x: Param::State(x), h };
-            let observed = Observed { model: &model, value: &[value], noise: &[0.1] };
+            let observed = Observed {
+                model: &model,
+                value: &[value],
+                noise: &[0.1],
+            };
             assert_eq!(f.update(&observed, &mut Credulous, &Quadratic).verdict, Verdict::Unusable);
             assert!(unchanged(&f, &before, &p), "{value}");
         }
@@ -840,7 +1011,16 @@ mod tests {
     #[test]
     fn a_gauss_markov_block_relaxes_to_its_stationary_variance_whatever_the_steps() {
         let mut b = LayoutBuilder::new();
-        declare::<Scalar>(&mut b, "bias", 5.0, &[0.5], Dynamics::GaussMarkov { sigma: vec![2.0], tau: 60.0 });
+        declare::<Scalar>(
+            &mut b,
+            "bias",
+            5.0,
+            &[0.5],
+            Dynamics::GaussMarkov {
+                sigma: vec![2.0],
+                tau: 60.0,
+            },
+        );
         let mut f = filter(b, Still, 1);
         let mut g = f.boxed_clone();
         for k in 1..=100 {
@@ -861,10 +1041,34 @@ mod tests {
             let mut b = LayoutBuilder::new();
             let position = declare::<Scalar>(&mut b, "position", 0.0, &[100.0], Dynamics::Process);
             let velocity = declare::<Scalar>(&mut b, "velocity", 0.0, &[10.0], Dynamics::Process);
-            let bias = declare::<Scalar>(&mut b, "bias", 0.0, &[1.0], Dynamics::GaussMarkov { sigma: vec![1.0], tau: 30.0 });
-            declare::<Attitude>(&mut b, "attitude", nalgebra::UnitQuaternion::identity(), &[0.1; 3], Dynamics::RandomWalk { psd: vec![1e-6; 3] });
+            let bias = declare::<Scalar>(
+                &mut b,
+                "bias",
+                0.0,
+                &[1.0],
+                Dynamics::GaussMarkov {
+                    sigma: vec![1.0],
+                    tau: 30.0,
+                },
+            );
+            declare::<Attitude>(
+                &mut b,
+                "attitude",
+                nalgebra::UnitQuaternion::identity(),
+                &[0.1; 3],
+                Dynamics::RandomWalk { psd: vec![1e-6; 3] },
+            );
             let backend = Backend { form, ..Backend::EKF };
-            let mut f = Filter::new(Arc::new(b.finish()), Arc::new(Track { position, velocity, sigma: 0.01 }), backend, Size::same(1));
+            let mut f = Filter::new(
+                Arc::new(b.finish()),
+                Arc::new(Track {
+                    position,
+                    velocity,
+                    sigma: 0.01,
+                }),
+                backend,
+                Size::same(1),
+            );
             let mut r = Lcg::new(5);
             let mut now = 0;
             for _ in 0..steps {

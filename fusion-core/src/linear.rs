@@ -109,6 +109,7 @@ impl BlockMatrix {
         self.data[row * self.ld + col] = value;
     }
 
+    #[inline]
     fn mark(&mut self, row: usize, col: usize, len: usize) {
         let known = col + len <= 64 && {
             let bits = (u64::MAX >> (64 - len)) << col;
@@ -141,7 +142,9 @@ impl BlockMatrix {
         let is_active = |i: &u16| !self.rows[*i as usize].is_empty();
         (self.active, self.rest) = (0..self.n as u16).partition(is_active);
         let lists = |i: u16, k: u16| self.rows[i as usize].iter().any(|&(s, e)| s <= k && k < e);
-        self.columns = (0..self.n as u16).filter(|&k| self.active.iter().any(|&i| i == k || lists(i, k))).collect();
+        self.columns = (0..self.n as u16)
+            .filter(|&k| self.active.iter().any(|&i| i == k || lists(i, k)))
+            .collect();
         self.elements.clear();
         self.ends.clear();
         let (ld, width) = (self.ld as u32, self.active.len().next_multiple_of(2));
@@ -217,7 +220,11 @@ impl Transition {
     #[must_use]
     pub fn new(layout: &Layout) -> Self {
         let n = layout.dim();
-        Self { phi: BlockMatrix::identity(n), before: NoiseBlocks::with_room(n), after: NoiseBlocks::with_room(n) }
+        Self {
+            phi: BlockMatrix::identity(n),
+            before: NoiseBlocks::with_room(n),
+            after: NoiseBlocks::with_room(n),
+        }
     }
 
     /// Back to the identity without noise; the learnt pattern is kept.
@@ -266,7 +273,9 @@ pub(crate) struct NoiseBlocks {
 impl NoiseBlocks {
     /// Room for a full Q of dimension `n`: which of its elements are zero changes from step to step.
     fn with_room(n: usize) -> Self {
-        Self { entries: Vec::with_capacity(n * n) }
+        Self {
+            entries: Vec::with_capacity(n * n),
+        }
     }
 
     pub(crate) fn diagonal(&mut self, i: usize, value: f64) {
@@ -452,7 +461,15 @@ mod tests {
 
     fn declare<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M::Value) -> Slot<M> {
         let (name, owner, sigma) = (name.to_owned(), String::new(), vec![1.0; M::KIND.dim()]);
-        b.declare::<M>(Declaration { name, owner, unit: "", initial, sigma, dynamics: Dynamics::Process }).unwrap()
+        b.declare::<M>(Declaration {
+            name,
+            owner,
+            unit: "",
+            initial,
+            sigma,
+            dynamics: Dynamics::Process,
+        })
+        .unwrap()
     }
 
     #[test]
@@ -482,7 +499,10 @@ mod tests {
     #[test]
     fn rows_beyond_the_measurement_are_left_out_and_blocks_add_up() {
         let mut b = LayoutBuilder::new();
-        let (position, bias) = (declare::<Position>(&mut b, "position", Vector3::zeros()), declare::<Scalar>(&mut b, "bias", 0.0));
+        let (position, bias) = (
+            declare::<Position>(&mut b, "position", Vector3::zeros()),
+            declare::<Scalar>(&mut b, "bias", 0.0),
+        );
         let mut h = Jacobian::new(&b.finish(), 2);
         h.reset(2);
         for _ in 0..2 {
@@ -498,7 +518,10 @@ mod tests {
     #[test]
     fn signals_follow_the_chain_rule() {
         let mut b = LayoutBuilder::new();
-        let (position, bias) = (declare::<Position>(&mut b, "position", Vector3::zeros()), declare::<Scalar>(&mut b, "bias", 0.0));
+        let (position, bias) = (
+            declare::<Position>(&mut b, "position", Vector3::zeros()),
+            declare::<Scalar>(&mut b, "bias", 0.0),
+        );
         let rate = b.signal::<Vector<3>>("rate").unwrap();
         let layout = b.finish();
         let (mut signals, mut values) = (Jacobian::new(&layout, 3), [0.0; 3]);

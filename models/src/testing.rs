@@ -107,7 +107,9 @@ impl Bench {
             sample.extend((0..channel.width).map(|_| size * random.signed()));
         }
         match (sample.len(), self.process.input_dim()) {
-            (channels, numbers) if channels != numbers => Err(format!("its input channels have {channels} numbers, its model takes {numbers}")),
+            (channels, numbers) if channels != numbers => {
+                Err(format!("its input channels have {channels} numbers, its model takes {numbers}"))
+            }
             _ => Ok(sample),
         }
     }
@@ -195,7 +197,11 @@ fn sensor(r: &Registration) -> Result<(), String> {
                 .map_err(|e| format!("on process `{}`, state {seed}: {e}", p.name))?;
         }
     }
-    if accepted == 0 { Err(format!("no process takes it:{refusals}")) } else { Ok(()) }
+    if accepted == 0 {
+        Err(format!("no process takes it:{refusals}"))
+    } else {
+        Ok(())
+    }
 }
 
 fn gate(r: &Registration) -> Result<(), String> {

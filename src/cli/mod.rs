@@ -6,6 +6,8 @@
 
 mod blocks;
 mod check;
+mod compare;
+mod montecarlo;
 mod progress;
 mod run;
 
@@ -67,6 +69,22 @@ Examples:
   fusion blocks                  every block by role, a line each
   fusion blocks gnss_position    its fields, their units and defaults, and an example")]
     Blocks(blocks::BlocksArgs),
+    /// Run variants of a design, or several designs, on the same data and print one table.
+    #[command(after_long_help = "\
+Examples:
+  fusion compare configs/ins-gps-outlier.toml --variant base,no-gate,dead-reckoning
+  fusion compare one.toml other.toml --data ~/logs/drive-3
+  fusion compare drive.toml --variant base,outages --set filter.backend=ekf")]
+    Compare(compare::CompareArgs),
+    /// Run a design many times with independent seeds: spread of the errors, NEES and NIS.
+    ///
+    /// Runs in parallel; every run is a function of the campaign's seed and its own number, so
+    /// that runs.csv is the same file for any number of threads.
+    #[command(after_long_help = "\
+Examples:
+  fusion montecarlo configs/ins-gps-outlier.toml -n 100
+  fusion montecarlo drive.toml -n 20 --variant no-gate --seed 7 --out results", visible_alias = "mc")]
+    Montecarlo(montecarlo::MonteCarloArgs),
     /// Print the JSON Schema of a design, for editors that complete and check TOML.
     #[command(after_long_help = "\
 Examples:
@@ -204,6 +222,8 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run::run(&args),
         Command::Check(args) => check::check(&args),
         Command::Blocks(args) => blocks::blocks(&args),
+        Command::Compare(args) => compare::compare(&args),
+        Command::Montecarlo(args) => montecarlo::montecarlo(&args),
         Command::Schema => print(&format!("{:#}\n", fusion::schema::design())),
     };
     match done {

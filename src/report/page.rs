@@ -39,7 +39,6 @@ pub fn write(path: &Path, title: &str, runs: &[Run<'_>]) -> io::Result<()> {
 #[must_use]
 pub fn render(title: &str, runs: &[Run<'_>]) -> String {
     let data = serde_json::to_string(&data(runs)).unwrap_or_default();
-    let title = escape(title);
     let mut page = String::with_capacity(data.len() + 200_000);
     // Writing to a String cannot fail.
     let _ = write!(
@@ -71,7 +70,8 @@ pub fn render(title: &str, runs: &[Run<'_>]) -> String {
 </body>
 </html>
 "#,
-        header = tables::header(runs),
+        title = escape(title),
+        header = tables::header(title, runs),
         tables = tables::overview(runs),
         details = tables::details(runs),
         uplot_css = include_str!("vendor/uPlot.min.css"),

@@ -120,7 +120,7 @@ impl InputTrack {
 struct Port {
     /// Channel and its track.
     inputs: Vec<(StreamChannel, usize)>,
-    /// Its geodetic channel, the delay of its sensor [ns], and that sensor.
+    /// Its geodetic channel, the whole delay of the sensor that reads it [ns], and that sensor.
     fix: Option<(StreamChannel, i64, usize)>,
     waiting: VecDeque<(Time, Geodetic)>,
 }
@@ -206,7 +206,8 @@ impl Recording {
             match channel.shape {
                 Shape::Geodetic => {
                     let reads = |s: &&crate::assembly::SensorInfo| {
-                        s.stream == stream.name && s.channel.as_ref().is_some_and(|c| c.shape == Shape::Geodetic && c.name == channel.name)
+                        let of_stream = s.stream == stream.name || stream.alias.as_ref() == Some(&s.stream);
+                        of_stream && s.channel.as_ref().is_some_and(|c| c.shape == Shape::Geodetic && c.name == channel.name)
                     };
                     if let Some(sensor) = assembly.sensors.iter().find(reads) {
                         let index = self.sensor(&sensor.name);
@@ -216,7 +217,8 @@ impl Recording {
                 Shape::Vector | Shape::Angle if matches!(channel.width, 1 | 3) && !quality => {
                     let (unit, scale) = shown_unit(channel.dimension);
                     let mut name = channel.name.replace('_', " ");
-                    if !["angular rate", "specific force"].contains(&name.as_str()) {
+                    let driving = ["angular rate", "specific force"].contains(&name.as_str());
+                    if !driving && name != stream.name {
                         name = format!("{} · {name}", stream.name);
                     }
                     let angle = channel.shape == Shape::Angle && channel.width == 1;
@@ -354,7 +356,7 @@ impl Recording {
                 if port.waiting.len() == WAITING {
                     port.waiting.pop_front();
                 }
-                port.waiting.push_back((time.shifted(-channel.delay - delay), Geodetic::read(values)));
+                port.waiting.push_back((time.shifted(-delay), Geodetic::read(values)));
             }
         }
         self.ports[stream] = port;

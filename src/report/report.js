@@ -216,6 +216,12 @@
     });
   };
 
+  // Steps of 1, 3, 10 …: the axis is linear near 0 and logarithmic above.
+  const nisSplits = u => {
+    const out = [0, 1, 3];
+    for (let v = 10; v <= u.scales.y.max; v *= 10) { out.push(v); if (u.scales.y.max < 300) out.push(3 * v); }
+    return out.filter(v => v <= u.scales.y.max);
+  };
   const angleIncrements = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 45, 90, 180, 360, 720, 1440, 3600, 7200, 36000];
   const build = (p, width) => {
     const { spec } = p;
@@ -240,7 +246,7 @@
         { font: font(), stroke: ink, grid, ticks: grid, size: fontSize() + 16, gap: 3, space: fontSize() * 6,
           values: (u, vs) => vs.map((v, i) => v == null ? "" : `${minus(String(+v.toFixed(6)))}${i === vs.length - 1 ? " s" : ""}`) },
         { font: font(), stroke: ink, grid, ticks: grid, size: fontSize() * 4.4, gap: 3, space: fontSize() * 2.2,
-          ...(spec.angle ? { incrs: angleIncrements, values: (u, vs) => vs.map(v => minus(String(+heading(v).toFixed(3)))) }
+          ...(spec.scale === "nis" ? { splits: nisSplits, values: (u, vs) => vs.map(v => String(v)), filter: (u, vs) => vs } : spec.angle ? { incrs: angleIncrements, values: (u, vs) => vs.map(v => minus(String(+heading(v).toFixed(3)))) }
             : { values: (u, vs) => vs.map(v => v == null ? "" : minus(Math.abs(v) >= 1e6 || (v !== 0 && Math.abs(v) < 1e-4) ? v.toExponential(0) : String(+v.toFixed(5)))) }) },
       ],
       series: [{}, ...spec.series.map(s => {
@@ -486,7 +492,7 @@
       ctx.strokeStyle = color("grid");
       ctx.lineWidth = 1;
       const step = pixels => { const raw = pixels / k, p = 10 ** Math.floor(Math.log10(raw)); return [1, 2, 5, 10].map(m => m * p).find(s => s >= raw); };
-      const s = step(fontSize() * 6), text = v => minus(String(+v.toFixed(6)));
+      const s = step(fontSize() * 4.2), text = v => minus(String(+v.toFixed(6)));
       ctx.beginPath();
       ctx.textAlign = "center";
       ctx.textBaseline = "top";

@@ -52,15 +52,22 @@ fn table(caption: &str, head: &[&str], rows: &[Vec<String>]) -> String {
 }
 
 /// What the runs are, under the title.
-pub(super) fn header(runs: &[Run<'_>]) -> String {
+pub(super) fn header(title: &str, runs: &[Run<'_>]) -> String {
     let mut out = String::new();
-    let mut seen = Vec::new();
+    let mut seen = vec![title];
     for run in runs {
-        let text = &run.summary.description;
+        let text = run.summary.description.as_str();
         if !text.is_empty() && !seen.contains(&text) {
             let _ = writeln!(out, "<p>{}</p>", escape(text));
             seen.push(text);
         }
+    }
+    let mut backends: Vec<&str> = runs.iter().map(|r| r.summary.backend.as_str()).collect();
+    backends.dedup();
+    if let [backend] = backends[..]
+        && !backend.is_empty()
+    {
+        let _ = writeln!(out, "<p>Backend: {}</p>", escape(backend));
     }
     out
 }
@@ -90,13 +97,17 @@ pub(super) fn overview(runs: &[Run<'_>]) -> String {
     if has(&|s| s.drift_rms.is_some()) {
         column("outage RMS [m]", |s| s.drift_rms);
     }
-    head.extend(["estimates", "rejected", "backend"]);
+    head.extend(["estimates", "rejected"]);
+    let differ = runs.windows(2).any(|w| w[0].summary.backend != w[1].summary.backend);
+    if differ {
+        head.push("backend");
+    }
     let rows: Vec<Vec<String>> = runs
         .iter()
         .map(|run| {
             let s = run.summary;
             let rejected = s.sensors.iter().map(|t| t.rejected).sum::<u64>();
-            let tail = [count(s.epochs), count(rejected), escape(&s.backend)];
+            let tail = [count(s.epochs), count(rejected)].into_iter().chain(differ.then(|| escape(&s.backend)));
             std::iter::once(escape(run.name)).chain(cells.iter().map(|c| c(run))).chain(tail).collect()
         })
         .collect();

@@ -2,11 +2,9 @@
 //!
 //! Valid within 10 km of the beacon, on the plane that touches the earth there. Not here: clock drift.
 
-use fusion::core::geometry::wgs84::radii;
 use fusion::core::model::{Exact, ExactModel, ExactView, Measurement, Real, Undefined};
 use fusion::core::state::{Geodetic, Quantity, Velocity};
-use fusion::models::block::{Build, BuildError, Channel, Reading, SensorSpec};
-use fusion::models::{initial::explicit::PlaceSpec, units::*};
+use fusion::models::{block::*, initial::explicit::PlaceSpec, units::*};
 
 /// Range rate to a fixed beacon.
 #[derive(Debug, serde::Deserialize, schemars::JsonSchema)]
@@ -15,7 +13,7 @@ pub struct RangeRateSpec {
     /// Where the beacon is.
     beacon: PlaceSpec,
 }
-fusion::models::register!(Sensor, "range_rate", RangeRateSpec, r#"beacon = { latitude = "36.0985 deg", longitude = "129.4505 deg" }"#);
+fusion::models::register! { Sensor, "range_rate", RangeRateSpec, r#"beacon = { latitude = "36.0985 deg", longitude = "129.4505 deg" }"# }
 
 #[typetag::deserialize(name = "range_rate")]
 impl SensorSpec for RangeRateSpec {
@@ -26,7 +24,8 @@ impl SensorSpec for RangeRateSpec {
         vec![dim::Speed::KIND.dimension]
     }
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        Ok(Box::new(Exact(RangeRate(self.beacon.into(), b.quantity("position")?, b.quantity("velocity")?))))
+        let (position, velocity) = (b.quantity("position")?, b.quantity("velocity")?);
+        Ok(Box::new(Exact(RangeRate(self.beacon.into(), position, velocity))))
     }
 }
 
@@ -40,14 +39,12 @@ impl ExactModel for RangeRate {
     }
     fn h<D: Real>(&self, x: &ExactView<'_, D>, z: &mut [D]) -> Result<(), Undefined> {
         let (beacon, [lat, lon, height], v) = (&self.0, x.geodetic(&self.1), x.velocity(&self.2));
-        let r = radii(beacon.lat);
-        let (north, east) = ((lat - beacon.lat) * r.meridian, (lon - beacon.lon) * (r.normal * beacon.lat.cos()));
+        let r = fusion::core::geometry::wgs84::radii(beacon.lat);
+        let north = (lat - beacon.lat) * r.meridian;
+        let east = (lon - beacon.lon) * (r.normal * beacon.lat.cos());
         let d = nalgebra::Vector3::new(north, east, -height + beacon.height);
-        let squared = d.dot(&d);
-        if squared.re() < 1.0 {
-            return Err(Undefined("the body is at the beacon"));
-        }
-        z[0] = d.dot(&v) / squared.sqrt();
+        let (range, here) = (d.dot(&d).sqrt(), Undefined("the body is at the beacon"));
+        z[0] = if range.re() > 1.0 { d.dot(&v) / range } else { return Err(here) };
         Ok(())
     }
 }

@@ -14,7 +14,10 @@ fn block<'a>(document: &'a str, mark: &str) -> &'a str {
 
 #[test]
 fn contributing_quotes_the_block_as_it_is_compiled() {
-    assert_eq!(block(CONTRIBUTING, "`examples/own-blocks/src/range_rate.rs`"), include_str!("../src/range_rate.rs"));
+    assert_eq!(
+        block(CONTRIBUTING, "`examples/own-blocks/src/range_rate.rs`"),
+        include_str!("../src/range_rate.rs")
+    );
 }
 
 #[test]
@@ -40,7 +43,10 @@ fn the_readme_lists_the_registered_blocks_and_no_others() {
     fusion::models::link();
     for role in Role::ALL {
         let start = format!("| {} |", role.name());
-        let row = README.lines().find(|line| line.starts_with(&start)).unwrap_or_else(|| panic!("no row {start:?}"));
+        let row = README
+            .lines()
+            .find(|line| line.starts_with(&start))
+            .unwrap_or_else(|| panic!("no row {start:?}"));
         let mut listed: Vec<&str> = row.split('`').skip(1).step_by(2).collect();
         listed.sort_unstable();
         assert_eq!(listed, registry::names(role), "{}", role.name());

@@ -15,6 +15,7 @@
 //!            heading, so that σ is too small and the compass hardly heard
 //! Not here   what the filter behind this stage knows of the attitude: it is not fed back
 
+pub mod field_gate;
 pub mod kernel;
 pub mod quaternion_filter;
 pub mod reference;
@@ -23,6 +24,7 @@ use super::stationarity::imu_channels;
 use crate::block::{Build, BuildError, Channel, Listen, Shape, StageSpec};
 use crate::earth::{LocalEarth, rates};
 use crate::units::{self, Axes, Dimension, Dimensional, NonNegative, Positive, Quantity, STANDARD_GRAVITY, Vec3Of, dim, range};
+use field_gate::FieldGateSpec;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic as Place;
 use fusion_core::runner::{Emitter, Stage};
@@ -30,7 +32,7 @@ use fusion_core::state::{Geodetic, Quantity as StateQuantity, Velocity, View};
 use fusion_core::time::{Time, nanos};
 use nalgebra::{Matrix3, Vector3};
 use quaternion_filter::Kinematics;
-use reference::{AttitudeReference, Compass, CompassGate, Correction, Settings};
+use reference::{AttitudeReference, Compass, Correction, Settings};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::borrow::Cow;
@@ -58,7 +60,7 @@ pub struct AttitudeReferenceSpec {
     /// How the accelerometers correct roll and pitch.
     #[serde(default)]
     correction: CorrectionSpec,
-    /// The numbers of `correction = "gradient"`.
+    /// The numbers of `correction = "gradient"`; of no use with the other, as `low_pass` here.
     gradient: Option<GradientSpec>,
     /// The numbers of `correction = "low_pass"`.
     low_pass: Option<LowPassSpec>,
@@ -220,8 +222,10 @@ struct CompassSpec {
     /// What the body itself adds to the field.
     #[serde(default)]
     hard_iron: Vec3Of<dim::MagneticField>,
-    /// Which headings are left out; without it none.
-    gate: Option<CompassGateSpec>,
+    /// Which fields are left out; without it none.
+    gate: Option<FieldGateSpec>,
+    /// Headings whose innovation is larger, in its own 1σ, are left out; without it none.
+    max_innovation: Option<Positive<dim::Ratio>>,
 }
 
 /// What a compass delivers.
@@ -233,45 +237,6 @@ enum CompassChannel {
     MagneticField,
     /// The channel `heading`, from magnetic north.
     Heading,
-}
-
-/// Which headings are left out: those of a field that is not the Earth's, and those far from the
-/// prediction.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-struct CompassGateSpec {
-    /// The undisturbed field; learnt during the alignment where absent.
-    field: Option<FieldSpec>,
-    /// Largest difference of |m|, as a share of it.
-    magnitude: Positive<dim::Ratio>,
-    /// Largest difference of the dip.
-    dip: Positive<dim::Angle>,
-    /// Largest innovation, in its own 1σ.
-    innovation: Positive<dim::Ratio>,
-    /// A field that has been another one, but steady, for so long is the new reference.
-    adopt_after: Positive<dim::Duration>,
-}
-
-impl Default for CompassGateSpec {
-    fn default() -> Self {
-        Self {
-            field: None,
-            magnitude: constant_of(0.05),
-            dip: constant_of(3_f64.to_radians()),
-            innovation: constant_of(3.0),
-            adopt_after: constant_of(60.0),
-        }
-    }
-}
-
-/// An undisturbed field.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct FieldSpec {
-    /// |m|.
-    magnitude: Positive<dim::MagneticField>,
-    /// Angle below the horizon.
-    dip: units::Angle,
 }
 
 /// A default that lies in its range.
@@ -287,7 +252,7 @@ fn two_degrees() -> Positive<dim::Angle> {
     constant_of(2_f64.to_radians())
 }
 
-fn thirty_hertz() -> Positive<dim::Frequency> {
+pub(crate) fn thirty_hertz() -> Positive<dim::Frequency> {
     constant_of(30.0)
 }
 
@@ -295,7 +260,7 @@ fn constant() -> Axes<dim::RateRandomWalk, range::NonNegative> {
     [NonNegative::default(); 3].into()
 }
 
-fn no_soft_iron() -> [Vec3Of<dim::Ratio>; 3] {
+pub(crate) fn no_soft_iron() -> [Vec3Of<dim::Ratio>; 3] {
     let row = |i: usize| core::array::from_fn(|j| Quantity::from_si(f64::from(i == j))).into();
     [row(0), row(1), row(2)]
 }
@@ -313,7 +278,7 @@ compensation = "earth_and_transport"
 latitude = "36.1 deg"
 correction = "low_pass"
 low_pass = { time_constant = "1.5 s", sigma = "0.5 deg", band = "5 %" }
-compass = { source = "imu", sigma = "10 deg", rate = "30 Hz", declination = "-8 deg", gate = { magnitude = "5 %", dip = "3 deg" } }
+compass = { source = "imu", sigma = "10 deg", rate = "30 Hz", declination = "-8 deg", gate = { magnitude = "5 %", dip = "3 deg" }, max_innovation = 3 }
 alignment = "1 s"
 "#
 );
@@ -352,12 +317,6 @@ impl StageSpec for AttitudeReferenceSpec {
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
-        if self.gradient.is_some() && self.correction != CorrectionSpec::Gradient {
-            return Err(BuildError::at("gradient", "these numbers belong to `correction = \"gradient\"`"));
-        }
-        if self.low_pass.is_some() && self.correction != CorrectionSpec::LowPass {
-            return Err(BuildError::at("low_pass", "these numbers belong to `correction = \"low_pass\"`"));
-        }
         let place = match self.latitude {
             Some(latitude) => Some(Place {
                 lat: latitude.si(),
@@ -387,7 +346,7 @@ impl StageSpec for AttitudeReferenceSpec {
     }
 }
 
-fn heading_channel() -> Channel {
+pub(crate) fn heading_channel() -> Channel {
     Channel {
         name: Cow::Borrowed("heading"),
         width: 1,
@@ -450,13 +409,8 @@ impl CompassSpec {
             hard_iron: self.hard_iron.si().into(),
             sigma: self.sigma.si(),
             period: nanos(1.0 / self.rate.si()),
-            gate: self.gate.map(|g| CompassGate {
-                field: g.field.map(|f| (f.magnitude.si(), f.dip.si())),
-                magnitude: g.magnitude.si(),
-                dip: g.dip.si(),
-                innovation: g.innovation.si(),
-                adopt_after: g.adopt_after.si(),
-            }),
+            gate: self.gate.filter(|g| g.enabled).map(|g| g.build()),
+            max_innovation: self.max_innovation.map_or(f64::INFINITY, |limit| limit.si()),
         }
     }
 }

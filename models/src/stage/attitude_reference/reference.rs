@@ -1,7 +1,8 @@
 //! The attitude reference itself: what it does with a row of the IMU, of the magnetometer, of a
 //! compass. It knows neither TOML nor streams.
 
-use super::kernel::{self, Field};
+use super::field_gate::FieldGate;
+use super::kernel;
 use super::quaternion_filter::{Kinematics, QuaternionFilter, measured_in_body_axes};
 use fusion_core::geometry::so3;
 use fusion_core::state::wrap;
@@ -53,23 +54,10 @@ pub struct Compass {
     pub sigma: f64,
     /// Least time between two corrections [ns].
     pub period: i64,
-    /// Which headings are left out.
-    pub gate: Option<CompassGate>,
-}
-
-/// Which headings are left out.
-#[derive(Clone, Copy, Debug)]
-pub struct CompassGate {
-    /// The undisturbed |m| and dip; learnt while aligning where absent.
-    pub field: Option<(f64, f64)>,
-    /// Largest relative difference of |m|.
-    pub magnitude: f64,
-    /// Largest difference of the dip [rad].
-    pub dip: f64,
-    /// Largest innovation, in its own 1σ.
-    pub innovation: f64,
-    /// A field that has been another one, but steady, for so long [s] is the new reference.
-    pub adopt_after: f64,
+    /// Which fields are left out.
+    pub gate: Option<FieldGate>,
+    /// Headings whose innovation is larger, in its own 1σ, are left out.
+    pub max_innovation: f64,
 }
 
 /// Everything the reference is told once.
@@ -105,16 +93,6 @@ struct Alignment {
     heading: Option<f64>,
 }
 
-/// What the compass gate remembers.
-#[derive(Clone, Copy, Debug, Default)]
-struct Memory {
-    /// The undisturbed |m| and dip.
-    reference: Option<(f64, f64)>,
-    /// Another field, and since when.
-    other: Option<(f64, f64, Time)>,
-    last: Option<Time>,
-}
-
 /// The attitude reference.
 #[derive(Debug)]
 pub struct AttitudeReference {
@@ -123,7 +101,8 @@ pub struct AttitudeReference {
     belief: Option<QuaternionFilter>,
     /// Low-passed specific force, body axes.
     force: Vector3<f64>,
-    memory: Memory,
+    /// Of the last heading used.
+    turned: Option<Time>,
     last: Option<Time>,
 }
 
@@ -136,7 +115,7 @@ impl AttitudeReference {
             alignment: Alignment::default(),
             belief: None,
             force: Vector3::zeros(),
-            memory: Memory::default(),
+            turned: None,
             last: None,
         }
     }
@@ -201,7 +180,7 @@ impl AttitudeReference {
 
     /// Takes a raw field (any unit).
     pub fn field(&mut self, time: Time, raw: &Vector3<f64>) {
-        let Some(compass) = &self.settings.compass else { return };
+        let Some(compass) = &mut self.settings.compass else { return };
         let m = kernel::calibrated(raw, &compass.soft_iron, &compass.hard_iron);
         let Some(belief) = &self.belief else {
             self.alignment.field += m;
@@ -209,12 +188,11 @@ impl AttitudeReference {
             return;
         };
         let seen = kernel::field(&m, &belief.q, compass.declination);
-        if let Some(gate) = compass.gate
-            && !self.memory.undisturbed(&gate, &seen, time)
-        {
+        if compass.gate.as_mut().is_some_and(|gate| !gate.passes(&seen, time)) {
             return;
         }
-        self.turn(time, seen.turn, &(belief.q * m));
+        let m_n = belief.q * m;
+        self.turn(time, seen.turn, &m_n);
     }
 
     /// Takes a heading [rad] of a compass, clockwise from magnetic north.
@@ -237,14 +215,14 @@ impl AttitudeReference {
         let (Some(compass), Some(belief)) = (&self.settings.compass, &mut self.belief) else {
             return;
         };
-        let due = self.memory.last.is_none_or(|last| time.nanos() - last.nanos() >= compass.period);
+        let due = self.turned.is_none_or(|last| time.nanos() - last.nanos() >= compass.period);
         if !due {
             return;
         }
-        let limit = compass.gate.map_or(f64::INFINITY, |g| g.innovation * g.innovation);
+        let limit = compass.max_innovation * compass.max_innovation;
         let passes = |squared: f64, variance: f64| squared <= limit * variance;
         if belief.update_heading(turn, &kernel::heading_slope(v_n), compass.sigma * compass.sigma, passes) {
-            self.memory.last = Some(time);
+            self.turned = Some(time);
         }
     }
 
@@ -252,19 +230,20 @@ impl AttitudeReference {
         let a = &mut self.alignment;
         a.force += f_b;
         let since = *a.since.get_or_insert(time);
-        let s = &self.settings;
+        let s = &mut self.settings;
         let waiting = s.compass.is_some() && a.heading.is_none() && a.fields == 0.0;
         if time.seconds_since(since) < s.alignment || waiting || a.force == Vector3::zeros() {
             return;
         }
         let mut q = kernel::levelled(&UnitQuaternion::identity(), &a.force);
-        if let Some(compass) = &s.compass {
+        if let Some(compass) = &mut s.compass {
             let turn = match a.heading {
                 Some(heading) => wrap(heading - so3::to_rpy(&q).z),
                 None => {
                     let seen = kernel::field(&(a.field / a.fields), &q, compass.declination);
-                    let declared = compass.gate.and_then(|g| g.field);
-                    self.memory.reference = declared.or(Some((seen.magnitude, seen.dip)));
+                    if let Some(gate) = &mut compass.gate {
+                        gate.learn(&seen);
+                    }
                     seen.turn
                 }
             };
@@ -292,27 +271,6 @@ fn of_vertical(q: &UnitQuaternion<f64>, variance: f64) -> Matrix4<f64> {
     measured_in_body_axes(q, &in_body_axes(q, &Vector3::new(variance, variance, UNKNOWN)))
 }
 
-impl Memory {
-    /// Whether the field looks as it does undisturbed.
-    fn undisturbed(&mut self, gate: &CompassGate, seen: &Field, time: Time) -> bool {
-        let near = |m: f64, dip: f64| (seen.magnitude / m - 1.0).abs() <= gate.magnitude && (seen.dip - dip).abs() <= gate.dip;
-        if self.reference.is_none_or(|(m, dip)| near(m, dip)) {
-            self.other = None;
-            return true;
-        }
-        match self.other {
-            Some((m, dip, since)) if near(m, dip) => {
-                if time.seconds_since(since) >= gate.adopt_after {
-                    self.reference = Some((m, dip));
-                    self.other = None;
-                }
-            }
-            _ => self.other = Some((seen.magnitude, seen.dip, time)),
-        }
-        false
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -321,12 +279,12 @@ mod tests {
     const DT: f64 = 0.01;
 
     fn settings(correction: Correction) -> Settings {
-        let gate = CompassGate {
-            field: None,
+        let gate = FieldGate {
             magnitude: 0.05,
             dip: 0.05,
-            innovation: 3.0,
             adopt_after: 20.0,
+            reference: None,
+            other: None,
         };
         let compass = Compass {
             declination: -0.1,
@@ -335,6 +293,7 @@ mod tests {
             sigma: 0.1,
             period: 33_000_000,
             gate: Some(gate),
+            max_innovation: 3.0,
         };
         Settings {
             kinematics: Kinematics::Exact,

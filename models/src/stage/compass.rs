@@ -1,0 +1,212 @@
+//! The tilt-compensated compass: headings from a magnetometer and the filter's own roll and pitch.
+//!
+//! Calibrated m = A (m_raw − hard_iron)
+//! Output     `heading` ψ + η [rad] clockwise from true north, ψ the filter's own yaw and η the turn
+//!            about down that brings C_nb m to magnetic north; before the filter starts, from the
+//!            tilt that the specific force gives
+//! Gate       size and dip of the field against the undisturbed ones, learnt over the first second
+//!            ([`super::attitude_reference::field_gate`])
+//! Used by    the sensor `heading` (its own `declination` is then 0), the initialiser `compass`
+//! Valid      the heading is as wrong as the tilt times tan(dip)
+
+use super::attitude_reference::field_gate::{FieldGate, FieldGateSpec};
+use super::attitude_reference::{heading_channel, kernel, no_soft_iron, thirty_hertz};
+use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
+use crate::units::{self, Dimensional, Positive, Vec3Of, dim};
+use fusion_core::geometry::so3;
+use fusion_core::runner::{Emitter, Stage};
+use fusion_core::state::{Attitude, Quantity, View, wrap};
+use fusion_core::time::{Time, nanos};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Headings from a magnetometer, tilt-compensated by the filter's own roll and pitch.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CompassStageSpec {
+    /// A stream with a `magnetic_field` channel, three axes.
+    source: String,
+    /// A stream with a `specific_force` channel, for the tilt before the filter starts; without it
+    /// the body is taken for level.
+    level_source: Option<String>,
+    /// Headings per second at most.
+    #[serde(default = "thirty_hertz")]
+    rate: Positive<dim::Frequency>,
+    /// Where magnetic north lies clockwise from true north.
+    #[serde(default)]
+    declination: units::Angle,
+    /// A of m = A (m_raw − hard_iron), row by row.
+    #[serde(default = "no_soft_iron")]
+    soft_iron: [Vec3Of<dim::Ratio>; 3],
+    /// What the body itself adds to the field.
+    #[serde(default)]
+    hard_iron: Vec3Of<dim::MagneticField>,
+    /// Which fields are left out; without it none.
+    gate: Option<FieldGateSpec>,
+}
+
+crate::register!(
+    Stage,
+    "compass",
+    CompassStageSpec,
+    r#"
+source = "magnetometer"
+level_source = "imu"
+rate = "30 Hz"
+declination = "-8 deg"
+soft_iron = [[1.02, 0, 0], [0, 0.99, 0], [0, 0, 1]]
+hard_iron = ["1.2 uT", "-3 uT", 0]
+gate = { magnitude = "5 %", dip = "3 deg", adopt_after = "60 s" }
+"#
+);
+
+#[typetag::deserialize(name = "compass")]
+impl StageSpec for CompassStageSpec {
+    fn inputs(&self) -> Vec<Listen> {
+        let field = Channel::vector("magnetic_field", 3, dim::MagneticField::KIND.dimension);
+        let mut inputs = vec![Listen {
+            source: self.source.clone(),
+            channels: vec![field],
+        }];
+        if let Some(source) = &self.level_source {
+            let force = Channel::vector("specific_force", 3, dim::Acceleration::KIND.dimension);
+            inputs.push(Listen {
+                source: source.clone(),
+                channels: vec![force],
+            });
+        }
+        inputs
+    }
+
+    fn output(&self) -> Vec<Channel> {
+        vec![heading_channel()]
+    }
+
+    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
+        Ok(Box::new(CompassStage {
+            attitude: b.quantity("attitude")?,
+            declination: self.declination.si(),
+            soft_iron: Matrix3::from_rows(&self.soft_iron.map(|row| Vector3::from(row.si()).transpose())),
+            hard_iron: self.hard_iron.si().into(),
+            gate: self.gate.filter(|g| g.enabled).map(|g| g.build()),
+            period: nanos(1.0 / self.rate.si()),
+            begun: None,
+            field: Vector3::zeros(),
+            force: Vector3::new(0.0, 0.0, -1.0),
+            next: Time::MIN,
+        }))
+    }
+}
+
+/// How long the undisturbed field is averaged.
+const LEARNING: f64 = 1.0;
+
+#[derive(Debug)]
+struct CompassStage {
+    attitude: Quantity<Attitude>,
+    declination: f64,
+    soft_iron: Matrix3<f64>,
+    hard_iron: Vector3<f64>,
+    gate: Option<FieldGate>,
+    period: i64,
+    begun: Option<(Time, f64)>,
+    /// The mean field while learning.
+    field: Vector3<f64>,
+    /// The last specific force, for the tilt before there is an estimate.
+    force: Vector3<f64>,
+    next: Time,
+}
+
+impl Stage for CompassStage {
+    fn row(&mut self, input: usize, time: Time, row: &[f64], view: Option<&View<'_>>, out: &mut Emitter) {
+        let read = Vector3::new(row[0], row[1], row[2]);
+        if !row.iter().all(|v| v.is_finite()) || read == Vector3::zeros() {
+            return;
+        }
+        if input == 1 {
+            self.force = read;
+            return;
+        }
+        let m = kernel::calibrated(&read, &self.soft_iron, &self.hard_iron);
+        let q = match view {
+            Some(view) => view.get(&self.attitude),
+            None => kernel::levelled(&UnitQuaternion::identity(), &self.force),
+        };
+        let seen = kernel::field(&m, &q, self.declination);
+        let (since, count) = self.begun.get_or_insert((time, 0.0));
+        if let Some(gate) = &mut self.gate {
+            if time.seconds_since(*since) < LEARNING {
+                *count += 1.0;
+                self.field += (q * m - self.field) / *count;
+            } else {
+                gate.learn(&kernel::field(&self.field, &UnitQuaternion::identity(), 0.0));
+                if !gate.passes(&seen, time) {
+                    return;
+                }
+            }
+        }
+        if time >= self.next {
+            self.next = time.shifted(self.period);
+            out.emit(time, &[wrap(so3::to_rpy(&q).z + seen.turn)]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stage(gate: bool) -> CompassStage {
+        CompassStage {
+            attitude: Quantity::Fixed(so3::from_rpy(0.3, -0.2, 1.0)),
+            declination: -0.1,
+            soft_iron: Matrix3::identity(),
+            hard_iron: Vector3::zeros(),
+            gate: gate.then(|| FieldGateSpec::default().build()),
+            period: 0,
+            begun: None,
+            field: Vector3::zeros(),
+            force: Vector3::new(0.0, 0.0, -1.0),
+            next: Time::MIN,
+        }
+    }
+
+    fn heading(stage: &mut CompassStage, t: f64, m: &Vector3<f64>, view: Option<&View<'_>>) -> Option<f64> {
+        let mut out = Emitter::default();
+        stage.row(0, Time::from_seconds(t), m.as_slice(), view, &mut out);
+        let heading = out.rows().next().map(|(_, row)| row[0]);
+        heading
+    }
+
+    #[test]
+    fn the_heading_is_the_bodys_whatever_yaw_the_filter_has_and_before_it_starts() {
+        let m_n = Vector3::new(0.1_f64.cos(), -0.1_f64.sin(), 2.0);
+        let q = so3::from_rpy(0.3, -0.2, 2.5);
+        let m = q.inverse() * m_n;
+        let mut stage = stage(false);
+        let view = View::new(&[], &[]);
+        // 1e-14: trigonometric functions.
+        assert!((heading(&mut stage, 0.0, &m, Some(&view)).unwrap() - 2.5).abs() < 1e-14);
+        stage.row(
+            1,
+            Time::default(),
+            (q.inverse() * Vector3::new(0.0, 0.0, -9.8)).as_slice(),
+            None,
+            &mut Emitter::default(),
+        );
+        assert!((heading(&mut stage, 1.0, &m, None).unwrap() - 2.5).abs() < 1e-14);
+    }
+
+    #[test]
+    fn a_disturbed_field_gives_no_heading() {
+        let mut stage = stage(true);
+        let view = View::new(&[], &[]);
+        let m = so3::from_rpy(0.3, -0.2, 2.5).inverse() * Vector3::new(1.0, 0.0, 2.0);
+        for k in 0..20 {
+            assert!(heading(&mut stage, f64::from(k) * 0.1, &m, Some(&view)).is_some());
+        }
+        assert!(heading(&mut stage, 2.0, &(m * 1.1), Some(&view)).is_none());
+        assert!(heading(&mut stage, 2.1, &m, Some(&view)).is_some());
+    }
+}

@@ -1,0 +1,128 @@
+//! The specific force averaged in axes that do not turn: a vertical under acceleration.
+//!
+//! Output     `specific_force` f̄ [m/s²], body axes:  f̄⁺ = Exp(−wΔt) f̄ + (1 − e^(−Δt/τ)) (f − Exp(−wΔt) f̄)
+//! Rate       w = w_m less the filter's own `gyro_bias`
+//! Used by    the sensor `gravity_direction`
+//! Mind       neighbours share what the average holds: a row every 2τ says as much as all of them
+//! Valid      accelerations that average out over τ, gyros that do not drift over it
+
+use super::attitude_reference::kernel;
+use super::stationarity::imu_channels;
+use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
+use crate::units::{Dimensional, Positive, dim};
+use fusion_core::runner::{Emitter, Stage};
+use fusion_core::state::{Quantity, Vector, View};
+use fusion_core::time::{Time, nanos};
+use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// The specific force low-passed in axes that do not turn: a vertical for a body that accelerates.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SteadyForceSpec {
+    /// The IMU stream.
+    source: String,
+    /// Time constant: longer than the accelerations last, shorter than the gyros drift.
+    time_constant: Positive<dim::Duration>,
+    /// Rows per second.
+    rate: Positive<dim::Frequency>,
+}
+
+crate::register!(
+    Stage,
+    "steady_force",
+    SteadyForceSpec,
+    r#"
+source = "imu"
+time_constant = "1.5 s"
+rate = "0.33 Hz"
+"#
+);
+
+#[typetag::deserialize(name = "steady_force")]
+impl StageSpec for SteadyForceSpec {
+    fn inputs(&self) -> Vec<Listen> {
+        vec![Listen {
+            source: self.source.clone(),
+            channels: imu_channels(),
+        }]
+    }
+
+    fn output(&self) -> Vec<Channel> {
+        vec![Channel::vector("specific_force", 3, dim::Acceleration::KIND.dimension)]
+    }
+
+    fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
+        Ok(Box::new(SteadyForce {
+            gyro_bias: b.quantity("gyro_bias").ok(),
+            time_constant: self.time_constant.si(),
+            period: nanos(1.0 / self.rate.si()),
+            last: None,
+            next: Time::MIN,
+        }))
+    }
+}
+
+#[derive(Debug)]
+struct SteadyForce {
+    gyro_bias: Option<Quantity<Vector<3>>>,
+    time_constant: f64,
+    period: i64,
+    last: Option<(Time, Vector3<f64>)>,
+    next: Time,
+}
+
+impl Stage for SteadyForce {
+    fn row(&mut self, _: usize, time: Time, row: &[f64], view: Option<&View<'_>>, out: &mut Emitter) {
+        if !row.iter().all(|v| v.is_finite()) {
+            return;
+        }
+        let (w, f) = (Vector3::new(row[0], row[1], row[2]), Vector3::new(row[3], row[4], row[5]));
+        let bias = view
+            .zip(self.gyro_bias.as_ref())
+            .map_or_else(Vector3::zeros, |(view, bias)| view.get(bias));
+        let steady = self.last.map_or(f, |(last, steady)| {
+            kernel::low_passed(&steady, &f, &(w - bias), time.seconds_since(last), self.time_constant)
+        });
+        self.last = Some((time, steady));
+        if time >= self.next {
+            self.next = time.shifted(self.period);
+            out.emit(time, steady.as_slice());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fusion_core::geometry::so3;
+
+    #[test]
+    fn a_turning_body_that_shakes_gives_its_vertical_less_the_bias_of_its_gyros() {
+        let bias = Vector3::new(0.02, -0.01, 0.03);
+        let mut stage = SteadyForce {
+            gyro_bias: Some(Quantity::Fixed(bias)),
+            time_constant: 1.5,
+            period: 0,
+            last: None,
+            next: Time::MIN,
+        };
+        let (w, mut q, view) = (Vector3::new(0.3, -0.5, 0.8), so3::from_rpy(0.1, 0.2, 0.3), View::new(&[], &[]));
+        for k in 0..1000 {
+            let shake = (core::f64::consts::TAU * 2.0 * f64::from(k) * 0.01).sin() * 3.0;
+            let f = q.inverse() * Vector3::new(shake, 0.0, -9.8);
+            let row = [w.x + bias.x, w.y + bias.y, w.z + bias.z, f.x, f.y, f.z];
+            let mut out = Emitter::default();
+            stage.row(0, Time::from_seconds(f64::from(k) * 0.01), &row, Some(&view), &mut out);
+            let rows: Vec<_> = out.rows().map(|(_, row)| q * Vector3::new(row[0], row[1], row[2])).collect();
+            // 3 m/s² at 2 Hz through 1/(2π·2·1.5), and as much again of the transient.
+            assert!(
+                (rows[0] - Vector3::new(0.0, 0.0, -9.8)).norm() < 2.0 * 3.0 / 18.8,
+                "{k}: {}",
+                rows[0]
+            );
+            q *= so3::exp(&(w * 0.01));
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! `fusion montecarlo`.
+
+use super::{DesignArgs, Failure, print};
+use clap::Args;
+use fusion::campaign::monte_carlo;
+use fusion::config::{Diagnostic, Diagnostics};
+use fusion::run::Options;
+use indicatif::{ProgressBar, ProgressDrawTarget};
+use std::fs::File;
+use std::io::{BufWriter, IsTerminal};
+use std::path::PathBuf;
+
+#[derive(Debug, Args)]
+pub(super) struct MonteCarloArgs {
+    #[command(flatten)]
+    design: DesignArgs,
+    /// How many runs.
+    #[arg(short, long, value_name = "N", default_value_t = 100)]
+    n: u64,
+    /// Seed of the campaign; each run draws its own from it and from its number.
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    seed: u64,
+    /// Threads; as many as there are cores without it. The results do not depend on it.
+    #[arg(long, value_name = "T", default_value_t = 0)]
+    threads: usize,
+    /// Writes runs.csv here, one row per run; the folder is made if need be.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+pub(super) fn montecarlo(args: &MonteCarloArgs) -> Result<(), Failure> {
+    let design = args.design.read()?;
+    let options = Options { data: args.design.data.clone(), base: args.design.base(), out: None, seed: None };
+    let bar = if std::io::stderr().is_terminal() {
+        ProgressBar::with_draw_target(Some(args.n), ProgressDrawTarget::stderr())
+    } else {
+        ProgressBar::hidden()
+    };
+    let campaign = monte_carlo(&design, &options, args.n, args.seed, args.threads, &|done| bar.set_position(done as u64));
+    bar.finish_and_clear();
+    let campaign = campaign?;
+    let mut text = campaign.to_string();
+    if let Some(out) = &args.out {
+        let path = out.join("runs.csv");
+        let unwritable = |e: std::io::Error| -> Diagnostics { Diagnostic::error(format!("cannot write {}: {e}", path.display())).into() };
+        std::fs::create_dir_all(out).map_err(unwritable)?;
+        let file = File::create(&path).map_err(unwritable)?;
+        campaign.write(BufWriter::new(file)).map_err(unwritable)?;
+        text.push_str(&format!("\nWritten\n  {}\n", path.display()));
+    }
+    print(&text)
+}

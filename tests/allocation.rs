@@ -1,0 +1,223 @@
+//! Prediction, update and the runner allocate nothing once they have warmed up.
+//!
+//! A binary of its own: the allocator that counts is the program's.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests are tests")]
+#![expect(
+    unsafe_code,
+    reason = "an allocator can be written in no other way; this one forwards to the system's"
+)]
+
+use fusion::Navigator;
+use fusion::core::filter::{Backend, Estimator, Filter, Observed, Verdict};
+use fusion::core::gate::Open;
+use fusion::core::loss::Quadratic;
+use fusion::core::model::{Input, Size};
+use fusion::core::runner::Event;
+use fusion::core::time::Time;
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+thread_local! {
+    /// Of this thread alone: the harness allocates in others.
+    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+}
+
+struct Counting;
+
+fn count() {
+    // A thread that is ending has no counter any more, and nothing is counted there.
+    let _ = ALLOCATIONS.try_with(|c| c.set(c.get() + 1));
+}
+
+// SAFETY: every call is forwarded to the system's allocator with its arguments unchanged, and
+// counting neither allocates nor panics.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: the caller's promises are those `System` asks for.
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count();
+        // SAFETY: as above.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count();
+        // SAFETY: as above; `memory` came from `System`.
+        unsafe { System.realloc(memory, layout, size) }
+    }
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        // SAFETY: as above.
+        unsafe { System.dealloc(memory, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Allocations and reallocations of this thread while `work` runs.
+fn allocations(work: impl FnOnce()) -> u64 {
+    let before = ALLOCATIONS.get();
+    work();
+    ALLOCATIONS.get() - before
+}
+
+/// Biases that walk and decay, estimated lever arm and latency, signals, gates, losses, stages.
+const DESIGN: &str = r#"
+[filter]
+backend = "BACKEND"
+
+[process]
+type = "strapdown"
+source = "imu"
+integrator = "INTEGRATOR"
+gyro.noise = "0.2 deg/sqrt(h)"
+accelerometer.noise = ["70 ug/sqrt(Hz)", "70 ug/sqrt(Hz)", "90 ug/sqrt(Hz)"]
+gyro.bias = { estimate = true, initial = [0, 0, 0], sigma = "0.01 deg/s", random_walk = "1e-6 rad/s/sqrt(s)" }
+accelerometer.bias = { estimate = true, initial = [0, 0, 0], sigma = "5 mg", correlation_time = "300 s" }
+
+[sensor.position]
+type = "gnss_position"
+source = "gnss"
+lever_arm = { estimate = true, initial = [0.4, -0.2, -1.1], sigma = "0.2 m" }
+time_offset = { estimate = true, initial = "0.1 s", sigma = "30 ms" }
+noise = { sigma = ["1.5 m", "1.5 m", "2.5 m"] }
+gate = { type = "nis", probability = 0.999 }
+
+[sensor.velocity]
+type = "gnss_velocity"
+source = "gnss"
+lever_arm = { shared = "position.lever_arm" }
+noise = { sigma = "0.1 m/s" }
+loss = { type = "huber", k = 1.5 }
+
+[sensor.wheels]
+type = "nonholonomic"
+source = "clock"
+noise = { sigma = ["5 m/s", "5 m/s"] }
+
+[stage.clock]
+type = "periodic"
+source = "imu"
+rate = "2 Hz"
+
+[stage.standing]
+type = "stationarity"
+source = "imu"
+rate = "1 Hz"
+still = { window = "0.5 s", accel_std = "0.2 m/s^2", gyro_std = "0.01 rad/s" }
+
+[sensor.standing]
+type = "zero_velocity"
+source = "standing"
+noise = { sigma = "0.1 m/s" }
+
+[initial.start]
+type = "explicit"
+position = { latitude = "47 deg", longitude = "8 deg", height = "400 m" }
+position_sigma = "3 m"
+velocity = [5, 0, 0]
+velocity_sigma = "0.5 m/s"
+attitude = [0, 0, 0]
+attitude_sigma = "1 deg"
+"#;
+
+fn navigator(backend: &str, integrator: &str) -> Navigator {
+    Navigator::from_toml(&DESIGN.replace("BACKEND", backend).replace("INTEGRATOR", integrator)).unwrap()
+}
+
+fn imu(k: i64) -> [f64; 6] {
+    let t = k as f64 * 0.01;
+    [0.02 * t.sin(), 0.01 * t.cos(), 0.01, 0.3 * (2.0 * t).sin(), 0.2 * t.cos(), -9.81]
+}
+
+fn gnss(k: i64) -> [f64; 6] {
+    let t = k as f64 * 0.01;
+    [47_f64.to_radians() + 5.0 * t / 6.4e6, 8_f64.to_radians(), 400.0, 5.0, 0.0, 0.0]
+}
+
+#[test]
+fn an_allocation_is_counted() {
+    assert_eq!(allocations(|| drop(std::hint::black_box(vec![1.0; 3]))), 1);
+    assert_eq!(allocations(|| drop(std::hint::black_box([1.0; 3]))), 0);
+}
+
+#[test]
+fn prediction_and_update_allocate_nothing() {
+    for backend in ["error_state", "ekf"] {
+        let mut nav = navigator(backend, "one_sample");
+        nav.feed("imu", 0.0, &imu(0)).unwrap();
+        let belief = nav.belief().unwrap().clone();
+        let assembly = nav.assembly();
+        let backend = if backend == "ekf" { Backend::EKF } else { Backend::ERROR_STATE };
+        let mut filter = Filter::new(assembly.layout.clone(), assembly.process.clone(), backend, Size::same(3));
+        filter.set_belief(belief);
+        // Position, and velocity, whose Jacobian goes through signals.
+        let observe = |filter: &mut Filter, k: i64| {
+            let row = gnss(k);
+            for (sensor, value) in assembly.sensors.iter().zip([&row[..3], &row[3..]]) {
+                let noise = [2.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 5.0];
+                let update = filter.update(
+                    &Observed {
+                        model: sensor.model.as_ref(),
+                        value,
+                        noise: &noise,
+                    },
+                    &mut Open,
+                    &Quadratic,
+                );
+                assert_eq!(update.verdict, Verdict::Accepted);
+            }
+        };
+        let mut run = |steps: core::ops::Range<i64>| {
+            for k in steps {
+                let (now, before) = (imu(k), imu(k - 1));
+                let input = Input {
+                    sample: &now,
+                    neighbour: &before,
+                    interval: 0.01,
+                    neighbour_interval: 0.01,
+                    neighbour_is_earlier: true,
+                };
+                filter.predict(Time::from_nanos(k * 10_000_000), &input).unwrap();
+                if k % 20 == 0 {
+                    observe(&mut filter, k);
+                }
+            }
+        };
+        run(1..100);
+        assert_eq!(allocations(|| run(100..1000)), 0, "{backend:?}");
+    }
+}
+
+#[test]
+fn the_runner_allocates_nothing_in_steady_state() {
+    for integrator in ["one_sample", "two_sample"] {
+        let mut nav = navigator("error_state", integrator);
+        let (imu_stream, gnss_stream) = (nav.stream("imu").unwrap(), nav.stream("gnss").unwrap());
+        let (mut predicted, mut accepted) = (0, 0);
+        let mut run = |steps: core::ops::Range<i64>| {
+            (predicted, accepted) = (0, 0);
+            let mut observer = |event: &Event<'_>| match event {
+                Event::Predicted { .. } => predicted += 1,
+                Event::Updated { update, .. } => accepted += usize::from(update.verdict == Verdict::Accepted),
+                _ => {}
+            };
+            for k in steps {
+                let time = Time::from_nanos(k * 10_000_000);
+                nav.feed_stream(imu_stream, time, &imu(k), &mut observer).unwrap();
+                if k % 20 == 0 {
+                    // Stamped between two samples, which splits the second one.
+                    nav.feed_stream(gnss_stream, time.shifted(3_000_000), &gnss(k), &mut observer)
+                        .unwrap();
+                }
+            }
+        };
+        run(0..1000);
+        assert_eq!(allocations(|| run(1000..3000)), 0, "{integrator}");
+        // What was counted was work: 100 Hz of inputs; 5 Hz of two sensors and 2 Hz of a stage.
+        assert!(predicted > 1990 && accepted > 210, "{predicted} {accepted}");
+    }
+}
