@@ -72,7 +72,7 @@ impl Scratch {
         Self {
             a: vec![0.0; n.next_multiple_of(2) * ld],
             at: vec![0.0; n * ld],
-            core: vec![0.0; n * n],
+            core: vec![0.0; n * n.next_multiple_of(2)],
             terms: vec![Term::default(); n * n + 1],
             ends: vec![0; n],
             covered: Vec::with_capacity(n * n),
@@ -153,7 +153,7 @@ impl Covariance {
         }
         self.product(&t.phi, w);
         let m = t.phi.active().len();
-        let diagonal = (0..m).map(|a| w.core[a * m + a]);
+        let diagonal = (0..m).map(|a| w.core[a * m.next_multiple_of(2) + a]);
         let noise = t.before.entries.iter().chain(&t.after.entries).map(|e| e.2);
         if !diagonal.chain(noise).all(|v| v.abs() < LARGEST) {
             // Last first: an element may have been covered twice.
@@ -213,7 +213,7 @@ impl Covariance {
             }
         }
         let mut start = 0;
-        for (a, (&end, out)) in w.ends[..m].iter().zip(w.core.chunks_exact_mut(m)).enumerate() {
+        for (a, (&end, out)) in w.ends[..m].iter().zip(w.core.chunks_exact_mut(width)).enumerate() {
             combine(&w.terms[start..end], |t| t.in_at, &w.at, a / 2 * 2, width, out);
             start = end;
         }
@@ -229,15 +229,20 @@ impl Covariance {
             let (out, _) = self.p[i as usize * ld..(i as usize + 1) * ld].as_chunks_mut::<8>();
             out.iter_mut().zip(row.as_chunks::<8>().0).for_each(|(out, row)| *out = *row);
         }
-        for (a, (&i, row)) in phi.active().iter().zip(w.core.chunks_exact(m)).enumerate() {
-            for (&j, &value) in phi.active().iter().zip(row).skip(a) {
-                self.p[i as usize * ld + j as usize] = value;
-                self.p[j as usize * ld + i as usize] = value;
+        for &j in phi.rest() {
+            let out = &mut self.p[j as usize * ld..(j as usize + 1) * ld];
+            let mut at = j as usize;
+            for &i in phi.active() {
+                out[i as usize] = w.a[at];
+                at += ld;
             }
         }
-        for (&i, row) in phi.active().iter().zip(w.a.chunks_exact(ld)) {
-            for &j in phi.rest() {
-                self.p[j as usize * ld + i as usize] = row[j as usize];
+        for (a, (&i, row)) in phi.active().iter().zip(w.core.chunks_exact(m.next_multiple_of(2))).enumerate() {
+            let i = i as usize;
+            for (&j, &value) in phi.active()[a..].iter().zip(&row[a..]) {
+                let j = j as usize;
+                self.p[i * ld + j] = value;
+                self.p[j * ld + i] = value;
             }
         }
     }
@@ -336,9 +341,12 @@ impl Covariance {
     }
 }
 
+/// y ← y + factor · x for padded rows.
 fn axpy(factor: f64, x: &[f64], y: &mut [f64]) {
-    for (y, x) in y.iter_mut().zip(x) {
-        *y += factor * x;
+    for (y, x) in y.as_chunks_mut::<8>().0.iter_mut().zip(x.as_chunks::<8>().0) {
+        for (y, x) in y.iter_mut().zip(x) {
+            *y += factor * x;
+        }
     }
 }
 
@@ -371,7 +379,7 @@ fn piece<const W: usize>(terms: &[Term], start: impl Fn(&Term) -> u32, x: &[f64]
             *s += term.factor * x;
         }
     }
-    out[at..].iter_mut().zip(sum).for_each(|(out, s)| *out = s);
+    out[at..at + W].copy_from_slice(&sum);
 }
 
 /// Lower Cholesky factor of the symmetric m×m matrix `s` into `l`; false if it is not positive

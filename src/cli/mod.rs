@@ -27,12 +27,12 @@ const DEFAULT_NAME: &str = "ins-gps.toml (built in)";
 #[command(
     version,
     max_term_width = 100,
-    after_help = "Start with `fusion run`: it runs a built-in simulated design.\n\
+    after_help = "Without a command it runs a built-in simulated design, as `fusion run` does.\n\
                   Exit codes: 0 done, 1 the output cannot be written, 2 a mistake in the command line, the design or the data."
 )]
 struct Cli {
     #[command(subcommand)]
-    command: Command,
+    command: Option<Command>,
 }
 
 #[derive(Debug, Subcommand)]
@@ -96,7 +96,7 @@ Then name it in the first line of a design:
 }
 
 /// Which design.
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 struct DesignArgs {
     /// The design; without one, a built-in simulated one.
     config: Option<PathBuf>,
@@ -218,7 +218,8 @@ impl From<std::io::Error> for Failure {
 
 /// Runs the command.
 pub fn main() -> ExitCode {
-    let done = match Cli::parse().command {
+    let command = Cli::parse().command.unwrap_or_else(|| Command::Run(run::RunArgs::default()));
+    let done = match command {
         Command::Run(args) => run::run(&args),
         Command::Check(args) => check::check(&args),
         Command::Blocks(args) => blocks::blocks(&args),

@@ -8,7 +8,7 @@ use fusion::run::{Options, run as run_design};
 use std::fmt::Write;
 use std::path::PathBuf;
 
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 pub(super) struct RunArgs {
     #[command(flatten)]
     design: DesignArgs,

@@ -51,6 +51,7 @@ pub fn render(title: &str, runs: &[Run<'_>]) -> String {
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta name="color-scheme" content="light dark">
 <title>{title}</title>
+<script>{prelude}</script>
 <style>{uplot_css}
 {css}</style>
 </head>
@@ -62,9 +63,8 @@ pub fn render(title: &str, runs: &[Run<'_>]) -> String {
 <div id="plots"><noscript><p>The plots need JavaScript; the tables do not.</p></noscript></div>
 {details}
 </main>
-<footer><p>Drag over a plot to zoom all of them in time, double-click to reset; on a touch screen pinch. Positions are local north, east, down. Long series are drawn by their extremes.</p></footer>
+<footer><p>Drag over a plot to zoom all of them in time, double-click to reset; on a touch screen pinch. Positions are local north, east, down. Long series are drawn by their extremes; a band much wider than the curves leaves its plot.</p></footer>
 <script type="application/json" id="data">{data}</script>
-<script>{prelude}</script>
 <script>{uplot}</script>
 <script>{script}</script>
 </body>
@@ -159,7 +159,11 @@ struct TableData {
 impl TableData {
     fn of(columns: &Columns) -> Self {
         let t = base64(columns.time.iter().flat_map(|t| t.to_le_bytes()));
-        let c = columns.values.iter().map(|c| base64(c.iter().flat_map(|v| v.to_le_bytes()))).collect();
+        let c = columns
+            .values
+            .iter()
+            .map(|c| base64(c.iter().flat_map(|v| v.to_le_bytes())))
+            .collect();
         Self { t, c }
     }
 
@@ -168,10 +172,16 @@ impl TableData {
         let count = samples.iter().count();
         let every = count.div_ceil(capacity.max(2)).max(1);
         let kept = samples.iter().enumerate().filter(|(i, _)| i % every == 0 || i + 1 == count);
-        let mut columns = Columns { time: Vec::new(), values: vec![Vec::new(); N] };
+        let mut columns = Columns {
+            time: Vec::new(),
+            values: vec![Vec::new(); N],
+        };
         for (_, (t, row)) in kept {
             columns.time.push(t);
-            row.iter().zip(shift.iter()).zip(&mut columns.values).for_each(|((v, s), c)| c.push((v + s) as f32));
+            row.iter()
+                .zip(shift.iter())
+                .zip(&mut columns.values)
+                .for_each(|((v, s), c)| c.push((v + s) as f32));
         }
         Self::of(&columns)
     }
@@ -192,7 +202,9 @@ fn capacity(runs: &[Run<'_>]) -> usize {
         all.map(|r| {
             let quantities = [&r.position, &r.velocity, &r.attitude];
             let traces = quantities.into_iter().flat_map(|q| [&q.estimate, &q.truth, &q.error]);
-            let traces = traces.chain(r.sensors.iter().map(|s| &s.updates)).chain(r.inputs.iter().map(|i| &i.trace));
+            let traces = traces
+                .chain(r.sensors.iter().map(|s| &s.updates))
+                .chain(r.inputs.iter().map(|i| &i.trace));
             let series: usize = traces.map(|t| t.rows(capacity) * (8 + 4 * t.channels())).sum();
             let mounted = r.mounted.iter().count().min(capacity) * (9 * 4 + 2 * 8);
             let points = |n: usize, width: usize| n.min(capacity + 1) * (8 + 4 * width);
@@ -223,7 +235,13 @@ fn data(runs: &[Run<'_>]) -> Data {
         };
         let sensor = |s: &SensorTrack| SensorData {
             name: s.name.clone(),
-            dof: run.summary.sensors.iter().find(|t| t.name == s.name).and_then(|t| t.nis).map(|n| n.dof),
+            dof: run
+                .summary
+                .sensors
+                .iter()
+                .find(|t| t.name == s.name)
+                .and_then(|t| t.nis)
+                .map(|n| n.dof),
             gated: s.gated,
             own_statistic: s.own_statistic,
             updates: TableData::of_trace(&s.updates, capacity, &[], false),
@@ -250,7 +268,13 @@ fn data(runs: &[Run<'_>]) -> Data {
         };
         const NED: [&str; 3] = ["North", "East", "Down"];
         let mut attitude = r.attitude.clone();
-        if let Some(mounting) = run.summary.score.as_ref().and_then(|s| s.mounting_deg).filter(|_| !r.mounted.is_empty()) {
+        if let Some(mounting) = run
+            .summary
+            .score
+            .as_ref()
+            .and_then(|s| s.mounting_deg)
+            .filter(|_| !r.mounted.is_empty())
+        {
             let [roll, pitch, yaw] = mounting.map(f64::to_radians);
             (attitude.truth, attitude.error) = mounted_attitude(&r.mounted, &so3::from_rpy(roll, pitch, yaw));
         }
@@ -269,7 +293,10 @@ fn data(runs: &[Run<'_>]) -> Data {
             outages: run.summary.score.iter().flat_map(|s| &s.drift).map(|d| (d.from, d.to)).collect(),
         }
     };
-    Data { span, runs: runs.iter().map(run).collect() }
+    Data {
+        span,
+        runs: runs.iter().map(run).collect(),
+    }
 }
 
 /// RFC 4648, padded.
@@ -295,7 +322,14 @@ mod tests {
 
     #[test]
     fn base64_gives_the_vectors_of_rfc_4648() {
-        for (text, encoded) in [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foob", "Zm9vYg=="), ("foobar", "Zm9vYmFy")] {
+        for (text, encoded) in [
+            ("", ""),
+            ("f", "Zg=="),
+            ("fo", "Zm8="),
+            ("foo", "Zm9v"),
+            ("foob", "Zm9vYg=="),
+            ("foobar", "Zm9vYmFy"),
+        ] {
             assert_eq!(base64(text.bytes()), encoded);
         }
         assert_eq!(base64([0xfb, 0xff].into_iter()), "+/8=");

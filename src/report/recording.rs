@@ -81,7 +81,12 @@ pub(super) struct Quantity {
 
 impl Quantity {
     fn new() -> Self {
-        Self { estimate: Trace::new(6, BUCKETS), truth: Trace::new(3, BUCKETS), error: Trace::new(6, BUCKETS), turns: None }
+        Self {
+            estimate: Trace::new(6, BUCKETS),
+            truth: Trace::new(3, BUCKETS),
+            error: Trace::new(6, BUCKETS),
+            turns: None,
+        }
     }
 }
 
@@ -188,12 +193,20 @@ impl Recording {
             recording.connect(stream, assembly);
         }
         let mut order: Vec<usize> = (0..recording.inputs.len()).collect();
-        let drivers: Vec<usize> = recording.ports.iter().flat_map(|p| &p.inputs).filter(|(c, _)| drives(c)).map(|(_, i)| *i).collect();
+        let drivers: Vec<usize> = recording
+            .ports
+            .iter()
+            .flat_map(|p| &p.inputs)
+            .filter(|(c, _)| drives(c))
+            .map(|(_, i)| *i)
+            .collect();
         order.sort_by_key(|i| !drivers.contains(i));
         order.truncate(INPUTS);
         for port in &mut recording.ports {
             port.inputs.retain(|(_, i)| order.contains(i));
-            port.inputs.iter_mut().for_each(|(_, i)| *i = order.iter().position(|o| o == i).unwrap_or(0));
+            port.inputs
+                .iter_mut()
+                .for_each(|(_, i)| *i = order.iter().position(|o| o == i).unwrap_or(0));
         }
         recording.inputs = order.iter().map(|i| recording.inputs[*i].clone()).collect();
         recording
@@ -207,7 +220,10 @@ impl Recording {
                 Shape::Geodetic => {
                     let reads = |s: &&crate::assembly::SensorInfo| {
                         let of_stream = s.stream == stream.name || stream.alias.as_ref() == Some(&s.stream);
-                        of_stream && s.channel.as_ref().is_some_and(|c| c.shape == Shape::Geodetic && c.name == channel.name)
+                        of_stream
+                            && s.channel
+                                .as_ref()
+                                .is_some_and(|c| c.shape == Shape::Geodetic && c.name == channel.name)
                     };
                     if let Some(sensor) = assembly.sensors.iter().find(reads) {
                         let index = self.sensor(&sensor.name);
@@ -327,7 +343,13 @@ impl Recording {
         let pick = |chosen: bool| if chosen && update.nis.is_finite() { update.nis } else { f64::NAN };
         let finite = |v: f64| if v.is_finite() { v } else { f64::NAN };
         let denied = f64::from(u8::from(update.mode == Mode::Denied));
-        let row = [pick(!rejected), pick(rejected), finite(update.statistic), finite(update.threshold), denied];
+        let row = [
+            pick(!rejected),
+            pick(rejected),
+            finite(update.statistic),
+            finite(update.threshold),
+            denied,
+        ];
         track.updates.push(time.seconds(), &row);
         if let Some(ned) = ned {
             track.fixes[usize::from(rejected)].push(time.seconds(), ned.into());
@@ -346,9 +368,15 @@ impl Recording {
 
     /// A raw row of a stream of the assembly, before it is fed to the runner.
     pub fn row(&mut self, stream: usize, time: Time, row: &[f64]) {
-        let Some(mut port) = self.ports.get_mut(stream).map(std::mem::take) else { return };
+        let Some(mut port) = self.ports.get_mut(stream).map(std::mem::take) else {
+            return;
+        };
         for (channel, track) in &port.inputs {
-            self.sample(*track, time.shifted(-channel.delay), &row[channel.offset..channel.offset + channel.width]);
+            self.sample(
+                *track,
+                time.shifted(-channel.delay),
+                &row[channel.offset..channel.offset + channel.width],
+            );
         }
         if let Some((channel, delay, _)) = &port.fix {
             let values = &row[channel.offset..channel.offset + channel.width];
@@ -366,7 +394,9 @@ impl Recording {
     pub(super) fn span(&self) -> Option<(f64, f64)> {
         let quantities = [&self.position, &self.velocity, &self.attitude];
         let spans = quantities.into_iter().flat_map(|q| [q.estimate.span(), q.truth.span()]);
-        let spans = spans.chain(self.sensors.iter().map(|s| s.updates.span())).chain(self.inputs.iter().map(|i| i.trace.span()));
+        let spans = spans
+            .chain(self.sensors.iter().map(|s| s.updates.span()))
+            .chain(self.inputs.iter().map(|i| i.trace.span()));
         spans.flatten().reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
     }
 
@@ -380,7 +410,9 @@ impl Recording {
     pub fn bytes(&self) -> usize {
         let quantities = [&self.position, &self.velocity, &self.attitude];
         let traces = quantities.into_iter().flat_map(|q| [&q.estimate, &q.truth, &q.error]);
-        let traces = traces.chain(self.sensors.iter().map(|s| &s.updates)).chain(self.inputs.iter().map(|i| &i.trace));
+        let traces = traces
+            .chain(self.sensors.iter().map(|s| &s.updates))
+            .chain(self.inputs.iter().map(|i| &i.trace));
         let fixes = self.sensors.iter().flat_map(|s| &s.fixes).map(Samples::bytes);
         let paths = [self.path.bytes(), self.true_path.bytes(), self.mounted.bytes()];
         traces.map(Trace::bytes).chain(fixes).chain(paths).sum()
@@ -447,7 +479,10 @@ pub(super) fn mounted_attitude(samples: &Samples<11>, mounting: &UnitQuaternion<
         let e = so3::to_rpy(&(estimate * mounting)) - so3::to_rpy(&reference);
         let e = e.map(|e| fusion_core::state::wrap(e).to_degrees());
         error.push(t, &six(&e, &Vector3::new(row[8], row[9], row[10])));
-        truth.push(t, &angles.next(so3::to_rpy(&(reference * mounting.inverse())).map(f64::to_degrees).into()));
+        truth.push(
+            t,
+            &angles.next(so3::to_rpy(&(reference * mounting.inverse())).map(f64::to_degrees).into()),
+        );
     }
     (truth, error)
 }
@@ -484,6 +519,9 @@ fn between(a: &Solution, b: &Solution, time: Time) -> Solution {
         time,
         position: a.position.map(|(place, p)| (place.offset(&(v * dt)), p)),
         velocity: a.velocity.zip(b.velocity).map(|((va, p), (vb, _))| (va + (vb - va) * fraction, p)),
-        attitude: a.attitude.zip(b.attitude).map(|((qa, p), (qb, _))| (qa * so3::exp(&(so3::log(&(qa.inverse() * qb)) * fraction)), p)),
+        attitude: a
+            .attitude
+            .zip(b.attitude)
+            .map(|((qa, p), (qb, _))| (qa * so3::exp(&(so3::log(&(qa.inverse() * qb)) * fraction)), p)),
     }
 }

@@ -77,6 +77,8 @@
     return list;
   };
   const runColor = i => `run${i % 6}`;
+  // Where runs coincide, the earlier ones look out from under the later ones.
+  const runWidth = (i, least) => least + Math.min(runs.length - 1 - i, 4) * 0.7;
 
   // ---- time plots ------------------------------------------------------------------------
   const plots = []; // { spec, host, out, u }
@@ -96,7 +98,8 @@
   const reset = () => { map?.reset(); setRange(span[0], span[1]); };
   const zoom = k => { const m = (range[0] + range[1]) / 2, h = (range[1] - range[0]) / 2 * k; setRange(m - h, m + h); };
   const move = k => { const w = (range[1] - range[0]) * k; setRange(range[0] + w, range[1] + w); };
-  const report = () => { if (bar.out) bar.out.value = `${show(range[0])} s to ${show(range[1])} s`; };
+  const instant = t => minus(t.toFixed(range[1] - range[0] > 50 ? 0 : range[1] - range[0] > 2 ? 1 : 3));
+  const report = () => { if (bar.out) bar.out.value = `${instant(range[0])} – ${instant(range[1])} s`; };
 
   /** Puts the cursor of every plot and of the map at time t; null takes it away. */
   let cursor = null;
@@ -134,31 +137,42 @@
     return out;
   };
 
-  const extent = (spec, u) => {
-    let low = Infinity, high = -Infinity;
-    const [a, b] = [u.scales.x.min ?? range[0], u.scales.x.max ?? range[1]];
+  /** Lowest and highest value in sight, largest half width of a band and its 95th percentile. */
+  const extent = spec => {
+    let low = Infinity, high = -Infinity, widest = 0;
+    const halves = [];
     for (const s of spec.series) {
-      if (s.scaleless) continue;
-      let i = nearest(s.t, a), end = nearest(s.t, b);
+      if (s.kind === "edge") continue;
+      let i = nearest(s.t, range[0]), end = nearest(s.t, range[1]);
       if (i < 0) continue;
       i = Math.max(0, i - 1); end = Math.min(s.t.length - 1, end + 1);
-      for (; i <= end; i++) {
+      const every = Math.max(1, (end - i) >> 9);
+      for (let k = 0; i <= end; i++, k++) {
         const v = s.y[i];
         if (v < low) low = v;
         if (v > high) high = v;
+        if (s.half && s.half[i] > widest) widest = s.half[i];
+        if (s.half && k % every === 0 && s.half[i] === s.half[i]) halves.push(s.half[i]);
       }
     }
-    return low <= high ? [low, high] : [0, 1];
+    halves.sort((a, b) => a - b);
+    const usual = halves.length ? halves[Math.floor(halves.length * 0.95)] : 0;
+    return low <= high ? { low, high, widest, usual } : { low: 0, high: 1, widest: 0, usual: 0 };
   };
-  const rangeY = spec => u => {
-    let [low, high] = extent(spec, u);
+  // The curves set the scale. A band that opens wide at the start, or that of an unaided run
+  // beside aided ones, may leave the plot rather than flatten everything.
+  const rangeY = spec => () => {
+    const { low, high, widest, usual } = extent(spec);
+    if (spec.scale === "nis") return [0, Math.max(high, 4) * 1.4];
     if (spec.scale === "error") {
-      const m = Math.max(-low, high, 1e-9) * 1.08;
+      const peak = Math.max(-low, high);
+      const m = Math.max(peak, Math.min(widest, several && peak > 0 ? 2 * peak : Math.max(1.5 * peak, 1.5 * usual)), 1e-9) * 1.08;
       return [-m, m];
     }
-    if (spec.scale === "nis") return [0, Math.max(high, 10) * 1.4];
-    const pad = Math.max((high - low) * 0.06, Math.abs(high) * 1e-6, 1e-9);
-    return [low - pad, high + pad];
+    const spread = high - low;
+    const pad = Math.min(widest, several && spread > 0 ? 0.5 * spread : Math.max(0.15 * spread, 1.5 * usual));
+    const more = Math.max(0.06 * spread, Math.abs(high) * 1e-6, 1e-9);
+    return [low - pad - more, high + pad + more];
   };
 
   const clip = (u, draw) => {
@@ -171,9 +185,12 @@
     ctx.restore();
   };
   const marks = (u, s) => clip(u, (ctx, px) => {
-    const r = (s.size || 2) * px;
+    const many = s.kind === "cross" && s.t.length > 400;
+    const r = (s.size || 2) * (many ? 0.6 : 1) * px;
+    ctx.globalAlpha = many ? 0.5 : 1;
     ctx.fillStyle = ctx.strokeStyle = s.stroke;
     ctx.lineWidth = 1.5 * px;
+    ctx.setLineDash([]);
     ctx.beginPath();
     const [a, b] = range;
     for (let i = 0; i < s.t.length; i++) {
@@ -218,9 +235,10 @@
 
   // Steps of 1, 3, 10 …: the axis is linear near 0 and logarithmic above.
   const nisSplits = u => {
-    const out = [0, 1, 3];
-    for (let v = 10; v <= u.scales.y.max; v *= 10) { out.push(v); if (u.scales.y.max < 300) out.push(3 * v); }
-    return out.filter(v => v <= u.scales.y.max);
+    const { max } = u.scales.y, out = max < 200 ? [0, 1, 3] : [0, 1];
+    // Above four decades every other one.
+    for (let v = 10; v <= max; v *= max > 2e4 ? 100 : 10) { out.push(v); if (max < 200) out.push(3 * v); }
+    return out.filter(v => v <= max);
   };
   const angleIncrements = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 45, 90, 180, 360, 720, 1440, 3600, 7200, 36000];
   const build = (p, width) => {
@@ -229,7 +247,7 @@
     for (const s of spec.series) s.stroke = color(s.color);
     const options = {
       width,
-      height: spec.height ?? (root.dataset.print ? 130 : phone() ? 200 : 170),
+      height: spec.height ?? (root.dataset.print ? 140 : phone() ? 200 : 170),
       padding: [spec.strips ? spec.strips.length * 13 + 6 : 8, 14, 0, 0],
       legend: { show: false },
       cursor: {
@@ -245,21 +263,22 @@
       axes: [
         { font: font(), stroke: ink, grid, ticks: grid, size: fontSize() + 16, gap: 3, space: fontSize() * 6,
           values: (u, vs) => vs.map((v, i) => v == null ? "" : `${minus(String(+v.toFixed(6)))}${i === vs.length - 1 ? " s" : ""}`) },
-        { font: font(), stroke: ink, grid, ticks: grid, size: fontSize() * 4.4, gap: 3, space: fontSize() * 2.2,
+        { font: font(), stroke: ink, grid, ticks: grid, size: fontSize() * 4.4, gap: 3, space: fontSize() * (spec.angle ? 1.5 : 2.2),
           ...(spec.scale === "nis" ? { splits: nisSplits, values: (u, vs) => vs.map(v => String(v)), filter: (u, vs) => vs } : spec.angle ? { incrs: angleIncrements, values: (u, vs) => vs.map(v => minus(String(+heading(v).toFixed(3)))) }
             : { values: (u, vs) => vs.map(v => v == null ? "" : minus(Math.abs(v) >= 1e6 || (v !== 0 && Math.abs(v) < 1e-4) ? v.toExponential(0) : String(+v.toFixed(5)))) }) },
       ],
       series: [{}, ...spec.series.map(s => {
         const shared = { spanGaps: false, points: { show: false } };
         if (s.kind === "dot" || s.kind === "cross") return { ...shared, paths: () => null };
-        if (s.kind === "edge") return { ...shared, stroke: faint(s.stroke, 0.5), width: 1 };
+        if (s.kind === "edge") return { ...shared, stroke: faint(s.stroke, several ? 0.75 : 0.5), width: 1 };
         return { ...shared, stroke: s.stroke, width: s.width ?? 1.75, dash: s.dash };
       })],
-      bands: spec.series.flatMap((s, i) => s.kind === "edge" && s.upper ? [{ series: [i + 1, i + 2], fill: faint(s.stroke, 0.16) }] : []),
+      bands: spec.series.flatMap((s, i) => s.kind === "edge" && s.upper ? [{ series: [i + 1, i + 2], fill: faint(s.stroke, several ? 0.04 : 0.16) }] : []),
       hooks: {
         drawClear: [shades],
+        drawAxes: [u => { for (const s of spec.series) if (s.kind === "dot") marks(u, s); }],
         draw: [u => {
-          for (const s of spec.series) if (s.kind === "dot" || s.kind === "cross") marks(u, s);
+          for (const s of spec.series) if (s.kind === "cross") marks(u, s);
           if (spec.strips) strips(u, spec);
         }],
         setSelect: [u => {
@@ -332,7 +351,7 @@
   let map = null;
   {
     const true_path = runs.map(r => r.true_path).find(t => t.t.length);
-    const lines = runs.map((r, i) => ({ ...r.path, color: runColor(i), name: names[i] })).filter(l => l.t.length);
+    const lines = runs.map((r, i) => ({ ...r.path, color: runColor(i), width: runWidth(i, 2.25) })).filter(l => l.t.length);
     const fixes = new Map();
     for (const s of runs[0]?.sensors ?? []) if (s.used.t.length || s.rejected.t.length) fixes.set(s.name, s);
     if (lines.length || true_path) {
@@ -392,7 +411,7 @@
       for (const s of fixes) series.push({ kind: "dot", t: s.used.t, y: s.used.c[a], color: "fix", size: 1.8, label: fixes.length > 1 ? s.name : "fix" });
       runs.forEach((r, i) => {
         const d = r.quantities[q].estimate;
-        if (!empty(d)) series.push({ kind: "line", t: d.t, y: d.c[a], half: d.c[a + 3], color: runColor(i), label: label(i, "estimate") });
+        if (!empty(d)) series.push({ kind: "line", t: d.t, y: d.c[a], half: d.c[a + 3], color: runColor(i), width: runWidth(i, 1.75), label: label(i, "estimate") });
       });
       if (reference) series.push({ kind: "line", t: reference.t, y: reference.c[a], color: "truth", dash: [6, 4], width: 1.5, label: "truth" });
       for (const s of fixes) series.push({ kind: "cross", t: s.rejected.t, y: s.rejected.c[a], color: "bad", size: 3.5, label: "rejected" });
@@ -401,7 +420,7 @@
         runs.forEach((r, i) => { const d = r.quantities[q].error; if (!empty(d)) band(wrong, i, d, null); });
         runs.forEach((r, i) => {
           const d = r.quantities[q].error;
-          if (!empty(d)) wrong.push({ kind: "line", t: d.t, y: d.c[a], half: d.c[a + 3], color: runColor(i), width: 1.25, label: label(i, "error") });
+          if (!empty(d)) wrong.push({ kind: "line", t: d.t, y: d.c[a], half: d.c[a + 3], color: runColor(i), width: runWidth(i, 1.25), label: label(i, "error") });
         });
         panel(grid, `${axis} error [${unit}]`, { series: wrong, scale: "error" });
       }
@@ -424,7 +443,7 @@
         const strip = own.filter(o => o.s.gated).map(o => ({ t: o.s.updates.t, y: o.s.updates.c[4] }));
         const rejects = (s, i) => ({ kind: "cross", t: s.updates.t, y: s.updates.c[1], color: several ? runColor(i) : "bad", size: 3.5, label: several ? "" : "rejected" });
         const gate = s => ({ kind: "line", t: s.updates.t, y: s.updates.c[3], color: "bad", dash: [2, 3], width: 1.75, label: "gate" });
-        const series = own.map(({ s, i }) => ({ kind: "dot", t: s.updates.t, y: s.updates.c[0], color: runColor(i), size: 1.8, label: label(i, "NIS") }));
+        const series = own.map(({ s, i }) => ({ kind: "dot", t: s.updates.t, y: s.updates.c[0], color: runColor(i), size: 1.6 + 0.5 * Math.min(runs.length - 1 - i, 4), label: label(i, "NIS") }));
         own.forEach(({ s, i }) => series.push(rejects(s, i)));
         const dof = own.map(o => o.s.dof).find(d => d);
         if (dof) series.push({ kind: "line", t: span, y: [dof, dof], color: "soft", dash: [6, 4], width: 1.25 });
@@ -432,7 +451,7 @@
         if (gated && !statistic) series.push(gate(gated.s));
         panel(grid, `${name}: NIS`, { series, scale: "nis", strips: strip.length ? strip : null });
         if (statistic) {
-          const series = own.map(({ s, i }) => ({ kind: "dot", t: s.updates.t, y: s.updates.c[2], color: runColor(i), size: 1.8, label: label(i, "statistic") }));
+          const series = own.map(({ s, i }) => ({ kind: "dot", t: s.updates.t, y: s.updates.c[2], color: runColor(i), size: 1.6 + 0.5 * Math.min(runs.length - 1 - i, 4), label: label(i, "statistic") }));
           if (gated) series.push(gate(gated.s));
           panel(grid, `${name}: gate statistic`, { series, scale: "nis" });
         }
@@ -448,9 +467,16 @@
       const entries = triple ? [["line", "run0", "x or north"], ["line", "run1", "y or east"], ["line", "run2", "z or down"]] : [];
       const grid = section("data", "Sensor data", entries.concat(hasOutages));
       for (const i of inputs) {
-        const series = i.table.c.map((y, k) => ({ kind: "line", t: i.table.t, y, color: runColor(k), width: 1.25, label: i.table.c.length === 3 ? "xyz"[k] : i.unit || "value" }));
-        const title = i.name.charAt(0).toUpperCase() + i.name.slice(1);
-        panel(grid, i.unit ? `${title} [${i.unit}]` : title, { series, angle: i.angle });
+        const three = i.table.c.length === 3;
+        const series = i.table.c.map((y, k) => ({ kind: "line", t: i.table.t, y, color: runColor(k), width: 1.25, label: three ? "xyz"[k] : "" }));
+        if (!three) series[0].label = i.unit || "value";
+        const title = i.name.includes("·") ? i.name : i.name.charAt(0).toUpperCase() + i.name.slice(1);
+        const unit = i.unit ? ` [${i.unit}]` : "";
+        if (three && i.unit === "m/s²") {
+          // Gravity would flatten the other two.
+          panel(grid, `${title} x, y${unit}`, { series: series.slice(0, 2) });
+          panel(grid, `${title} z${unit}`, { series: series.slice(2) });
+        } else panel(grid, `${title}${unit}`, { series, angle: i.angle });
       }
     }
   }
@@ -548,17 +574,20 @@
         ctx.setLineDash([]);
         ctx.globalAlpha = 1;
       };
-      for (const d of lines) line(d, d.color, 2.25, []);
+      for (const d of lines) line(d, d.color, d.width, []);
       if (true_path) line(true_path, "truth", 1.5, [6, 4]);
       ctx.strokeStyle = color("bad");
       ctx.lineWidth = 1.75;
       for (const f of fixes) {
+        const many = f.rejected.t.length > 400, r = many ? 2.5 : 4;
+        ctx.globalAlpha = many ? 0.5 : 1;
         ctx.beginPath();
         for (let i = 0; i < f.rejected.t.length; i++) {
           const x = X(f.rejected.c[1][i]), y = Y(f.rejected.c[0][i]);
-          ctx.moveTo(x - 4, y - 4); ctx.lineTo(x + 4, y + 4); ctx.moveTo(x + 4, y - 4); ctx.lineTo(x - 4, y + 4);
+          ctx.moveTo(x - r, y - r); ctx.lineTo(x + r, y + r); ctx.moveTo(x + r, y - r); ctx.lineTo(x - r, y + r);
         }
         ctx.stroke();
+        ctx.globalAlpha = 1;
       }
       const way = true_path ?? lines[0];
       ctx.strokeStyle = ctx.fillStyle = color("text");

@@ -16,7 +16,7 @@ fn number(v: f64) -> String {
         _ if size == 0.0 => "0".to_owned(),
         _ if size >= 1e6 || size < 5e-4 => format!("{v:.2e}"),
         _ => {
-            let decimals = (2.0 - size.log10().floor()).clamp(0.0, 4.0) as usize;
+            let decimals = (2.0 - size.log10().floor()).clamp(0.0, 6.0) as usize;
             format!("{v:.decimals$}")
         }
     }
@@ -43,7 +43,11 @@ fn table(caption: &str, head: &[&str], rows: &[Vec<String>]) -> String {
     for row in rows {
         out.push_str("<tr>");
         for (i, cell) in row.iter().enumerate() {
-            out.extend(if i == 0 { ["<th scope=\"row\">", cell, "</th>"] } else { ["<td>", cell, "</td>"] });
+            out.extend(if i == 0 {
+                ["<th scope=\"row\">", cell, "</th>"]
+            } else {
+                ["<td>", cell, "</td>"]
+            });
         }
         out.push_str("</tr>");
     }
@@ -74,13 +78,19 @@ pub(super) fn header(title: &str, runs: &[Run<'_>]) -> String {
 
 /// The result: a row for each run.
 pub(super) fn overview(runs: &[Run<'_>]) -> String {
-    let scores: Vec<&Score> = runs.iter().filter_map(|r| r.summary.score.as_ref()).filter(|s| s.epochs > 0).collect();
+    let scores: Vec<&Score> = runs
+        .iter()
+        .filter_map(|r| r.summary.score.as_ref())
+        .filter(|s| s.epochs > 0)
+        .collect();
     let has = |f: &dyn Fn(&Score) -> bool| scores.iter().any(|s| f(s));
     let mut head = vec!["Run"];
     let mut cells: Vec<Box<dyn Fn(&Run<'_>) -> String>> = Vec::new();
     let mut column = |name: &'static str, cell: fn(&Score) -> Option<f64>| {
         head.push(name);
-        cells.push(Box::new(move |r| r.summary.score.as_ref().and_then(cell).map_or_else(|| "–".to_owned(), number)));
+        cells.push(Box::new(move |r| {
+            r.summary.score.as_ref().and_then(cell).map_or_else(|| "–".to_owned(), number)
+        }));
     };
     if has(&|s| s.position.is_some()) {
         column("horizontal RMS [m]", |s| s.position.map(|_| s.horizontal_rms));
@@ -88,7 +98,9 @@ pub(super) fn overview(runs: &[Run<'_>]) -> String {
         column("height RMS [m]", |s| s.position.map(|p| p.rms[2]));
     }
     if has(&|s| s.velocity.is_some()) {
-        column("velocity RMS [m/s]", |s| s.velocity.map(|v| v.rms.iter().map(|r| r * r).sum::<f64>().sqrt()));
+        column("velocity RMS [m/s]", |s| {
+            s.velocity.map(|v| v.rms.iter().map(|r| r * r).sum::<f64>().sqrt())
+        });
     }
     if has(&|s| s.attitude_deg.is_some()) {
         column("tilt RMS [deg]", |s| s.attitude_deg.map(|a| a.rms[0].hypot(a.rms[1])));
@@ -107,15 +119,33 @@ pub(super) fn overview(runs: &[Run<'_>]) -> String {
         .map(|run| {
             let s = run.summary;
             let rejected = s.sensors.iter().map(|t| t.rejected).sum::<u64>();
-            let tail = [count(s.epochs), count(rejected)].into_iter().chain(differ.then(|| escape(&s.backend)));
-            std::iter::once(escape(run.name)).chain(cells.iter().map(|c| c(run))).chain(tail).collect()
+            let tail = [count(s.epochs), count(rejected)]
+                .into_iter()
+                .chain(differ.then(|| escape(&s.backend)));
+            std::iter::once(escape(run.name))
+                .chain(cells.iter().map(|c| c(run)))
+                .chain(tail)
+                .collect()
         })
         .collect();
     let mut out = String::from("<section id=\"result\"><h2>Result</h2>\n");
-    out.push_str(&table(if scores.is_empty() { "No reference to score against" } else { "Errors against the reference" }, &head, &rows));
+    out.push_str(&table(
+        if scores.is_empty() {
+            "No reference to score against"
+        } else {
+            "Errors against the reference"
+        },
+        &head,
+        &rows,
+    ));
     for run in runs {
         for warning in run.summary.warnings() {
-            let _ = writeln!(out, "<p class=\"warning\"><strong>{}</strong>: {}</p>", escape(run.name), escape(&warning));
+            let _ = writeln!(
+                out,
+                "<p class=\"warning\"><strong>{}</strong>: {}</p>",
+                escape(run.name),
+                escape(&warning)
+            );
         }
     }
     out.push_str("</section>\n");
@@ -136,19 +166,42 @@ pub(super) fn details(runs: &[Run<'_>]) -> String {
         }
         if !s.sensors.is_empty() {
             let rows: Vec<_> = s.sensors.iter().map(sensor).collect();
-            let head = ["Sensor", "accepted", "rejected", "readopted", "unusable", "expected NIS", "mean NIS", "95 % band", "verdict"];
-            out.push_str(&table("Measurements; a mean NIS above its band says that the filter trusts itself too much", &head, &rows));
+            let head = [
+                "Sensor",
+                "accepted",
+                "rejected",
+                "readopted",
+                "unusable",
+                "expected NIS",
+                "mean NIS",
+                "95 % band",
+                "verdict",
+            ];
+            out.push_str(&table(
+                "Measurements; a mean NIS above its band says that the filter trusts itself too much",
+                &head,
+                &rows,
+            ));
         }
         if !s.parameters.is_empty() {
             let list = |v: &[f64]| v.iter().map(|v| number(*v)).collect::<Vec<_>>().join(", ");
             let row = |p: &crate::run::FinalState| vec![escape(&p.name), list(&p.value), list(&p.sigma), escape(p.unit)];
             let rows: Vec<_> = s.parameters.iter().map(row).collect();
-            out.push_str(&table("Estimated parameters at the end", &["Parameter", "value", "1σ", "unit"], &rows));
+            out.push_str(&table(
+                "Estimated parameters at the end",
+                &["Parameter", "value", "1σ", "unit"],
+                &rows,
+            ));
         }
         if !s.sources.is_empty() {
             let row = |t: &crate::run::SourceTally| {
                 let skipped = t.skipped.iter().map(|(why, n)| format!("{} × {}", count(*n), escape(why)));
-                vec![escape(&t.name), count(t.rows), count(t.used), skipped.collect::<Vec<_>>().join(", ")]
+                vec![
+                    escape(&t.name),
+                    count(t.rows),
+                    count(t.used),
+                    skipped.collect::<Vec<_>>().join(", "),
+                ]
             };
             let rows: Vec<_> = s.sources.iter().map(row).collect();
             out.push_str(&table("Data", &["Source", "rows", "used", "left out"], &rows));
@@ -173,7 +226,11 @@ fn errors(score: &Score) -> String {
         let Some(v) = values else { continue };
         for (i, axis) in axes.iter().enumerate() {
             let inside = format!("{:.1} %", 100.0 * v.inside[i]);
-            let inside = if v.inside[i] < FEW_INSIDE { format!("<strong class=\"bad\">{inside}</strong>") } else { inside };
+            let inside = if v.inside[i] < FEW_INSIDE {
+                format!("<strong class=\"bad\">{inside}</strong>")
+            } else {
+                inside
+            };
             let mut row = vec![format!("{name} {axis} [{unit}]")];
             row.extend([v.rms[i], v.max[i], v.mean[i], v.three_sigma[i]].map(number));
             row.push(inside);
@@ -193,7 +250,11 @@ fn errors(score: &Score) -> String {
         })
         .collect();
     if !rows.is_empty() {
-        out.push_str(&table("Consistency: normalised error squared", &["NEES", "expected", "mean", "95 % band", "verdict"], &rows));
+        out.push_str(&table(
+            "Consistency: normalised error squared",
+            &["NEES", "expected", "mean", "95 % band", "verdict"],
+            &rows,
+        ));
     }
     out
 }
@@ -210,7 +271,12 @@ fn drift(score: &Score) -> String {
         return String::new();
     }
     if score.drift.len() > LISTED {
-        rows.push(vec![format!("and {} more", score.drift.len() - LISTED), String::new(), String::new(), String::new()]);
+        rows.push(vec![
+            format!("and {} more", score.drift.len() - LISTED),
+            String::new(),
+            String::new(),
+            String::new(),
+        ]);
     }
     let head = ["Outage [s]", "duration [s]", "largest horizontal error [m]", "growth [m]"];
     table("Outages", &head, &rows)
@@ -251,8 +317,8 @@ mod tests {
 
     #[test]
     fn numbers_have_three_digits() {
-        let shown = [0.0, 1234.56, 12.345, 0.012_345, -0.5, 1.0e-5, f64::NAN].map(number);
-        assert_eq!(shown, ["0", "1235", "12.3", "0.0123", "−0.500", "1.00e−5", "–"]);
+        let shown = [0.0, 1234.56, 12.345, 0.0057, -0.5, 1.0e-5, f64::NAN].map(number);
+        assert_eq!(shown, ["0", "1235", "12.3", "0.00570", "−0.500", "1.00e−5", "–"]);
         assert_eq!(count(1_234_567), "1\u{202f}234\u{202f}567");
     }
 }

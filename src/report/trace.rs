@@ -37,7 +37,14 @@ impl Trace {
     #[must_use]
     pub fn new(channels: usize, capacity: usize) -> Self {
         let capacity = capacity.max(2).next_multiple_of(2);
-        Self { channels, capacity, stride: 1, filled: 0, spans: Vec::new(), ends: Vec::new() }
+        Self {
+            channels,
+            capacity,
+            stride: 1,
+            filled: 0,
+            spans: Vec::new(),
+            ends: Vec::new(),
+        }
     }
 
     /// Whether nothing has been pushed.
@@ -111,7 +118,11 @@ impl Trace {
     pub fn rows(&self, capacity: usize) -> usize {
         let buckets = self.spans.len();
         let merged = buckets.div_ceil(buckets.div_ceil(capacity.max(1)).max(1));
-        if self.stride == 1 && merged == buckets { merged } else { ENDS * merged }
+        if self.stride == 1 && merged == buckets {
+            merged
+        } else {
+            ENDS * merged
+        }
     }
 
     /// Channels.
@@ -127,7 +138,10 @@ impl Trace {
         let every = self.spans.len().div_ceil(capacity.max(1)).max(1);
         let (spans, ends) = self.merged(every);
         let longest = if breaks { longest_step(&spans) } else { f64::INFINITY };
-        let mut columns = Columns { time: Vec::new(), values: vec![Vec::new(); self.channels] };
+        let mut columns = Columns {
+            time: Vec::new(),
+            values: vec![Vec::new(); self.channels],
+        };
         let mut row = |time: f64, value: &dyn Fn(usize) -> f32| {
             columns.time.push(time);
             columns.values.iter_mut().enumerate().for_each(|(c, v)| v.push(value(c)));
@@ -184,7 +198,13 @@ impl<const N: usize> Samples<N> {
     /// At most `capacity` points.
     #[must_use]
     pub fn new(capacity: usize) -> Self {
-        Self { capacity: capacity.max(2), stride: 1, seen: 0, rows: Vec::new(), last: None }
+        Self {
+            capacity: capacity.max(2),
+            stride: 1,
+            seen: 0,
+            rows: Vec::new(),
+            last: None,
+        }
     }
 
     /// Adds a point.
@@ -244,9 +264,15 @@ mod tests {
         }
         for capacity in [1024, 300, 7] {
             let columns = trace.columns(capacity, true);
-            assert!(columns.time.len() <= 2 * capacity, "{} rows in {capacity} buckets", columns.time.len());
+            assert!(
+                columns.time.len() <= 2 * capacity,
+                "{} rows in {capacity} buckets",
+                columns.time.len()
+            );
             assert!(columns.time.is_sorted());
-            let (low, high) = columns.values[0].iter().fold((0.0, 0.0), |(l, h), v| (f32::min(l, *v), f32::max(h, *v)));
+            let (low, high) = columns.values[0]
+                .iter()
+                .fold((0.0, 0.0), |(l, h), v| (f32::min(l, *v), f32::max(h, *v)));
             let exact = (0..n).map(wave).fold((0.0, 0.0), |(l, h), v| (f64::min(l, v), f64::max(h, v)));
             assert_eq!((low, high), (exact.0 as f32, exact.1 as f32));
         }
@@ -290,7 +316,10 @@ mod tests {
         assert_eq!(columns.time.len(), 41);
         assert!(columns.values[0][20].is_nan(), "the break");
         assert!(columns.values[1][3].is_nan());
-        assert!(!trace.columns(10, true).values[1].iter().take(4).any(|v| v.is_nan()), "a bucket ignores what is missing");
+        assert!(
+            !trace.columns(10, true).values[1].iter().take(4).any(|v| v.is_nan()),
+            "a bucket ignores what is missing"
+        );
     }
 
     #[test]

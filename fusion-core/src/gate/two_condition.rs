@@ -87,7 +87,7 @@ impl TwoCondition {
         match self.magnitude {
             Magnitude::Distance => !(n.hypot(e) <= limit),
             Magnitude::Step { speed } => self.before.is_some_and(|(time, [pn, pe])| {
-                (n - pn).hypot(e - pe) > speed * input.time.seconds_since(time) + limit
+                !((n - pn).hypot(e - pe) <= speed * input.time.seconds_since(time) + limit)
             }),
             Magnitude::Reported { limit } => {
                 let [nn, _, ee] = horizontal_block(input.noise, input.residual.len());

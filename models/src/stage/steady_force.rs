@@ -3,7 +3,9 @@
 //! Output     `specific_force` f̄ [m/s²], body axes:  f̄⁺ = Exp(−wΔt) f̄ + (1 − e^(−Δt/τ)) (f − Exp(−wΔt) f̄)
 //! Rate       w = w_m less the filter's own `gyro_bias`
 //! Used by    the sensor `gravity_direction`
-//! Mind       neighbours share what the average holds: a row every 2τ says as much as all of them
+//! Mind       neighbours share what the average holds: the N rows of 2τ say as much as one, so that
+//!            the sensor's sigma is √N of the vertical's own. A row every 2τ alone is worse: it
+//!            catches what shaking the average lets through
 //! Valid      accelerations that average out over τ, gyros that do not drift over it
 
 use super::attitude_reference::kernel;
@@ -36,7 +38,7 @@ crate::register!(
     r#"
 source = "imu"
 time_constant = "1.5 s"
-rate = "0.33 Hz"
+rate = "10 Hz"
 "#
 );
 

@@ -296,6 +296,32 @@ mod tests {
     }
 
     #[test]
+    fn many_weak_verticals_bring_a_large_tilt_home() {
+        let mut f = filter(0.03, 0.0);
+        let vertical = |q: &UnitQuaternion<f64>, z: &UnitQuaternion<f64>, f: &mut QuaternionFilter| {
+            let c_nb = so3::rotation(q);
+            let p_b = c_nb.transpose() * Matrix3::from_diagonal(&Vector3::new(1e-2, 1e-2, 100.0)) * c_nb;
+            f.update(z, &measured_in_body_axes(q, &p_b));
+        };
+        // Corrections, turns and a heading well known mix the radial part of P with the others.
+        for k in 0..400 {
+            f.predict(&Vector3::new(1.0, -2.0, 0.5), 0.01, &(Matrix3::identity() * 1e-5), &Matrix3::zeros(), Kinematics::Exact);
+            let q = f.q;
+            let wobble = so3::exp(&Vector3::new(0.3 * f64::from(k).sin(), 0.3 * f64::from(k).cos(), 0.0));
+            vertical(&q, &(wobble * q), &mut f);
+            f.update_heading(0.0, &Vector3::new(-1.0, 0.5, 1.0), 1e-2, |_, _| true);
+        }
+        let sigma = f.attitude_sigma().norm();
+        let z = so3::exp(&Vector3::new(0.3, -0.4, 0.0)) * f.q;
+        for _ in 0..300 {
+            let q = f.q;
+            vertical(&q, &z, &mut f);
+        }
+        let left = so3::log(&(z * f.q.inverse())).xy().norm();
+        assert!(left < 0.02, "{left} {sigma}");
+    }
+
+    #[test]
     fn a_heading_corrects_the_heading_alone_and_the_bias_about_the_vertical() {
         let mut f = filter(0.03, 0.02);
         for _ in 0..100 {
