@@ -4,6 +4,7 @@ use crate::assembly::{Assembly, StreamLayout, assemble, declared_streams};
 use crate::config::{Diagnostic, Diagnostics, did_you_mean};
 use crate::design::{Design, Named, ReferenceSpec};
 use crate::output::{EstimateWriter, UpdateWriter};
+use crate::report::Recording;
 use crate::score::{Consistency, ReferenceEpoch, Rules, Score, Scorer, differentiate};
 use crate::solution::SolutionReader;
 use crate::source::{Faulted, Merged, OpenContext, Source, SourceReport, outages};
@@ -123,11 +124,34 @@ pub struct Summary {
 /// # Errors
 /// Mistakes of the design, or what is wrong with the data.
 pub fn run(design: &Design, options: &Options, progress: &mut dyn FnMut(Time)) -> Result<Summary, Diagnostics> {
+    Ok(run_with(design, options, progress, false)?.0)
+}
+
+/// As [`run`], with what a report draws.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_recorded(design: &Design, options: &Options, progress: &mut dyn FnMut(Time)) -> Result<(Summary, Recording), Diagnostics> {
+    let (summary, recording) = run_with(design, options, progress, true)?;
+    Ok((summary, recording.unwrap_or_else(|| Recording::new(Default::default()))))
+}
+
+fn run_with(
+    design: &Design,
+    options: &Options,
+    progress: &mut dyn FnMut(Time),
+    record: bool,
+) -> Result<(Summary, Option<Recording>), Diagnostics> {
     let begun = Instant::now();
     let streams = declared_streams(design)?;
     let assembly = assemble(design, streams)?;
     let mut feed = Feed::open(design, &assembly, options)?;
     let mut recorder = Recorder::new(design, &assembly, &feed, options)?;
+    if record {
+        let mut recording = Recording::of(design, &assembly);
+        feed.epochs.iter().for_each(|epoch| recording.reference(epoch));
+        recorder.recording = Some(recording);
+    }
     let Assembly { mut runner, .. } = assembly;
     let start = design.run.start.map_or(Time::MIN, |t| Time::from_seconds(t.si()));
     let stop = design.run.stop.map_or(Time::MAX, |t| Time::from_seconds(t.si()));
@@ -146,6 +170,9 @@ pub fn run(design: &Design, options: &Options, progress: &mut dyn FnMut(Time)) -
             recorder.reference(time, row, &reference_layout);
             continue;
         }
+        if let Some(recording) = &mut recorder.recording {
+            recording.row(stream, time, row);
+        }
         fed = fed.wrapping_add(1);
         // Looking at the clock costs a good part of what it measures: one row in 16 is timed,
         // picked so that no period of the streams can favour some of them.
@@ -163,6 +190,7 @@ pub fn run(design: &Design, options: &Options, progress: &mut dyn FnMut(Time)) -
     let waiting = if runner.started() { Vec::new() } else { runner.waits_for() };
     let sources = feed.reports();
     let in_filter = in_feed.saturating_sub(recorder.spent);
+    let recording = recorder.recording.take();
     let mut summary = recorder.finish(design, &runner.belief().clone())?;
     summary.waiting = waiting;
     summary.sources = sources;
@@ -174,7 +202,7 @@ pub fn run(design: &Design, options: &Options, progress: &mut dyn FnMut(Time)) -
         let file = File::create(&path).map_err(|e| unwritable(&path, &e))?;
         serde_json::to_writer_pretty(BufWriter::new(file), &summary).map_err(|e| unwritable(&path, &e.into()))?;
     }
-    Ok(summary)
+    Ok((summary, recording))
 }
 
 /// The reference names a source that is not there.
@@ -399,6 +427,7 @@ struct Recorder {
     scorer: Option<Scorer>,
     estimates: Option<EstimateWriter<BufWriter<File>>>,
     updates: Option<UpdateWriter<BufWriter<File>>>,
+    recording: Option<Recording>,
     tallies: Vec<SensorTally>,
     unused: Vec<(String, u64)>,
     failures: Vec<String>,
@@ -449,6 +478,7 @@ impl Recorder {
             scorer,
             estimates,
             updates,
+            recording: None,
             tallies: tallies.collect(),
             unused: Vec::new(),
             failures: Vec::new(),
@@ -463,8 +493,13 @@ impl Recorder {
     }
 
     fn reference(&mut self, time: Time, row: &[f64], layout: &StreamLayout) {
-        if let Some(scorer) = &mut self.scorer {
-            epochs(time, row, layout).into_iter().for_each(|epoch| scorer.push(epoch));
+        for epoch in epochs(time, row, layout) {
+            if let Some(recording) = &mut self.recording {
+                recording.reference(&epoch);
+            }
+            if let Some(scorer) = &mut self.scorer {
+                scorer.push(epoch);
+            }
         }
     }
 
@@ -523,8 +558,11 @@ impl Observer for Recorder {
             Event::Predicted { belief } => {
                 self.epochs += 1;
                 let write = self.estimates.is_some() && belief.time >= self.next_output;
-                if write || self.scorer.is_some() {
+                if write || self.scorer.is_some() || self.recording.is_some() {
                     let solution = self.reader.read(belief);
+                    if let Some(recording) = &mut self.recording {
+                        recording.estimate(&solution);
+                    }
                     if let Some(scorer) = &mut self.scorer {
                         scorer.observe(&solution);
                     }
@@ -544,6 +582,9 @@ impl Observer for Recorder {
                     Verdict::Rejected => tally.rejected += 1,
                     Verdict::Readopted => tally.readopted += 1,
                     Verdict::Undefined(_) | Verdict::Unusable => tally.unusable += 1,
+                }
+                if let Some(recording) = &mut self.recording {
+                    recording.updated(*sensor, *time, update);
                 }
                 if update.nis.is_finite() {
                     tally.series.push(update.nis);

@@ -341,12 +341,9 @@ impl Covariance {
     }
 }
 
-/// y ← y + factor · x for padded rows.
 fn axpy(factor: f64, x: &[f64], y: &mut [f64]) {
-    for (y, x) in y.as_chunks_mut::<8>().0.iter_mut().zip(x.as_chunks::<8>().0) {
-        for (y, x) in y.iter_mut().zip(x) {
-            *y += factor * x;
-        }
+    for (y, x) in y.iter_mut().zip(x) {
+        *y += factor * x;
     }
 }
 

@@ -1,10 +1,12 @@
 //! `fusion compare`.
 
+use super::run::write_report;
 use super::{DesignArgs, Failure, print, report};
 use clap::Args;
 use fusion::campaign::Comparison;
 use fusion::config::{Diagnostic, Diagnostics};
-use fusion::run::{Options, run};
+use fusion::report::Run;
+use fusion::run::{Options, run_recorded};
 use std::path::PathBuf;
 
 /// The design without a variant.
@@ -23,6 +25,9 @@ pub(super) struct CompareArgs {
     /// Where relative source paths start, instead of at the design's `data_dir`.
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
+    /// Writes report.html with all runs here; the folder is made if need be.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
     /// Seed of simulated data and random faults, the same for every run.
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
@@ -32,6 +37,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     let configs: Vec<Option<PathBuf>> =
         if args.configs.is_empty() { vec![None] } else { args.configs.iter().cloned().map(Some).collect() };
     let mut comparison = Comparison::default();
+    let (mut recordings, mut title) = (Vec::new(), String::new());
     let mut warnings = Diagnostics::new();
     for config in &configs {
         for variant in &args.variant {
@@ -42,7 +48,10 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
                 data: args.data.clone(),
             };
             let options = Options { data: args.data.clone(), base: named.base(), out: None, seed: args.seed };
-            let summary = run(&named.read()?, &options, &mut |_| {})?;
+            let design = named.read()?;
+            let (summary, recording) = run_recorded(&design, &options, &mut |_| {})?;
+            title.clone_from(&design.run.description);
+            recordings.push(recording);
             let name = match config {
                 Some(path) if configs.len() > 1 => format!("{} {variant}", path.display()),
                 _ => variant.clone(),
@@ -51,7 +60,15 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
             comparison.runs.push((name, summary));
         }
     }
-    print(&comparison.to_string())?;
+    let mut text = comparison.to_string();
+    if let Some(out) = &args.out {
+        std::fs::create_dir_all(out).map_err(|e| Diagnostics::from(Diagnostic::error(format!("cannot make {}: {e}", out.display()))))?;
+        let runs = comparison.runs.iter().zip(&recordings);
+        let runs: Vec<Run<'_>> = runs.map(|((name, summary), recording)| Run { name, recording, summary }).collect();
+        write_report(out, &title, &runs)?;
+        text.push_str(&format!("\nWritten\n  {}\n", out.join("report.html").display()));
+    }
+    print(&text)?;
     report(&warnings);
     Ok(())
 }

@@ -185,7 +185,8 @@
     ctx.restore();
   };
   const marks = (u, s) => clip(u, (ctx, px) => {
-    const many = s.kind === "cross" && s.t.length > 400;
+    s.count ??= s.y.reduce((n, v) => n + (v === v), 0);
+    const many = s.kind === "cross" && s.count > 400;
     const r = (s.size || 2) * (many ? 0.6 : 1) * px;
     ctx.globalAlpha = many ? 0.5 : 1;
     ctx.fillStyle = ctx.strokeStyle = s.stroke;
@@ -264,7 +265,7 @@
         { font: font(), stroke: ink, grid, ticks: grid, size: fontSize() + 16, gap: 3, space: fontSize() * 6,
           values: (u, vs) => vs.map((v, i) => v == null ? "" : `${minus(String(+v.toFixed(6)))}${i === vs.length - 1 ? " s" : ""}`) },
         { font: font(), stroke: ink, grid, ticks: grid, size: fontSize() * 4.4, gap: 3, space: fontSize() * (spec.angle ? 1.5 : 2.2),
-          ...(spec.scale === "nis" ? { splits: nisSplits, values: (u, vs) => vs.map(v => String(v)), filter: (u, vs) => vs } : spec.angle ? { incrs: angleIncrements, values: (u, vs) => vs.map(v => minus(String(+heading(v).toFixed(3)))) }
+          ...(spec.scale === "nis" ? { splits: nisSplits, values: (u, vs) => vs.map(v => String(v)), filter: (u, vs) => vs } : spec.angle ? { incrs: angleIncrements, values: (u, vs) => vs.map(v => minus(String(+(vs[1] - vs[0] < 360 ? heading(v) : v).toFixed(3)))) }
             : { values: (u, vs) => vs.map(v => v == null ? "" : minus(Math.abs(v) >= 1e6 || (v !== 0 && Math.abs(v) < 1e-4) ? v.toExponential(0) : String(+v.toFixed(5)))) }) },
       ],
       series: [{}, ...spec.series.map(s => {

@@ -14,7 +14,7 @@ fn number(v: f64) -> String {
     match size {
         _ if !v.is_finite() => "–".to_owned(),
         _ if size == 0.0 => "0".to_owned(),
-        _ if size >= 1e6 || size < 5e-4 => format!("{v:.2e}"),
+        _ if !(5e-4..1e6).contains(&size) => format!("{v:.2e}"),
         _ => {
             let decimals = (2.0 - size.log10().floor()).clamp(0.0, 6.0) as usize;
             format!("{v:.decimals$}")
@@ -85,12 +85,10 @@ pub(super) fn overview(runs: &[Run<'_>]) -> String {
         .collect();
     let has = |f: &dyn Fn(&Score) -> bool| scores.iter().any(|s| f(s));
     let mut head = vec!["Run"];
-    let mut cells: Vec<Box<dyn Fn(&Run<'_>) -> String>> = Vec::new();
+    let mut cells: Vec<fn(&Score) -> Option<f64>> = Vec::new();
     let mut column = |name: &'static str, cell: fn(&Score) -> Option<f64>| {
         head.push(name);
-        cells.push(Box::new(move |r| {
-            r.summary.score.as_ref().and_then(cell).map_or_else(|| "–".to_owned(), number)
-        }));
+        cells.push(cell);
     };
     if has(&|s| s.position.is_some()) {
         column("horizontal RMS [m]", |s| s.position.map(|_| s.horizontal_rms));
@@ -123,7 +121,11 @@ pub(super) fn overview(runs: &[Run<'_>]) -> String {
                 .into_iter()
                 .chain(differ.then(|| escape(&s.backend)));
             std::iter::once(escape(run.name))
-                .chain(cells.iter().map(|c| c(run)))
+                .chain(
+                    cells
+                        .iter()
+                        .map(|c| s.score.as_ref().and_then(c).map_or_else(|| "–".to_owned(), number)),
+                )
                 .chain(tail)
                 .collect()
         })

@@ -219,6 +219,44 @@ fn the_error_is_that_at_the_reference_epoch() {
 }
 
 #[test]
+fn rows_of_a_design_become_fixes_with_their_verdict_and_sensor_data() {
+    let text = include_str!("../../configs/ins-gps.toml");
+    let (document, _) = crate::config::Document::parse("ins-gps.toml", text);
+    let design = crate::design::Design::read(document).unwrap();
+    let assembly = crate::assembly::assemble(&design, crate::assembly::declared_streams(&design).unwrap()).unwrap();
+    let mut r = Recording::of(&design, &assembly);
+    let stream = |name: &str| assembly.streams.iter().position(|s| s.name == name).unwrap();
+    let sensor = assembly.sensors.iter().position(|s| s.name == "position").unwrap();
+    let origin = Geodetic::from(design.run.origin.unwrap());
+    for i in 0..4_i64 {
+        let time = Time::from_nanos(i * 1_000_000_000);
+        let place = origin.offset(&Vector3::new(i as f64, 0.0, 0.0));
+        r.row(stream("imu"), time, &[0.1, 0.0, 0.0, 0.0, 0.0, -9.8]);
+        r.row(stream("position"), time, &[place.lat, place.lon, place.height]);
+        // The first fix starts the filter: no verdict comes for it.
+        let verdict = if i == 2 { Verdict::Rejected } else { Verdict::Accepted };
+        if i > 0 {
+            r.updated(sensor, time, &update(verdict, 1.0, 16.0, Mode::Track));
+        }
+    }
+    let north = |k: usize| {
+        r.sensors[sensor].fixes[k]
+            .iter()
+            .map(|(t, p)| (t, p[0].round()))
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(north(0), [(1.0, 1.0), (3.0, 3.0)]);
+    assert_eq!(north(1), [(2.0, 2.0)]);
+    assert_eq!(
+        r.inputs.iter().take(2).map(|i| i.name.as_str()).collect::<Vec<_>>(),
+        ["angular rate", "specific force"]
+    );
+    assert_eq!((r.inputs[0].unit.as_str(), r.inputs[1].unit.as_str()), ("deg/s", "m/s²"));
+    let rate = r.inputs[0].trace.columns(10, false).values[0][0];
+    assert!((rate - 5.7296).abs() < 1e-3, "0.1 rad/s in degrees");
+}
+
+#[test]
 fn yaw_is_drawn_without_jumps_and_error_turns_agree() {
     let mut r = Recording::new(Frame {
         origin: Some(ORIGIN),
@@ -258,10 +296,9 @@ fn yaw_is_drawn_without_jumps_and_error_turns_agree() {
 fn chromium() -> Option<PathBuf> {
     let path = std::env::var_os("PATH")?;
     let names = ["chromium", "chromium-browser", "google-chrome"];
-    let found = std::env::split_paths(&path)
+    std::env::split_paths(&path)
         .flat_map(|dir| names.map(|n| dir.join(n)))
-        .find(|p| p.is_file());
-    found
+        .find(|p| p.is_file())
 }
 
 /// The page's root element after its script has run.
