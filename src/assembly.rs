@@ -65,13 +65,23 @@ impl StreamLayout {
             shape: p.channel.shape,
             delay: p.delay_ns,
         });
-        Self { name: name.to_owned(), alias: None, channels: channels.collect(), declared: true }
+        Self {
+            name: name.to_owned(),
+            alias: None,
+            channels: channels.collect(),
+            declared: true,
+        }
     }
 
     /// With these channels one after the other.
     #[must_use]
     pub fn of(name: &str, alias: Option<&str>, channels: &[Channel]) -> Self {
-        let mut layout = Self { name: name.to_owned(), alias: alias.map(str::to_owned), channels: Vec::new(), declared: true };
+        let mut layout = Self {
+            name: name.to_owned(),
+            alias: alias.map(str::to_owned),
+            channels: Vec::new(),
+            declared: true,
+        };
         channels.iter().for_each(|c| layout.append(c));
         layout
     }
@@ -108,9 +118,16 @@ pub fn declared_streams(design: &Design) -> Result<Vec<StreamLayout>, Diagnostic
         for (sensor, source, channel) in simulated(design, &simulation.block) {
             streams.push(StreamLayout::of(sensor, Some(source), &[channel]));
         }
-        let quaternion = Channel { shape: Shape::Quaternion, ..Channel::vector("attitude", 4, Dimension::NONE) };
+        let quaternion = Channel {
+            shape: Shape::Quaternion,
+            ..Channel::vector("attitude", 4, Dimension::NONE)
+        };
         let velocity = Channel::vector("velocity", 3, dim::Speed::KIND.dimension);
-        streams.push(StreamLayout::of(REFERENCE, None, &[Channel::geodetic("position"), velocity, quaternion]));
+        streams.push(StreamLayout::of(
+            REFERENCE,
+            None,
+            &[Channel::geodetic("position"), velocity, quaternion],
+        ));
         return Ok(streams);
     }
     for named in &design.sources {
@@ -150,7 +167,7 @@ pub struct SensorInfo {
     pub stream: String,
     /// Its channel; none for a pseudo-measurement.
     pub channel: Option<Channel>,
-    /// Its declared delay [s].
+    /// Its declared delay \[s\].
     pub delay: f64,
     /// Declared 1σ per residual row; empty where only the source reports it.
     pub sigma: Vec<f64>,
@@ -162,7 +179,11 @@ pub struct SensorInfo {
 /// # Errors
 /// Every mistake found.
 pub fn assemble(design: &Design, declared: Vec<StreamLayout>) -> Result<Assembly, Diagnostics> {
-    let mut a = Assembler { design, streams: declared, d: Diagnostics::new() };
+    let mut a = Assembler {
+        design,
+        streams: declared,
+        d: Diagnostics::new(),
+    };
     let mut layout = LayoutBuilder::new();
     let origin = design.run.origin.map(Geodetic::from);
     let mut gravity = Gravity::default();
@@ -176,8 +197,10 @@ pub fn assemble(design: &Design, declared: Vec<StreamLayout>) -> Result<Assembly
         a.add_stage_stream(stage);
     }
     let process: Arc<dyn Process> = process.into();
-    let mut parts = Parts::default();
-    parts.input = a.input_port();
+    let mut parts = Parts {
+        input: a.input_port(),
+        ..Parts::default()
+    };
     for (sensor, model) in design.sensors.iter().zip(models) {
         if let Some((sensor, info)) = model.and_then(|m| a.sensor(sensor, m.into())) {
             parts.sensors.push(sensor);
@@ -189,14 +212,23 @@ pub fn assemble(design: &Design, declared: Vec<StreamLayout>) -> Result<Assembly
         let inputs = a.listen(&stage.node, &stage.block.inputs());
         if let (Some(built), Some(inputs)) = (built, inputs) {
             let output = a.position(&stage.name);
-            parts.stages.push(StageUnit { name: stage.name.clone(), stage: built, inputs, output });
+            parts.stages.push(StageUnit {
+                name: stage.name.clone(),
+                stage: built,
+                inputs,
+                output,
+            });
         }
     }
     for unit in &design.initialisers {
         let built = a.build(unit, &mut layout, origin, &mut gravity, |s, b| s.build(b));
         let inputs = a.listen(&unit.node, &unit.block.inputs());
         if let (Some(initialiser), Some(inputs)) = (built, inputs) {
-            parts.initialisers.push(InitialiserUnit { name: unit.name.clone(), initialiser, inputs });
+            parts.initialisers.push(InitialiserUnit {
+                name: unit.name.clone(),
+                initialiser,
+                inputs,
+            });
         }
     }
     let layout = Arc::new(layout.finish());
@@ -220,7 +252,14 @@ pub fn assemble(design: &Design, declared: Vec<StreamLayout>) -> Result<Assembly
     parts.sensors.into_iter().for_each(|s| runner.add_sensor(s));
     parts.stages.into_iter().for_each(|s| runner.add_stage(s));
     parts.initialisers.into_iter().for_each(|s| runner.add_initialiser(s));
-    Ok(Assembly { runner, layout, process, sensors: parts.infos, streams, gravity })
+    Ok(Assembly {
+        runner,
+        layout,
+        process,
+        sensors: parts.infos,
+        streams,
+        gravity,
+    })
 }
 
 #[derive(Default)]
@@ -248,7 +287,12 @@ impl Assembler<'_> {
         gravity: &mut Gravity,
         build: impl FnOnce(&T, &mut Build<'_>) -> Result<R, BuildError>,
     ) -> Option<R> {
-        let mut b = Build { name: &named.name, layout, origin, gravity: *gravity };
+        let mut b = Build {
+            name: &named.name,
+            layout,
+            origin,
+            gravity: *gravity,
+        };
         let built = build(&named.block, &mut b);
         *gravity = b.gravity;
         match built {
@@ -269,13 +313,21 @@ impl Assembler<'_> {
     fn stream(&mut self, name: &str, channels: &[Channel], place: &Node, key: &str) -> Option<StreamId> {
         let serves = |s: &StreamLayout| channels.iter().all(|c| s.has(c));
         let named = self.streams.iter().position(|s| s.name == name);
-        let fitting = self.streams.iter().position(|s| (s.name == name || s.alias.as_deref() == Some(name)) && serves(s));
+        let fitting = self
+            .streams
+            .iter()
+            .position(|s| (s.name == name || s.alias.as_deref() == Some(name)) && serves(s));
         let aliased = || self.streams.iter().position(|s| s.alias.as_deref() == Some(name));
         if let Some(at) = fitting.or(named).or_else(aliased) {
             return Some(at);
         }
         if self.design.sources.is_empty() && self.design.simulation.is_none() {
-            self.streams.push(StreamLayout { name: name.to_owned(), alias: None, channels: Vec::new(), declared: false });
+            self.streams.push(StreamLayout {
+                name: name.to_owned(),
+                alias: None,
+                channels: Vec::new(),
+                declared: false,
+            });
             return Some(self.streams.len() - 1);
         }
         let names: Vec<&str> = self.streams.iter().map(|s| s.alias.as_deref().unwrap_or(&s.name)).collect();
@@ -295,7 +347,11 @@ impl Assembler<'_> {
     /// Columns of `channels` in the stream, one after the other, and the largest of their delays.
     fn port(&mut self, name: &str, channels: &[Channel], node: &Node) -> Option<Port> {
         let stream = self.stream(name, channels, node, "source")?;
-        let mut port = Port { stream, columns: Vec::new(), delay: 0 };
+        let mut port = Port {
+            stream,
+            columns: Vec::new(),
+            delay: 0,
+        };
         for wanted in channels {
             let found = self.channel(stream, wanted, node)?;
             port.columns.extend(found.offset..found.offset + wanted.width);
@@ -332,9 +388,18 @@ impl Assembler<'_> {
             layout.append(wanted);
             return layout.channels.last().cloned();
         }
-        let names = layout.channels.iter().map(|c| format!("`{}`", c.name)).collect::<Vec<_>>().join(", ");
+        let names = layout
+            .channels
+            .iter()
+            .map(|c| format!("`{}`", c.name))
+            .collect::<Vec<_>>()
+            .join(", ");
         let message = format!("`{}` has no channel `{}`, which this block reads", layout.name, wanted.name);
-        let has = if names.is_empty() { "it has no channels".to_owned() } else { format!("it has: {names}") };
+        let has = if names.is_empty() {
+            "it has no channels".to_owned()
+        } else {
+            format!("it has: {names}")
+        };
         let help = format!("declare it under [source.{}.channels]; {has}", layout.name);
         self.d.push(Diagnostic::error(message).at(node.place_of("source")).help(help));
         None
@@ -349,12 +414,20 @@ impl Assembler<'_> {
             (None, false) => {
                 let names = channels.iter().map(|c| format!("`{}`", c.name)).collect::<Vec<_>>().join(" and ");
                 let message = format!("this process is driven by {names} and has no `source`");
-                self.d.push(Diagnostic::error(message).at(process.node.name_place()).help("add `source = \"NAME\"`: the source or stage with these channels"));
+                self.d.push(
+                    Diagnostic::error(message)
+                        .at(process.node.name_place())
+                        .help("add `source = \"NAME\"`: the source or stage with these channels"),
+                );
                 None
             }
             (Some(_), true) => {
                 let message = "this process is driven by time alone and reads no source";
-                self.d.push(Diagnostic::error(message).at(process.node.place_of("source")).help("remove `source`"));
+                self.d.push(
+                    Diagnostic::error(message)
+                        .at(process.node.place_of("source"))
+                        .help("remove `source`"),
+                );
                 None
             }
         }
@@ -369,7 +442,12 @@ impl Assembler<'_> {
     }
 
     fn sensor(&mut self, design: &Named<SensorDesign>, model: Arc<dyn Measurement>) -> Option<(Sensor, SensorInfo)> {
-        let SensorDesign { model: spec, common, gate, loss } = &design.block;
+        let SensorDesign {
+            model: spec,
+            common,
+            gate,
+            loss,
+        } = &design.block;
         let node = &design.node;
         let rows = spec.noise();
         let (channel, constant) = match spec.reading() {
@@ -394,9 +472,13 @@ impl Assembler<'_> {
                 return None;
             }
         };
-        if !common.noise.from_source && sigma.iter().any(|s| *s == 0.0) {
+        if !common.noise.from_source && sigma.contains(&0.0) {
             let message = "a measurement without noise makes the filter singular";
-            self.d.push(Diagnostic::error(message).at(node.place_of("noise.sigma")).help("write a small sigma instead of zero"));
+            self.d.push(
+                Diagnostic::error(message)
+                    .at(node.place_of("noise.sigma"))
+                    .help("write a small sigma instead of zero"),
+            );
             return None;
         }
         let mut noise = Noise::diagonal(&sigma);
@@ -440,7 +522,18 @@ impl Assembler<'_> {
             delay: port.delay as f64 * 1e-9,
             sigma,
         };
-        Some((Sensor { name: design.name.clone(), model, port, constant, noise, gate, loss }, info))
+        Some((
+            Sensor {
+                name: design.name.clone(),
+                model,
+                port,
+                constant,
+                noise,
+                gate,
+                loss,
+            },
+            info,
+        ))
     }
 
     /// Blocks that the process moves start somewhere: an initialiser must write them.
@@ -450,10 +543,19 @@ impl Assembler<'_> {
         let moved = layout.blocks().iter().filter(|b| b.dynamics == Dynamics::Process);
         let missing: Vec<String> = moved.filter(|b| !known(b)).map(|b| format!("`{}`", b.name)).collect();
         if let [all @ .., last] = &missing[..] {
-            let and = if all.is_empty() { String::new() } else { format!("{} and ", all.join(", ")) };
+            let and = if all.is_empty() {
+                String::new()
+            } else {
+                format!("{} and ", all.join(", "))
+            };
             let message = format!("nothing gives the filter its first {and}{last}");
             let help = "add an [initial.NAME] block: `explicit`, `first_fix`, `levelling` or `course`; `fusion blocks` describes them";
-            let place = self.design.document.root().get("initial").map_or(self.design.process.node.name_place(), Node::name_place);
+            let place = self
+                .design
+                .document
+                .root()
+                .get("initial")
+                .map_or(self.design.process.node.name_place(), Node::name_place);
             self.d.push(Diagnostic::error(message).at(place).help(help));
         }
     }
@@ -468,7 +570,11 @@ fn describe(width: usize, shape: Shape, dimension: Dimension) -> String {
 }
 
 fn located(node: &Node, error: &BuildError) -> Diagnostic {
-    let place = if error.field.is_empty() { node.name_place() } else { node.place_of(&error.field) };
+    let place = if error.field.is_empty() {
+        node.name_place()
+    } else {
+        node.place_of(&error.field)
+    };
     let diagnostic = Diagnostic::error(&error.message).at(place);
     match &error.help {
         Some(help) => diagnostic.help(help),

@@ -23,7 +23,15 @@ pub struct Comparison {
 impl fmt::Display for Comparison {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut errors = Table::new(&["", ">RMS N [m]", ">E", ">D", ">max N [m]", ">E", ">D", ">drift [m]"]);
-        let mut health = Table::new(&["", ">accepted", ">rejected", ">readopted", ">NEES position", ">velocity", ">ns per epoch"]);
+        let mut health = Table::new(&[
+            "",
+            ">accepted",
+            ">rejected",
+            ">readopted",
+            ">NEES position",
+            ">velocity",
+            ">ns per epoch",
+        ]);
         for (name, summary) in &self.runs {
             let score = summary.score.clone().unwrap_or_default();
             let axes = score.position.unwrap_or_default();
@@ -55,13 +63,13 @@ pub struct RunRow {
     pub run: u64,
     /// Its seed.
     pub seed: u64,
-    /// Position error RMS, north east down [m].
+    /// Position error RMS, north east down \[m\].
     pub rms: [f64; 3],
-    /// Largest position error, north east down [m].
+    /// Largest position error, north east down \[m\].
     pub max: [f64; 3],
-    /// Velocity error RMS [m/s].
+    /// Velocity error RMS \[m/s\].
     pub velocity_rms: [f64; 3],
-    /// Attitude error RMS, roll pitch yaw [deg].
+    /// Attitude error RMS, roll pitch yaw \[deg\].
     pub attitude_rms: [f64; 3],
     /// Mean NEES of position, velocity, attitude.
     pub nees: [f64; 3],
@@ -82,7 +90,11 @@ impl RunRow {
             velocity_rms: axes(score.velocity).rms,
             attitude_rms: axes(score.attitude_deg).rms,
             nees: [mean(&score.nees_position), mean(&score.nees_velocity), mean(&score.nees_attitude)],
-            sensors: summary.sensors.iter().map(|s| (mean(&s.nis), s.accepted, s.rejected, s.readopted)).collect(),
+            sensors: summary
+                .sensors
+                .iter()
+                .map(|s| (mean(&s.nis), s.accepted, s.rejected, s.readopted))
+                .collect(),
         }
     }
 }
@@ -120,16 +132,28 @@ pub fn monte_carlo(
     let done = AtomicUsize::new(0);
     let one = |number: u64| -> Result<(RunRow, Vec<(String, usize)>), Diagnostics> {
         let seed = seed_of(seed, number);
-        let options = Options { seed: Some(seed), out: None, data: options.data.clone(), base: options.base.clone() };
+        let options = Options {
+            seed: Some(seed),
+            out: None,
+            data: options.data.clone(),
+            base: options.base.clone(),
+        };
         let summary = run(design, &options, &mut |_| {})?;
         progress(done.fetch_add(1, Ordering::Relaxed) + 1);
-        let sensors = summary.sensors.iter().map(|s| (s.name.clone(), s.nis.map_or(0, |n| n.dof))).collect();
+        let sensors = summary
+            .sensors
+            .iter()
+            .map(|s| (s.name.clone(), s.nis.map_or(0, |n| n.dof)))
+            .collect();
         Ok((RunRow::new(number, seed, &summary), sensors))
     };
     let results: Result<Vec<_>, Diagnostics> = pool.install(|| (0..count).into_par_iter().map(one).collect());
     let results = results?;
     let sensors = results.first().map(|(_, s)| s.clone()).unwrap_or_default();
-    Ok(Campaign { rows: results.into_iter().map(|(row, _)| row).collect(), sensors })
+    Ok(Campaign {
+        rows: results.into_iter().map(|(row, _)| row).collect(),
+        sensors,
+    })
 }
 
 /// Whether a mean statistic is what its covariance promised.
@@ -191,7 +215,12 @@ impl Campaign {
         let mean = values.iter().sum::<f64>() / n;
         let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
         let (min, max) = values.iter().fold((f64::MAX, f64::MIN), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
-        Some(Spread { mean, std: variance.sqrt(), min, max })
+        Some(Spread {
+            mean,
+            std: variance.sqrt(),
+            min,
+            max,
+        })
     }
 
     /// Judges the mean of a statistic that each run reports: its time average.
@@ -213,7 +242,12 @@ impl Campaign {
         } else {
             Honesty::Consistent
         };
-        Some(Judged { mean: s.mean, dof, band, honesty })
+        Some(Judged {
+            mean: s.mean,
+            dof,
+            band,
+            honesty,
+        })
     }
 
     /// Writes runs.csv: one row per run and no timing, the same file for any number of threads.
@@ -232,11 +266,19 @@ impl Campaign {
             write!(out, "{},{}", row.run, row.seed)?;
             for values in [row.rms, row.max, row.velocity_rms, row.attitude_rms, row.nees] {
                 for value in values {
-                    if value.is_finite() { write!(out, ",{value:.9e}")? } else { write!(out, ",")? }
+                    if value.is_finite() {
+                        write!(out, ",{value:.9e}")?
+                    } else {
+                        write!(out, ",")?
+                    }
                 }
             }
             for (nis, accepted, rejected, readopted) in &row.sensors {
-                if nis.is_finite() { write!(out, ",{nis:.9e}")? } else { write!(out, ",")? }
+                if nis.is_finite() {
+                    write!(out, ",{nis:.9e}")?
+                } else {
+                    write!(out, ",")?
+                }
                 write!(out, ",{accepted},{rejected},{readopted}")?;
             }
             writeln!(out)?;
@@ -259,14 +301,27 @@ impl fmt::Display for Campaign {
         for (name, figure, axes) in groups {
             for (i, axis) in axes.iter().enumerate() {
                 if let Some(s) = self.spread(|r| figure(r)[i]) {
-                    errors.row([format!("{name} {axis}"), number(s.mean), number(s.std), number(s.min), number(s.max)]);
+                    errors.row([
+                        format!("{name} {axis}"),
+                        number(s.mean),
+                        number(s.std),
+                        number(s.min),
+                        number(s.max),
+                    ]);
                 }
             }
         }
         let mut consistency = Table::new(&["", ">mean", ">dof", ">95 % band", ""]);
         let states = ["position", "velocity", "attitude"];
-        let nees = states.iter().enumerate().map(|(i, s)| (format!("NEES {s}"), self.judge(3, |r| r.nees[i])));
-        let nis = self.sensors.iter().enumerate().map(|(i, (s, dof))| (format!("NIS {s}"), self.judge(*dof, |r| r.sensors[i].0)));
+        let nees = states
+            .iter()
+            .enumerate()
+            .map(|(i, s)| (format!("NEES {s}"), self.judge(3, |r| r.nees[i])));
+        let nis = self
+            .sensors
+            .iter()
+            .enumerate()
+            .map(|(i, (s, dof))| (format!("NIS {s}"), self.judge(*dof, |r| r.sensors[i].0)));
         for (name, judged) in nees.chain(nis) {
             if let Some(j) = judged {
                 let by = match j.honesty {

@@ -15,10 +15,10 @@
 
 use crate::config::{Diagnostic, Diagnostics, Document, Entry, Node, Value, did_you_mean};
 use crate::source::SourceSpec;
-use fusion_models::fault::FaultSpec;
 use fusion_core::covariance::Form;
 use fusion_core::filter::{Backend, ChartKind, UpdateKind};
 use fusion_models::block::{GateSpec, InitialiserSpec, LossSpec, ProcessSpec, SensorSpec, StageSpec};
+use fusion_models::fault::FaultSpec;
 use fusion_models::initial::explicit::PlaceSpec;
 use fusion_models::registry::{self, Role};
 use fusion_models::sim::SimulationSpec;
@@ -30,8 +30,18 @@ use serde::de::{Deserializer, Error, IntoDeserializer, SeqAccess, Visitor};
 use std::path::PathBuf;
 
 /// Tables that may stand at the top of a design.
-const TABLES: [&str; 10] =
-    ["run", "filter", "process", "sensor", "stage", "initial", "source", "simulation", "reference", "variant"];
+const TABLES: [&str; 10] = [
+    "run",
+    "filter",
+    "process",
+    "sensor",
+    "stage",
+    "initial",
+    "source",
+    "simulation",
+    "reference",
+    "variant",
+];
 
 /// What a run as a whole needs.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
@@ -354,17 +364,40 @@ impl Design {
         let process = read_process(&root, &mut d);
         let sensors = each(&root, "sensor", &mut d, read_sensor);
         let stages = each(&root, "stage", &mut d, |n, d| read_optional(n, "stage", Role::Stage, d));
-        let initialisers = each(&root, "initial", &mut d, |n, d| read_optional(n, "initialiser", Role::Initialiser, d));
+        let initialisers = each(&root, "initial", &mut d, |n, d| {
+            read_optional(n, "initialiser", Role::Initialiser, d)
+        });
         let sources = each(&root, "source", &mut d, read_source);
         let simulation = root.get("simulation").and_then(|n| {
-            Some(Named { name: "simulation".to_owned(), node: n.clone(), block: read_simulation(n, &root, &mut d)? })
+            Some(Named {
+                name: "simulation".to_owned(),
+                node: n.clone(),
+                block: read_simulation(n, &root, &mut d)?,
+            })
         });
         let reference = root.get("reference").and_then(|n| {
-            Some(Named { name: "reference".to_owned(), node: n.clone(), block: n.read(&mut d)? })
+            Some(Named {
+                name: "reference".to_owned(),
+                node: n.clone(),
+                block: n.read(&mut d)?,
+            })
         });
-        let (Some(run), Some(filter), Some(process)) = (run, filter, process) else { return Err(d) };
+        let (Some(run), Some(filter), Some(process)) = (run, filter, process) else {
+            return Err(d);
+        };
         let sensors = sensors.into_iter().filter(|s| s.block.common.enabled != Some(false)).collect();
-        let design = Self { document, run, filter, process, sensors, stages, initialisers, sources, simulation, reference };
+        let design = Self {
+            document,
+            run,
+            filter,
+            process,
+            sensors,
+            stages,
+            initialisers,
+            sources,
+            simulation,
+            reference,
+        };
         design.check_names(&mut d);
         d.unless_errors(design)
     }
@@ -374,7 +407,11 @@ impl Design {
         for stage in &self.stages {
             if self.sources.iter().any(|s| s.name == stage.name) {
                 let message = format!("`{}` is the name of a source and of a stage", stage.name);
-                d.push(Diagnostic::error(message).at(stage.node.name_place()).help("streams share one space of names; rename one of the two"));
+                d.push(
+                    Diagnostic::error(message)
+                        .at(stage.node.name_place())
+                        .help("streams share one space of names; rename one of the two"),
+                );
             }
         }
         let sensors = self.document.root().get("sensor").map_or(&[][..], Node::entries);
@@ -382,7 +419,8 @@ impl Design {
         let simulated = self.simulation.as_ref().and_then(|s| s.node.get("sensor"));
         for Entry { key, node } in simulated.map_or(&[][..], Node::entries) {
             if !names.contains(&key.as_str()) {
-                let mut diagnostic = Diagnostic::error(format!("`{key}` is simulated and is no sensor of this design")).at(node.name_place());
+                let mut diagnostic =
+                    Diagnostic::error(format!("`{key}` is simulated and is no sensor of this design")).at(node.name_place());
                 if let Some(meant) = did_you_mean(key, &names) {
                     diagnostic = diagnostic.label(format!("did you mean `{meant}`?"));
                 }
@@ -411,7 +449,11 @@ fn each<T>(root: &Node, table: &str, d: &mut Diagnostics, mut read: impl FnMut(&
     let mut all = Vec::new();
     for Entry { key, node } in entries {
         if let Some(block) = read(node, d) {
-            all.push(Named { name: key.clone(), node: node.clone(), block });
+            all.push(Named {
+                name: key.clone(),
+                node: node.clone(),
+                block,
+            });
         }
     }
     all
@@ -447,8 +489,15 @@ fn read_process(root: &Node, d: &mut Diagnostics) -> Option<Named<ProcessDesign>
     let mut own = node.clone();
     let common: Option<Common> = own.split_off(&["source"]).read(d);
     let model = own.read_block("process model", &registry::names(Role::Process), d)?;
-    let block = ProcessDesign { model, source: common?.source };
-    Some(Named { name: "process".to_owned(), node: node.clone(), block })
+    let block = ProcessDesign {
+        model,
+        source: common?.source,
+    };
+    Some(Named {
+        name: "process".to_owned(),
+        node: node.clone(),
+        block,
+    })
 }
 
 fn read_sensor(node: &Node, d: &mut Diagnostics) -> Option<SensorDesign> {
@@ -458,7 +507,12 @@ fn read_sensor(node: &Node, d: &mut Diagnostics) -> Option<SensorDesign> {
     let siblings = own.split_off(&["source", "noise", "enabled"]);
     let common: Option<SensorCommon> = siblings.read(d);
     let model = own.read_block("sensor", &registry::names(Role::Sensor), d)?;
-    let block = SensorDesign { model, common: common?, gate: gate.flatten(), loss: loss.flatten() };
+    let block = SensorDesign {
+        model,
+        common: common?,
+        gate: gate.flatten(),
+        loss: loss.flatten(),
+    };
     Some(block)
 }
 
@@ -483,8 +537,13 @@ fn read_simulation(node: &Node, root: &Node, d: &mut Diagnostics) -> Option<Simu
     let mut own = node.clone();
     // A sensor that is left out is not simulated either.
     let is_off = |e: &&Entry| matches!(e.node.get("enabled").map(Node::value), Some(Value::Boolean(false)));
-    let off: Vec<&str> =
-        root.get("sensor").map_or(&[][..], Node::entries).iter().filter(is_off).map(|e| e.key.as_str()).collect();
+    let off: Vec<&str> = root
+        .get("sensor")
+        .map_or(&[][..], Node::entries)
+        .iter()
+        .filter(is_off)
+        .map(|e| e.key.as_str())
+        .collect();
     if let Some(sensors) = own.get_mut("sensor") {
         drop(sensors.split_off(&off));
     }
@@ -495,5 +554,8 @@ fn read_simulation(node: &Node, root: &Node, d: &mut Diagnostics) -> Option<Simu
             faults.push((sensor.key.clone(), read_faults(table.as_ref(), d)));
         }
     }
-    Some(SimulationDesign { world: own.read(d)?, faults })
+    Some(SimulationDesign {
+        world: own.read(d)?,
+        faults,
+    })
 }

@@ -106,7 +106,13 @@ impl Navigator {
     pub fn stream(&self, name: &str) -> Result<StreamId, FeedError> {
         self.assembly.runner.stream(name).ok_or_else(|| FeedError::UnknownStream {
             name: name.to_owned(),
-            known: self.assembly.streams.iter().map(|s| format!("`{}`", s.name)).collect::<Vec<_>>().join(", "),
+            known: self
+                .assembly
+                .streams
+                .iter()
+                .map(|s| format!("`{}`", s.name))
+                .collect::<Vec<_>>()
+                .join(", "),
         })
     }
 
@@ -161,7 +167,11 @@ impl Navigator {
     /// What the filter still waits for before it can start: initialiser and reason.
     #[must_use]
     pub fn waits_for(&self) -> Vec<(String, String)> {
-        if self.assembly.runner.started() { Vec::new() } else { self.assembly.runner.waits_for() }
+        if self.assembly.runner.started() {
+            Vec::new()
+        } else {
+            self.assembly.runner.waits_for()
+        }
     }
 
     /// The layout of the state.

@@ -11,7 +11,18 @@ use std::io::{self, Write};
 
 /// Columns of the navigation solution, in order; the 1σ of each follows with `sigma_` before it.
 const SOLUTION: [&str; 12] = [
-    "lat_deg", "lon_deg", "height_m", "n_m", "e_m", "d_m", "vn_mps", "ve_mps", "vd_mps", "roll_deg", "pitch_deg", "yaw_deg",
+    "lat_deg",
+    "lon_deg",
+    "height_m",
+    "n_m",
+    "e_m",
+    "d_m",
+    "vn_mps",
+    "ve_mps",
+    "vd_mps",
+    "roll_deg",
+    "pitch_deg",
+    "yaw_deg",
 ];
 
 /// Blocks that the solution's columns already show.
@@ -43,7 +54,12 @@ impl<W: Write> EstimateWriter<W> {
     /// # Errors
     /// What the writer reports.
     pub fn new(mut out: W, layout: &Layout, origin: Option<LocalFrame>) -> io::Result<Self> {
-        let further: Vec<Block> = layout.blocks().iter().filter(|b| !SHOWN.contains(&b.name.as_str())).cloned().collect();
+        let further: Vec<Block> = layout
+            .blocks()
+            .iter()
+            .filter(|b| !SHOWN.contains(&b.name.as_str()))
+            .cloned()
+            .collect();
         write!(out, "t_s")?;
         for name in SOLUTION {
             write!(out, ",{name}")?;
@@ -60,7 +76,12 @@ impl<W: Write> EstimateWriter<W> {
             }
         }
         writeln!(out)?;
-        Ok(Self { out, frame: origin, further, line: Vec::with_capacity(512) })
+        Ok(Self {
+            out,
+            frame: origin,
+            further,
+            line: Vec::with_capacity(512),
+        })
     }
 
     /// Writes one row.
@@ -75,7 +96,13 @@ impl<W: Write> EstimateWriter<W> {
         if let Some((place, p)) = s.position {
             let frame = *self.frame.get_or_insert_with(|| LocalFrame::new(place));
             let ned = frame.to_ned(&place);
-            write!(l, ",{:.10},{:.10},{:.4}", place.lat.to_degrees(), place.lon.to_degrees(), place.height)?;
+            write!(
+                l,
+                ",{:.10},{:.10},{:.4}",
+                place.lat.to_degrees(),
+                place.lon.to_degrees(),
+                place.height
+            )?;
             write!(l, ",{:.4},{:.4},{:.4}", ned.x, ned.y, ned.z)?;
             let metres = sigmas(&p);
             let (north, east) = place.metres_per_radian();
@@ -195,7 +222,11 @@ impl<W: Write> UpdateWriter<W> {
 
 /// A number, or an empty cell where there is none.
 fn number(out: &mut impl Write, value: f64) -> io::Result<()> {
-    if value.is_nan() { write!(out, ",") } else { write!(out, ",{value:.6e}") }
+    if value.is_nan() {
+        write!(out, ",")
+    } else {
+        write!(out, ",{value:.6e}")
+    }
 }
 
 /// The verdict as updates.csv and the summary spell it.

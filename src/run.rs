@@ -95,7 +95,7 @@ pub struct Summary {
     pub description: String,
     /// The backend: chart, update, form.
     pub backend: String,
-    /// When the filter started [s]; none if it never did.
+    /// When the filter started \[s\]; none if it never did.
     pub started: Option<f64>,
     /// What it was still waiting for at the end.
     pub waiting: Vec<(String, String)>,
@@ -113,9 +113,9 @@ pub struct Summary {
     pub unused_rows: Vec<(String, u64)>,
     /// What the estimator could not do, with the first few reasons.
     pub failures: Vec<String>,
-    /// Wall time of the whole run [s].
+    /// Wall time of the whole run \[s\].
     pub wall_seconds: f64,
-    /// Time in the filter alone, per estimate [ns].
+    /// Time in the filter alone, per estimate \[ns\].
     pub filter_ns_per_epoch: f64,
 }
 
@@ -221,6 +221,9 @@ fn unwritable(path: &Path, error: &std::io::Error) -> Diagnostics {
     Diagnostic::error(format!("cannot write {}: {error}", path.display())).into()
 }
 
+/// A row: its stream, its stamp, its numbers.
+type StreamRow<'a> = (usize, Time, &'a [f64]);
+
 /// Rows from recorded sources or from a simulated world.
 #[derive(Debug)]
 struct Feed {
@@ -245,7 +248,12 @@ enum Rows {
 
 impl Feed {
     fn open(design: &Design, assembly: &Assembly, options: &Options) -> Result<Self, Diagnostics> {
-        let nothing = StreamLayout { name: String::new(), alias: None, channels: Vec::new(), declared: true };
+        let nothing = StreamLayout {
+            name: String::new(),
+            alias: None,
+            channels: Vec::new(),
+            declared: true,
+        };
         let mut feed = Self {
             rows: Rows::Recorded(Merged::new(Vec::new())),
             ids: Vec::new(),
@@ -292,7 +300,11 @@ impl Feed {
                 let within = windows.within(Time::default(), HORIZON);
                 self.windows.extend(within.into_iter().map(|w| (w.from, w.to)));
             }
-            let opened = named.block.source.open(&context).and_then(|s| Ok(Faulted::new(s, faults, &context)?));
+            let opened = named
+                .block
+                .source
+                .open(&context)
+                .and_then(|s| Ok(Faulted::new(s, faults, &context)?));
             match opened {
                 Ok(source) => open.push((named, Box::new(source) as Box<dyn Source>)),
                 Err(error) => d.extend(error.diagnostics(&named.node)),
@@ -328,9 +340,14 @@ impl Feed {
         spec: Option<&Named<ReferenceSpec>>,
     ) -> Result<(), Diagnostics> {
         let layout = StreamLayout::provided(&named.name, source.channels());
-        if !layout.channels.iter().any(|c| c.name == "position") {
-            let message = format!("the reference `{}` has no channel `position`", named.name);
-            return Err(Diagnostic::error(message).at(named.node.name_place()).into());
+        if !layout
+            .channels
+            .iter()
+            .any(|c| ["position", "velocity", "attitude"].contains(&c.name.as_str()))
+        {
+            let message = format!("the reference `{}` has no channel to be scored against", named.name);
+            let help = "give it a `position`, a `velocity` or an `attitude`";
+            return Err(Diagnostic::error(message).at(named.node.name_place()).help(help).into());
         }
         let mut row = Vec::new();
         loop {
@@ -351,7 +368,7 @@ impl Feed {
         Ok(())
     }
 
-    fn next(&mut self, design: &Design) -> Result<Option<(usize, Time, &[f64])>, Diagnostics> {
+    fn next(&mut self, design: &Design) -> Result<Option<StreamRow<'_>>, Diagnostics> {
         match &mut self.rows {
             Rows::Simulated(rows) => Ok(rows.next()),
             Rows::Recorded(merged) => match merged.next() {
@@ -406,7 +423,12 @@ fn epochs(time: Time, row: &[f64], layout: &StreamLayout) -> Vec<ReferenceEpoch>
         }
         let valid = time.shifted(-channel.delay);
         let at = epochs.iter().position(|e| e.time == valid).unwrap_or_else(|| {
-            epochs.push(ReferenceEpoch { time: valid, position: None, velocity: None, attitude: None });
+            epochs.push(ReferenceEpoch {
+                time: valid,
+                position: None,
+                velocity: None,
+                attitude: None,
+            });
             epochs.len() - 1
         });
         match channel.name.as_str() {
@@ -526,12 +548,16 @@ impl Recorder {
         let b = design.filter.backend();
         let layout = self.reader.layout();
         let shown = ["position", "velocity", "attitude", "local_position", "heading", "speed", "yaw_rate"];
-        let parameters = layout.blocks().iter().filter(|b| !shown.contains(&b.name.as_str())).map(|b| FinalState {
-            name: b.name.clone(),
-            value: last.x[b.storage_range()].to_vec(),
-            sigma: b.tangent_range().map(|i| last.covariance.sigma(i)).collect(),
-            unit: b.unit,
-        });
+        let parameters = layout
+            .blocks()
+            .iter()
+            .filter(|b| !shown.contains(&b.name.as_str()))
+            .map(|b| FinalState {
+                name: b.name.clone(),
+                value: last.x[b.storage_range()].to_vec(),
+                sigma: b.tangent_range().map(|i| last.covariance.sigma(i)).collect(),
+                unit: b.unit,
+            });
         Ok(Summary {
             description: design.run.description.clone(),
             backend: crate::table::backend_name(&b),
@@ -594,11 +620,7 @@ impl Observer for Recorder {
                 }
             }
             Event::Late { consumer, .. } | Event::NotFinite { consumer, .. } => self.not_used(consumer),
-            Event::Failed { error } => {
-                if self.failures.len() < 10 {
-                    self.failures.push(error.to_string());
-                }
-            }
+            Event::Failed { error } if self.failures.len() < 10 => self.failures.push(error.to_string()),
             _ => {}
         }
         if let Some(clock) = clock {

@@ -17,7 +17,7 @@ pub struct ReferenceEpoch {
     pub time: Time,
     /// Position of the reference's point, if it has one at this time.
     pub position: Option<Geodetic>,
-    /// Velocity [m/s], if it has one.
+    /// Velocity \[m/s\], if it has one.
     pub velocity: Option<Vector3<f64>>,
     /// Attitude of the reference's body, if it has one.
     pub attitude: Option<UnitQuaternion<f64>>,
@@ -28,7 +28,7 @@ pub struct ReferenceEpoch {
 pub struct Rules {
     /// Errors count from here on.
     pub from: Option<Time>,
-    /// The reference's point in body axes [m].
+    /// The reference's point in body axes \[m\].
     pub lever_arm: Vector3<f64>,
     /// Takes the mean rotation between the two bodies out of the attitude errors.
     pub remove_mean_mounting: bool,
@@ -85,9 +85,19 @@ impl Consistency {
         let lagged = |k: usize| series.iter().zip(&series[k..]).map(|(a, b)| (a - mean) * (b - mean)).sum::<f64>();
         let variance = lagged(0);
         let correlations = (1..count.min(LAGS)).map(|k| lagged(k) / variance).take_while(|rho| *rho > 0.0);
-        let tau = if variance > 0.0 { 1.0 + 2.0 * correlations.sum::<f64>() } else { 1.0 };
+        let tau = if variance > 0.0 {
+            1.0 + 2.0 * correlations.sum::<f64>()
+        } else {
+            1.0
+        };
         let independent = (count as f64 / tau).max(1.0);
-        Some(Self { mean, dof, count, independent, band: mean_band(0.95, dof, independent.round() as usize) })
+        Some(Self {
+            mean,
+            dof,
+            count,
+            independent,
+            band: mean_band(0.95, dof, independent.round() as usize),
+        })
     }
 
     /// Whether the mean lies in its band.
@@ -100,13 +110,13 @@ impl Consistency {
 /// The drift over one outage.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Drift {
-    /// Start of the outage [s].
+    /// Start of the outage \[s\].
     pub from: f64,
-    /// Its end [s].
+    /// Its end \[s\].
     pub to: f64,
-    /// Largest horizontal error in it [m].
+    /// Largest horizontal error in it \[m\].
     pub max_horizontal: f64,
-    /// Largest horizontal error less the one it began with, as vectors [m].
+    /// Largest horizontal error less the one it began with, as vectors \[m\].
     pub growth: f64,
 }
 
@@ -115,22 +125,22 @@ pub struct Drift {
 pub struct Score {
     /// Reference epochs used.
     pub epochs: usize,
-    /// Position error, north east down [m].
+    /// Position error, north east down \[m\].
     pub position: Option<Axes>,
-    /// RMS of the horizontal error [m].
+    /// RMS of the horizontal error \[m\].
     pub horizontal_rms: f64,
-    /// Largest horizontal error [m].
+    /// Largest horizontal error \[m\].
     pub horizontal_max: f64,
-    /// Velocity error, north east down [m/s].
+    /// Velocity error, north east down \[m/s\].
     pub velocity: Option<Axes>,
-    /// Attitude error, roll pitch yaw [deg].
+    /// Attitude error, roll pitch yaw \[deg\].
     pub attitude_deg: Option<Axes>,
-    /// RMS of the heading error 2 atan2(|z|, |w|) of q_est ⊗ q_ref* [deg]: the turn about the
+    /// RMS of the heading error 2 atan2(|z|, |w|) of q_est ⊗ q_ref* \[deg\]: the turn about the
     /// vertical. With `inclination_rmse_deg` free of gimbal lock; as Laidig et al. 2021 (BROAD).
     pub heading_rmse_deg: Option<f64>,
-    /// RMS of the inclination error 2 acos √(w² + z²) [deg]: the rest of the turn.
+    /// RMS of the inclination error 2 acos √(w² + z²) \[deg\]: the rest of the turn.
     pub inclination_rmse_deg: Option<f64>,
-    /// The mean rotation from body to the reference's body that was taken out, roll pitch yaw [deg].
+    /// The mean rotation from body to the reference's body that was taken out, roll pitch yaw \[deg\].
     pub mounting_deg: Option<[f64; 3]>,
     /// NEES of position.
     pub nees_position: Option<Consistency>,
@@ -140,9 +150,9 @@ pub struct Score {
     pub nees_attitude: Option<Consistency>,
     /// Drift per declared outage.
     pub drift: Vec<Drift>,
-    /// RMS over the outages of the largest horizontal error [m].
+    /// RMS over the outages of the largest horizontal error \[m\].
     pub drift_rms: Option<f64>,
-    /// Median over the outages of the largest horizontal error [m].
+    /// Median over the outages of the largest horizontal error \[m\].
     pub drift_median: Option<f64>,
 }
 
@@ -207,7 +217,14 @@ impl Scorer {
     /// Against `epochs`, which are in order of time.
     #[must_use]
     pub fn new(rules: Rules, epochs: Vec<ReferenceEpoch>) -> Self {
-        let window = |&(from, to): &(Time, Time)| Window { from, to, first: None, max: 0.0, growth: 0.0, closed: false };
+        let window = |&(from, to): &(Time, Time)| Window {
+            from,
+            to,
+            first: None,
+            max: 0.0,
+            growth: 0.0,
+            closed: false,
+        };
         let windows = rules.windows.iter().map(window).collect();
         Self {
             rules,
@@ -293,12 +310,19 @@ impl Scorer {
             .windows
             .iter()
             .filter(|w| w.closed && w.first.is_some())
-            .map(|w| Drift { from: w.from.seconds(), to: w.to.seconds(), max_horizontal: w.max, growth: w.growth })
+            .map(|w| Drift {
+                from: w.from.seconds(),
+                to: w.to.seconds(),
+                max_horizontal: w.max,
+                growth: w.growth,
+            })
             .collect();
         let (attitude_deg, mounting_deg) = self.attitude();
         let [heading_rmse_deg, inclination_rmse_deg] = self.heading_and_inclination(mounting_deg);
         Score {
-            epochs: self.position.count as usize,
+            epochs: (self.position.count as usize)
+                .max(self.velocity.count as usize)
+                .max(self.attitudes.len()),
             position: self.position.axes(),
             horizontal_rms: (self.horizontal.0 / count).sqrt(),
             horizontal_max: self.horizontal.1,
@@ -317,12 +341,17 @@ impl Scorer {
         }
     }
 
-    /// RMS [deg], the mean mounting [roll, pitch, yaw, deg] taken out where there is one.
+    /// RMS \[deg\], the mean mounting [roll, pitch, yaw, deg] taken out where there is one.
     fn heading_and_inclination(&self, mounting_deg: Option<[f64; 3]>) -> [Option<f64>; 2] {
         let [roll, pitch, yaw] = mounting_deg.unwrap_or_default().map(f64::to_radians);
         let mounting = so3::from_rpy(roll, pitch, yaw);
-        let errors = self.attitudes.iter().map(|(q, truth, _)| swing_and_twist(&(q * mounting * truth.inverse())));
-        let sums = errors.fold([0.0; 2], |[h, i], [heading, inclination]| [h + heading * heading, i + inclination * inclination]);
+        let errors = self
+            .attitudes
+            .iter()
+            .map(|(q, truth, _)| swing_and_twist(&(q * mounting * truth.inverse())));
+        let sums = errors.fold([0.0; 2], |[h, i], [heading, inclination]| {
+            [h + heading * heading, i + inclination * inclination]
+        });
         sums.map(|sum| (!self.attitudes.is_empty()).then(|| (sum / self.attitudes.len() as f64).sqrt().to_degrees()))
     }
 
@@ -342,7 +371,7 @@ impl Scorer {
 }
 
 /// The least turn about the vertical of the rotation `e` between two attitudes, resolved in
-/// navigation axes, and the turn about a level axis that is left [rad].
+/// navigation axes, and the turn about a level axis that is left \[rad\].
 fn swing_and_twist(e: &UnitQuaternion<f64>) -> [f64; 2] {
     // atan2 for acos √(w² + z²), which is coarse near 0.
     [2.0 * e.k.abs().atan2(e.w.abs()), 2.0 * e.i.hypot(e.j).atan2(e.w.hypot(e.k))]
@@ -354,7 +383,9 @@ fn mean_rotation(rotations: impl Iterator<Item = UnitQuaternion<f64>> + Clone) -
     // The intrinsic mean; each pass squares the remaining error.
     for _ in 0..10 {
         let inverse = mean.inverse();
-        let (count, sum) = rotations.clone().fold((0.0, Vector3::zeros()), |(n, s), r| (n + 1.0, s + so3::log(&(inverse * r))));
+        let (count, sum) = rotations
+            .clone()
+            .fold((0.0, Vector3::zeros()), |(n, s), r| (n + 1.0, s + so3::log(&(inverse * r))));
         mean *= so3::exp(&(sum / f64::max(count, 1.0)));
     }
     mean
@@ -391,7 +422,11 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
     }
     values.sort_by(f64::total_cmp);
     let middle = values.len() / 2;
-    Some(if values.len() % 2 == 1 { values[middle] } else { 0.5 * (values[middle - 1] + values[middle]) })
+    Some(if values.len() % 2 == 1 {
+        values[middle]
+    } else {
+        0.5 * (values[middle - 1] + values[middle])
+    })
 }
 
 /// Fills in velocities as the slope of a cubic fitted to the positions of `half` epochs on either
@@ -428,7 +463,12 @@ mod tests {
     use super::*;
 
     fn place(north: f64, east: f64) -> Geodetic {
-        Geodetic { lat: 0.6, lon: 0.1, height: 0.0 }.offset(&Vector3::new(north, east, 0.0))
+        Geodetic {
+            lat: 0.6,
+            lon: 0.1,
+            height: 0.0,
+        }
+        .offset(&Vector3::new(north, east, 0.0))
     }
 
     fn estimate(t: f64, north: f64, east: f64) -> Solution {
@@ -441,7 +481,12 @@ mod tests {
     }
 
     fn truth(t: f64) -> ReferenceEpoch {
-        ReferenceEpoch { time: Time::from_seconds(t), position: Some(place(0.0, 0.0)), velocity: None, attitude: Some(so3::from_rpy(0.0, 0.0, 0.5)) }
+        ReferenceEpoch {
+            time: Time::from_seconds(t),
+            position: Some(place(0.0, 0.0)),
+            velocity: None,
+            attitude: Some(so3::from_rpy(0.0, 0.0, 0.5)),
+        }
     }
 
     #[test]
@@ -457,7 +502,10 @@ mod tests {
         }
         let score = scorer.finish();
         // Geodetic ⊞/⊟ about points metres apart agree to 1e-5 relative.
-        assert!((score.horizontal_rms - ((25.0 + 100.0 + 117.0) / 5.0_f64).sqrt()).abs() < 1e-4, "{score:?}");
+        assert!(
+            (score.horizontal_rms - ((25.0 + 100.0 + 117.0) / 5.0_f64).sqrt()).abs() < 1e-4,
+            "{score:?}"
+        );
         assert!((score.drift[0].max_horizontal - 117_f64.sqrt()).abs() < 1e-3);
         assert!((score.drift[0].growth - 1.0).abs() < 1e-3);
         assert!((score.nees_position.unwrap().mean - (25.0 + 100.0 + 117.0) / 5.0 / 4.0).abs() < 1e-3);
@@ -473,7 +521,10 @@ mod tests {
             let e = so3::exp(&(level * tilt)) * so3::exp(&(down * turn));
             let [heading, inclination] = swing_and_twist(&e);
             // 1e-15: rounding; by acos it would be 1e-8.
-            assert!((heading - f64::abs(turn)).abs() < 1e-15 && (inclination - f64::abs(tilt)).abs() < 1e-15, "{heading} {inclination}");
+            assert!(
+                (heading - f64::abs(turn)).abs() < 1e-15 && (inclination - f64::abs(tilt)).abs() < 1e-15,
+                "{heading} {inclination}"
+            );
         }
         let truth = so3::from_rpy(0.5, -0.2, 2.0);
         let mut scorer = Scorer::new(Rules::default(), Vec::new());
@@ -500,7 +551,12 @@ mod tests {
         let mut epochs: Vec<ReferenceEpoch> = (0..21)
             .map(|k| {
                 let t = k as f64 * 0.01;
-                ReferenceEpoch { time: Time::from_seconds(t), position: Some(place(5.0 * t + 2.0 * t.powi(3), 0.0)), velocity: None, attitude: None }
+                ReferenceEpoch {
+                    time: Time::from_seconds(t),
+                    position: Some(place(5.0 * t + 2.0 * t.powi(3), 0.0)),
+                    velocity: None,
+                    attitude: None,
+                }
             })
             .collect();
         differentiate(&mut epochs, 6, 0.2);

@@ -18,14 +18,14 @@ pub struct Solution {
     pub time: Time,
     /// Geodetic position of the body origin and its covariance in metres NED.
     pub position: Option<(Geodetic, Matrix3<f64>)>,
-    /// Velocity v_eb_n [m/s] and its covariance.
+    /// Velocity v_eb_n \[m/s\] and its covariance.
     pub velocity: Option<(Vector3<f64>, Matrix3<f64>)>,
-    /// Attitude q_nb and the covariance of its body-frame error [rad²].
+    /// Attitude q_nb and the covariance of its body-frame error \[rad²\].
     pub attitude: Option<(UnitQuaternion<f64>, Matrix3<f64>)>,
 }
 
 impl Solution {
-    /// Roll, pitch, yaw [rad] and their 1σ.
+    /// Roll, pitch, yaw \[rad\] and their 1σ.
     #[must_use]
     pub fn rpy(&self) -> Option<(Vector3<f64>, Vector3<f64>)> {
         let (q, p) = self.attitude?;
@@ -58,13 +58,25 @@ impl SolutionReader {
     /// For beliefs of `layout` under `process`.
     #[must_use]
     pub fn new(layout: &Arc<Layout>, process: Arc<dyn Process>) -> Self {
-        let (position, velocity, attitude) =
-            (layout.quantity("position").ok(), layout.quantity("velocity").ok(), layout.quantity("attitude").ok());
+        let (position, velocity, attitude) = (
+            layout.quantity("position").ok(),
+            layout.quantity("velocity").ok(),
+            layout.quantity("attitude").ok(),
+        );
         let from_signals = matches!(position, Some(Quantity::Signal(_)))
             || matches!(velocity, Some(Quantity::Signal(_)))
             || matches!(attitude, Some(Quantity::Signal(_)));
         let input = vec![0.0; process.input_dim()];
-        Self { layout: layout.clone(), process, position, velocity, attitude, signals: SignalBuffer::new(layout), input, from_signals }
+        Self {
+            layout: layout.clone(),
+            process,
+            position,
+            velocity,
+            attitude,
+            signals: SignalBuffer::new(layout),
+            input,
+            from_signals,
+        }
     }
 
     /// The layout of the beliefs.
@@ -77,7 +89,8 @@ impl SolutionReader {
     pub fn read(&mut self, belief: &Belief) -> Solution {
         if self.from_signals {
             // Derived position, velocity and attitude do not depend on the input.
-            self.signals.evaluate(self.process.as_ref(), &belief.x, &Input::alone(&self.input), true);
+            self.signals
+                .evaluate(self.process.as_ref(), &belief.x, &Input::alone(&self.input), true);
         }
         let view = self.signals.view(&belief.x);
         let spread = |place: Option<(usize, bool)>| match place {

@@ -401,7 +401,20 @@ fn errors(f: &mut fmt::Formatter<'_>, score: &Score) -> fmt::Result {
             number(m[2])
         )?;
     }
-    for (what, c) in [("position", &score.nees_position), ("velocity", &score.nees_velocity)] {
+    if let (Some(heading), Some(inclination)) = (score.heading_rmse_deg, score.inclination_rmse_deg) {
+        writeln!(
+            f,
+            "  rotation error: heading RMSE {} deg, inclination RMSE {} deg",
+            number(heading),
+            number(inclination)
+        )?;
+    }
+    let nees = [
+        ("position", &score.nees_position),
+        ("velocity", &score.nees_velocity),
+        ("attitude", &score.nees_attitude),
+    ];
+    for (what, c) in nees {
         if let Some(c) = c {
             writeln!(
                 f,

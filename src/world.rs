@@ -33,16 +33,14 @@ impl SimulatedRows {
     ///
     /// # Errors
     /// Mistakes of the declared world.
-    pub fn new(
-        design: &Design,
-        simulation: &Named<SimulationDesign>,
-        assembly: &Assembly,
-        seed: Option<u64>,
-    ) -> Result<Self, Diagnostics> {
+    pub fn new(design: &Design, simulation: &Named<SimulationDesign>, assembly: &Assembly, seed: Option<u64>) -> Result<Self, Diagnostics> {
         let SimulationDesign { world, faults } = &simulation.block;
         let Some(origin) = design.run.origin else {
             let help = "add `origin = { latitude = \"…deg\", longitude = \"…deg\", height = \"…m\" }` under [run]";
-            return Err(Diagnostic::error("a simulated world needs an origin").at(simulation.node.name_place()).help(help).into());
+            return Err(Diagnostic::error("a simulated world needs an origin")
+                .at(simulation.node.name_place())
+                .help(help)
+                .into());
         };
         let seed = seed.unwrap_or(if world.seed == 0 { design.run.seed } else { world.seed });
         let sensors = design.sensors.iter().zip(&assembly.sensors).filter_map(|(named, info)| {
@@ -68,7 +66,11 @@ impl SimulatedRows {
         let simulator = Simulator::new(world, setup, seed).map_err(|e| {
             let place = simulation.node.place_of(&e.field);
             let diagnostic = Diagnostic::error(e.message).at(place);
-            Diagnostics::from(if let Some(help) = e.help { diagnostic.help(help) } else { diagnostic })
+            Diagnostics::from(if let Some(help) = e.help {
+                diagnostic.help(help)
+            } else {
+                diagnostic
+            })
         })?;
         let mut rows = Self {
             ids: Vec::new(),
@@ -82,14 +84,19 @@ impl SimulatedRows {
         let input_stream = design.process.block.source.as_deref().unwrap_or(INPUT);
         for stream in rows.simulator.streams() {
             let name = if stream.name == INPUT { input_stream } else { &stream.name };
-            rows.ids.push(assembly.streams.iter().position(|s| s.name == name).unwrap_or(usize::MAX));
+            rows.ids
+                .push(assembly.streams.iter().position(|s| s.name == name).unwrap_or(usize::MAX));
             let mut offset = 0;
             let channels: Vec<ProvidedChannel> = stream
                 .channels
                 .iter()
                 .map(|channel| {
                     offset += channel.width;
-                    ProvidedChannel { channel: channel.clone(), offset: offset - channel.width, delay_ns: 0 }
+                    ProvidedChannel {
+                        channel: channel.clone(),
+                        offset: offset - channel.width,
+                        delay_ns: 0,
+                    }
                 })
                 .collect();
             let declared = faults.iter().find(|(sensor, _)| *sensor == stream.name).map_or(&[][..], |(_, f)| f);
@@ -99,7 +106,10 @@ impl SimulatedRows {
                 rows.outages.extend(within.into_iter().map(|w| (w.from, w.to)));
             }
             for (name, fault) in declared {
-                let context = FaultContext { channels: &channels, seed: derive_seed(seed, &[&stream.name, name]) };
+                let context = FaultContext {
+                    channels: &channels,
+                    seed: derive_seed(seed, &[&stream.name, name]),
+                };
                 match fault.build(&context) {
                     Ok(fault) => built.push(fault),
                     Err(e) => {
@@ -146,7 +156,11 @@ impl SimulatedRows {
                 name: stream.name.clone(),
                 rows,
                 used,
-                skipped: if used < rows { vec![("withheld by a fault".to_owned(), rows - used)] } else { Vec::new() },
+                skipped: if used < rows {
+                    vec![("withheld by a fault".to_owned(), rows - used)]
+                } else {
+                    Vec::new()
+                },
                 report: format!("{used} of {rows} simulated rows"),
             })
             .collect()
@@ -159,8 +173,10 @@ pub fn simulated<'a>(
     simulation: &'a SimulationDesign,
 ) -> impl Iterator<Item = (&'a str, &'a str, fusion_models::block::Channel)> {
     design.sensors.iter().filter_map(|named| {
-        let Reading::Channel(channel) = named.block.model.reading() else { return None };
+        let Reading::Channel(channel) = named.block.model.reading() else {
+            return None;
+        };
         let simulated = simulation.world.sensor.contains_key(&named.name);
-        simulated.then(|| (named.name.as_str(), named.block.common.source.as_str(), channel))
+        simulated.then_some((named.name.as_str(), named.block.common.source.as_str(), channel))
     })
 }

@@ -179,7 +179,15 @@ mod tests {
     fn layout(q: UnitQuaternion<f64>) -> Layout {
         fn declare<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M::Value) {
             let (name, owner, sigma) = (name.to_owned(), String::new(), vec![1.0; M::KIND.dim()]);
-            b.declare::<M>(Declaration { name, owner, unit: "", initial, sigma, dynamics: Dynamics::Process }).unwrap();
+            b.declare::<M>(Declaration {
+                name,
+                owner,
+                unit: "",
+                initial,
+                sigma,
+                dynamics: Dynamics::Process,
+            })
+            .unwrap();
         }
         let mut b = LayoutBuilder::new();
         declare::<Geodetic>(&mut b, "position", Geodetic::new(0.6, 2.2, 10.0));
@@ -202,7 +210,9 @@ mod tests {
     fn every_chart_with_a_square_map_obeys_the_laws_of_charts() {
         let charts: [&dyn Chart; 3] = [&Body, &Navigation, &AdditiveEuler];
         for (layout, delta) in cases() {
-            charts.iter().for_each(|c| check_chart(&layout, *c, layout.initial(), &delta).unwrap());
+            charts
+                .iter()
+                .for_each(|c| check_chart(&layout, *c, layout.initial(), &delta).unwrap());
         }
     }
 
@@ -249,7 +259,15 @@ mod tests {
             }
         }
         let (layout, delta) = cases().next().unwrap();
-        assert!(check_chart(&layout, &Wrong, layout.initial(), &delta).unwrap_err().contains("`attitude`"));
-        assert!(check_reset(&layout, &Wrong, layout.initial(), &delta, 1.0).unwrap_err().contains("`attitude`"));
+        assert!(
+            check_chart(&layout, &Wrong, layout.initial(), &delta)
+                .unwrap_err()
+                .contains("`attitude`")
+        );
+        assert!(
+            check_reset(&layout, &Wrong, layout.initial(), &delta, 1.0)
+                .unwrap_err()
+                .contains("`attitude`")
+        );
     }
 }

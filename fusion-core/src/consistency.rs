@@ -27,7 +27,11 @@ mod tests {
     #[test]
     fn quantiles_match_printed_tables() {
         // Tables give three decimals.
-        for (dof, want) in [(1.0, [3.841, 6.635, 10.828]), (2.0, [5.991, 9.210, 13.816]), (15.0, [24.996, 30.578, 37.697])] {
+        for (dof, want) in [
+            (1.0, [3.841, 6.635, 10.828]),
+            (2.0, [5.991, 9.210, 13.816]),
+            (15.0, [24.996, 30.578, 37.697]),
+        ] {
             for (p, want) in [0.95, 0.99, 0.999].into_iter().zip(want) {
                 assert!((chi_square_quantile(p, dof) - want).abs() < 6e-4, "{dof} {p}");
             }

@@ -347,7 +347,7 @@ fn axpy(factor: f64, x: &[f64], y: &mut [f64]) {
     }
 }
 
-/// out[j] = Σ factor · x[start + j] over `terms`, for j from `at` to `end`, an even number of them,
+/// out\[j\] = Σ factor · x[start + j] over `terms`, for j from `at` to `end`, an even number of them,
 /// in pieces that fit the registers.
 #[inline]
 fn combine(terms: &[Term], start: impl Fn(&Term) -> u32 + Copy, x: &[f64], mut at: usize, end: usize, out: &mut [f64]) {

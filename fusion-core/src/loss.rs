@@ -90,7 +90,15 @@ mod tests {
                 (self.0)(norm)
             }
         }
-        assert!(check_loss(&Wrong(|r| if r > 5.0 { 0.0 } else { 1.0 })).unwrap_err().contains("outside"));
-        assert!(check_loss(&Wrong(|r| if r > 5.0 { 1.0 } else { 1.0 / (1.0 + r) })).unwrap_err().contains("grows"));
+        assert!(
+            check_loss(&Wrong(|r| if r > 5.0 { 0.0 } else { 1.0 }))
+                .unwrap_err()
+                .contains("outside")
+        );
+        assert!(
+            check_loss(&Wrong(|r| if r > 5.0 { 1.0 } else { 1.0 / (1.0 + r) }))
+                .unwrap_err()
+                .contains("grows")
+        );
     }
 }

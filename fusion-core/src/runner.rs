@@ -60,7 +60,11 @@ impl Noise {
         for (i, s) in sigma.iter().enumerate() {
             covariance[i * m + i] = s * s;
         }
-        Self { covariance, sigma_columns: Vec::new(), scale: 1.0 }
+        Self {
+            covariance,
+            sigma_columns: Vec::new(),
+            scale: 1.0,
+        }
     }
 
     fn fill(&self, row: &[f64], r: &mut [f64]) {
@@ -382,7 +386,10 @@ impl Runner {
 
     /// Adds a stream of rows of `width` numbers and returns its number.
     pub fn add_stream(&mut self, name: &str, width: usize) -> StreamId {
-        self.streams.push(Stream { name: name.to_owned(), width });
+        self.streams.push(Stream {
+            name: name.to_owned(),
+            width,
+        });
         self.streams.len() - 1
     }
 
@@ -458,10 +465,12 @@ impl Runner {
     #[must_use]
     pub fn waits_for(&self) -> Vec<(String, String)> {
         let pending = self.initialisers.iter();
-        pending.filter_map(|u| u.initialiser.waits_for().map(|why| (u.name.clone(), why))).collect()
+        pending
+            .filter_map(|u| u.initialiser.waits_for().map(|why| (u.name.clone(), why)))
+            .collect()
     }
 
-    /// How long rows are held back [s]: the buffer plus the longest declared delay.
+    /// How long rows are held back \[s\]: the buffer plus the longest declared delay.
     #[must_use]
     pub fn lag(&self) -> f64 {
         self.lag as f64 * 1e-9
@@ -493,7 +502,9 @@ impl Runner {
         while let Some((time, sensor, row)) = self.waiting.pop_front() {
             self.predict(time, observer);
             self.offer(sensor, time, row, observer);
-            observer.on(&Event::Predicted { belief: self.estimator.belief() });
+            observer.on(&Event::Predicted {
+                belief: self.estimator.belief(),
+            });
         }
     }
 
@@ -505,7 +516,11 @@ impl Runner {
             }
             let time = time.shifted(-port.delay);
             if time < self.released {
-                observer.on(&Event::Late { consumer: name, time, now: self.released });
+                observer.on(&Event::Late {
+                    consumer: name,
+                    time,
+                    now: self.released,
+                });
                 return;
             }
             self.rows.uses[at] += 1;
@@ -583,7 +598,9 @@ impl Runner {
         self.started = true;
         self.start_after = time;
         self.estimator.set_belief(belief);
-        observer.on(&Event::Started { belief: self.estimator.belief() });
+        observer.on(&Event::Started {
+            belief: self.estimator.belief(),
+        });
     }
 
     fn input_row(&mut self, time: Time, row: usize, observer: &mut dyn Observer) {
@@ -597,12 +614,20 @@ impl Runner {
         let last_end = self.held.as_ref().or(self.previous.as_ref()).map(|s| s.end);
         let Some(start) = last_end else {
             // The first sample closes an interval of unknown length: it only opens the next one.
-            self.previous = Some(Sample { start: time, end: time, rates: self.value.clone() });
+            self.previous = Some(Sample {
+                start: time,
+                end: time,
+                rates: self.value.clone(),
+            });
             self.start_if_ready(time, observer);
             return;
         };
         if time <= start {
-            observer.on(&Event::Late { consumer: "process", time, now: start });
+            observer.on(&Event::Late {
+                consumer: "process",
+                time,
+                now: start,
+            });
             return;
         }
         let mut rates = self.spare.pop().unwrap_or_default();
@@ -641,7 +666,13 @@ impl Runner {
         if !self.started || sample.end <= self.estimator.belief().time {
             return;
         }
-        let input = Input { sample: &sample.rates, neighbour: &neighbour.rates, interval: sample.dt(), neighbour_interval: neighbour.dt(), neighbour_is_earlier };
+        let input = Input {
+            sample: &sample.rates,
+            neighbour: &neighbour.rates,
+            interval: sample.dt(),
+            neighbour_interval: neighbour.dt(),
+            neighbour_is_earlier,
+        };
         while let Some(&(time, sensor, row)) = self.waiting.front() {
             if time > sample.end {
                 break;
@@ -651,7 +682,9 @@ impl Runner {
             self.offer(sensor, time, row, observer);
         }
         self.predict_under(sample.end, &input, observer);
-        observer.on(&Event::Predicted { belief: self.estimator.belief() });
+        observer.on(&Event::Predicted {
+            belief: self.estimator.belief(),
+        });
     }
 
     fn predict_under(&mut self, to: Time, input: &Input<'_>, observer: &mut dyn Observer) {
@@ -700,7 +733,9 @@ impl Runner {
         if self.process.input_dim() == 0 {
             self.predict(time, observer);
             self.offer(sensor, time, row, observer);
-            observer.on(&Event::Predicted { belief: self.estimator.belief() });
+            observer.on(&Event::Predicted {
+                belief: self.estimator.belief(),
+            });
         } else if time <= self.estimator.belief().time {
             self.offer(sensor, time, row, observer);
         } else {
@@ -721,11 +756,19 @@ impl Runner {
         let noise = &mut self.noise[..m * m];
         s.noise.fill(data, noise);
         if time < self.estimator.belief().time {
-            observer.on(&Event::Late { consumer: &s.name, time, now: self.estimator.belief().time });
+            observer.on(&Event::Late {
+                consumer: &s.name,
+                time,
+                now: self.estimator.belief().time,
+            });
         } else if !self.value.iter().chain(noise.iter()).all(|v| v.is_finite()) {
             observer.on(&Event::NotFinite { consumer: &s.name, time });
         } else {
-            let observed = Observed { model: s.model.as_ref(), value: &self.value, noise };
+            let observed = Observed {
+                model: s.model.as_ref(),
+                value: &self.value,
+                noise,
+            };
             let update = self.estimator.update(&observed, s.gate.as_mut(), s.loss.as_ref());
             observer.on(&Event::Updated { sensor, update, time });
         }

@@ -31,12 +31,20 @@ pub struct BuildError {
 impl BuildError {
     /// About the block as a whole.
     pub fn new(message: impl Into<String>) -> Self {
-        Self { field: String::new(), message: message.into(), help: None }
+        Self {
+            field: String::new(),
+            message: message.into(),
+            help: None,
+        }
     }
 
     /// About one field.
     pub fn at(field: impl Into<String>, message: impl Into<String>) -> Self {
-        Self { field: field.into(), message: message.into(), help: None }
+        Self {
+            field: field.into(),
+            message: message.into(),
+            help: None,
+        }
     }
 
     /// With advice.
@@ -66,7 +74,7 @@ pub enum Shape {
     Vector,
     /// Angles that wrap.
     Angle,
-    /// Latitude, longitude [rad] and height [m].
+    /// Latitude, longitude \[rad\] and height \[m\].
     Geodetic,
     /// Unit quaternion w x y z, body to navigation.
     Quaternion,
@@ -89,13 +97,23 @@ impl Channel {
     /// `width` numbers of `dimension`.
     #[must_use]
     pub const fn vector(name: &'static str, width: usize, dimension: Dimension) -> Self {
-        Self { name: Cow::Borrowed(name), width, dimension, shape: Shape::Vector }
+        Self {
+            name: Cow::Borrowed(name),
+            width,
+            dimension,
+            shape: Shape::Vector,
+        }
     }
 
     /// A geodetic position.
     #[must_use]
     pub const fn geodetic(name: &'static str) -> Self {
-        Self { name: Cow::Borrowed(name), width: 3, dimension: Dimension::NONE, shape: Shape::Geodetic }
+        Self {
+            name: Cow::Borrowed(name),
+            width: 3,
+            dimension: Dimension::NONE,
+            shape: Shape::Geodetic,
+        }
     }
 }
 
@@ -223,9 +241,10 @@ impl Build<'_> {
     /// # Errors
     /// Where it is missing or of another kind.
     pub fn quantity<M: Manifold>(&self, name: &str) -> Result<Quantity<M>, BuildError> {
-        self.layout.so_far().quantity(name).map_err(|e| {
-            BuildError::new(e.to_string()).help("add the state to the process, or remove this block")
-        })
+        self.layout
+            .so_far()
+            .quantity(name)
+            .map_err(|e| BuildError::new(e.to_string()).help("add the state to the process, or remove this block"))
     }
 
     /// The declared origin.
@@ -234,7 +253,8 @@ impl Build<'_> {
     /// Where none is declared.
     pub fn origin(&self) -> Result<Geodetic, BuildError> {
         let help = "add `origin = { latitude = \"…deg\", longitude = \"…deg\", height = \"…m\" }` under [run]";
-        self.origin.ok_or_else(|| BuildError::new("this block needs an origin of local coordinates").help(help))
+        self.origin
+            .ok_or_else(|| BuildError::new("this block needs an origin of local coordinates").help(help))
     }
 
     /// Declares a state block under a name of its own.
@@ -250,7 +270,14 @@ impl Build<'_> {
         dynamics: Dynamics,
     ) -> Result<Slot<M>, BuildError> {
         let (name, owner) = (name.to_owned(), self.name.to_owned());
-        Ok(self.layout.declare::<M>(Declaration { name, owner, unit, initial, sigma, dynamics })?)
+        Ok(self.layout.declare::<M>(Declaration {
+            name,
+            owner,
+            unit,
+            initial,
+            sigma,
+            dynamics,
+        })?)
     }
 
     /// Declares a signal of the process.
@@ -288,7 +315,14 @@ impl Build<'_> {
                 let dynamics = e.dynamics().map_err(|(key, why)| BuildError::at(format!("{field}.{key}"), why))?;
                 let (initial, sigma) = (e.initial.value(), V::axes(&e.sigma).to_vec());
                 let (name, owner) = (name.to_owned(), self.name.to_owned());
-                let declared = Declaration { name, owner, unit: V::SYMBOL, initial, sigma, dynamics };
+                let declared = Declaration {
+                    name,
+                    owner,
+                    unit: V::SYMBOL,
+                    initial,
+                    sigma,
+                    dynamics,
+                };
                 let slot = self.layout.declare::<V::Manifold>(declared);
                 slot.map(Param::State).map_err(|e| BuildError::at(field, e.to_string()))
             }

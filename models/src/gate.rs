@@ -75,10 +75,15 @@ pub struct NisSpec {
     recovery: RecoverySpec,
 }
 
-crate::register!(Gate, "nis", NisSpec, r#"
+crate::register!(
+    Gate,
+    "nis",
+    NisSpec,
+    r#"
 probability = 0.999
 recovery = { deny_after = 5, resume_after = 3, readopt_after = "30 s", gap = "10 s", never_readopt = false }
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "nis")]
 impl GateSpec for NisSpec {
@@ -86,7 +91,8 @@ impl GateSpec for NisSpec {
         let p = self.probability.si();
         if !(0.5..1.0).contains(&p) {
             let message = format!("a gate that passes {p} of the good measurements is none");
-            return Err(BuildError::at("probability", message).help("write a probability from 0.5 to below 1, e.g. 0.999; `none` passes everything"));
+            return Err(BuildError::at("probability", message)
+                .help("write a probability from 0.5 to below 1, e.g. 0.999; `none` passes everything"));
         }
         Ok(Box::new(Nis::new(p, self.recovery.build())))
     }
@@ -154,14 +160,19 @@ fn three_metres() -> NonNegative<dim::Length> {
     NonNegative::try_from_si(3.0).unwrap_or_default()
 }
 
-crate::register!(Gate, "two_condition", TwoConditionSpec, r#"
+crate::register!(
+    Gate,
+    "two_condition",
+    TwoConditionSpec,
+    r#"
 probability = 0.99
 ellipse = "estimate"
 magnitude = "step"
 max_speed = "2 m/s"
 sigma = "1.28 m"
 min_distance = "3 m"
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "two_condition")]
 impl GateSpec for TwoConditionSpec {
@@ -182,7 +193,12 @@ impl GateSpec for TwoConditionSpec {
             (MagnitudeSpec::Reported, None, Some(limit)) => Magnitude::Reported { limit: limit.si() },
             (MagnitudeSpec::Step, None, _) => return Err(BuildError::at("magnitude", "`step` needs `max_speed`")),
             (MagnitudeSpec::Reported, _, None) => return Err(BuildError::at("magnitude", "`reported` needs `max_reported`")),
-            _ => return Err(BuildError::at("magnitude", "`max_speed` belongs to `step`, `max_reported` to `reported`")),
+            _ => {
+                return Err(BuildError::at(
+                    "magnitude",
+                    "`max_speed` belongs to `step`, `max_reported` to `reported`",
+                ));
+            }
         };
         let sigma = self.sigma.map(|s| s.si());
         let gate = TwoCondition::new(p, ellipse, magnitude, sigma, self.min_distance.si(), self.recovery.build());

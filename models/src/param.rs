@@ -159,7 +159,9 @@ impl<V: ParamValue> Estimated<V> {
             (Some(walk), None) => {
                 let wanted = per_root_second(V::KIND.dimension);
                 let walk = walk.expect(wanted).map_err(|e| ("random_walk", e.to_string()))?;
-                Ok(Dynamics::RandomWalk { psd: vec![walk * walk; sigma.len()] })
+                Ok(Dynamics::RandomWalk {
+                    psd: vec![walk * walk; sigma.len()],
+                })
             }
             (Some(_), Some(_)) => Err(("random_walk", "a block is a random walk or Gauss-Markov, not both".to_owned())),
         }

@@ -108,5 +108,8 @@ pub fn names(role: Role) -> Vec<&'static str> {
 #[must_use]
 pub fn duplicates() -> Vec<(Role, &'static str)> {
     let all = all();
-    all.windows(2).filter(|w| (w[0].role, w[0].name) == (w[1].role, w[1].name)).map(|w| (w[0].role, w[0].name)).collect()
+    all.windows(2)
+        .filter(|w| (w[0].role, w[0].name) == (w[1].role, w[1].name))
+        .map(|w| (w[0].role, w[0].name))
+        .collect()
 }

@@ -52,7 +52,11 @@ fn every_kind_of_block_obeys_the_laws_of_plus_and_minus() {
     let mut random = Lcg::new(7);
     for _ in 0..200 {
         let q = fusion_core::geometry::so3::from_rpy(3.0 * random.signed(), 1.5 * random.signed(), 3.0 * random.signed());
-        let geodetic = [1.5 * random.signed(), core::f64::consts::PI * random.signed(), 1e4 * random.signed()];
+        let geodetic = [
+            1.5 * random.signed(),
+            core::f64::consts::PI * random.signed(),
+            1e4 * random.signed(),
+        ];
         let attitude = [q.w, q.i, q.j, q.k];
         let three = [random.signed(), random.signed(), random.signed()].map(|v| v * 1.8);
         for (kind, x) in [

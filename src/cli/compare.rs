@@ -34,8 +34,11 @@ pub(super) struct CompareArgs {
 }
 
 pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
-    let configs: Vec<Option<PathBuf>> =
-        if args.configs.is_empty() { vec![None] } else { args.configs.iter().cloned().map(Some).collect() };
+    let configs: Vec<Option<PathBuf>> = if args.configs.is_empty() {
+        vec![None]
+    } else {
+        args.configs.iter().cloned().map(Some).collect()
+    };
     let mut comparison = Comparison::default();
     let (mut recordings, mut title) = (Vec::new(), String::new());
     let mut warnings = Diagnostics::new();
@@ -47,7 +50,12 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
                 set: args.set.clone(),
                 data: args.data.clone(),
             };
-            let options = Options { data: args.data.clone(), base: named.base(), out: None, seed: args.seed };
+            let options = Options {
+                data: args.data.clone(),
+                base: named.base(),
+                out: None,
+                seed: args.seed,
+            };
             let design = named.read()?;
             let (summary, recording) = run_recorded(&design, &options, &mut |_| {})?;
             title.clone_from(&design.run.description);

@@ -80,10 +80,13 @@ Examples:
     ///
     /// Runs in parallel; every run is a function of the campaign's seed and its own number, so
     /// that runs.csv is the same file for any number of threads.
-    #[command(after_long_help = "\
+    #[command(
+        after_long_help = "\
 Examples:
   fusion montecarlo configs/ins-gps-outlier.toml -n 100
-  fusion montecarlo drive.toml -n 20 --variant no-gate --seed 7 --out results", visible_alias = "mc")]
+  fusion montecarlo drive.toml -n 20 --variant no-gate --seed 7 --out results",
+        visible_alias = "mc"
+    )]
     Montecarlo(montecarlo::MonteCarloArgs),
     /// Print the JSON Schema of a design, for editors that complete and check TOML.
     #[command(after_long_help = "\

@@ -30,13 +30,20 @@ pub(super) struct MonteCarloArgs {
 
 pub(super) fn montecarlo(args: &MonteCarloArgs) -> Result<(), Failure> {
     let design = args.design.read()?;
-    let options = Options { data: args.design.data.clone(), base: args.design.base(), out: None, seed: None };
+    let options = Options {
+        data: args.design.data.clone(),
+        base: args.design.base(),
+        out: None,
+        seed: None,
+    };
     let bar = if std::io::stderr().is_terminal() {
         ProgressBar::with_draw_target(Some(args.n), ProgressDrawTarget::stderr())
     } else {
         ProgressBar::hidden()
     };
-    let campaign = monte_carlo(&design, &options, args.n, args.seed, args.threads, &|done| bar.set_position(done as u64));
+    let campaign = monte_carlo(&design, &options, args.n, args.seed, args.threads, &|done| {
+        bar.set_position(done as u64)
+    });
     bar.finish_and_clear();
     let campaign = campaign?;
     let mut text = campaign.to_string();

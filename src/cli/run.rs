@@ -39,7 +39,15 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     progress.finish();
     let (summary, recording) = result?;
     if let (Some(out), Some(recording)) = (&args.out, &recording) {
-        write_report(out, &design.run.description, &[report::Run { name: "estimate", recording, summary: &summary }])?;
+        write_report(
+            out,
+            &design.run.description,
+            &[report::Run {
+                name: "estimate",
+                recording,
+                summary: &summary,
+            }],
+        )?;
     }
     let mut text = summary.to_string();
     // Writing to a String cannot fail.

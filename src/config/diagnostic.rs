@@ -208,21 +208,13 @@ impl Diagnostics {
     /// # Errors
     /// Where there are errors: all diagnostics.
     pub fn unless_errors<T>(self, value: T) -> Result<T, Self> {
-        if self.has_errors() {
-            Err(self)
-        } else {
-            Ok(value)
-        }
+        if self.has_errors() { Err(self) } else { Ok(value) }
     }
 
     /// The text to print; ask for colour where it goes to a terminal.
     #[must_use]
     pub fn render(&self, color: bool) -> String {
-        let renderer = if color {
-            Renderer::styled()
-        } else {
-            Renderer::plain()
-        };
+        let renderer = if color { Renderer::styled() } else { Renderer::plain() };
         let texts: Vec<_> = self.iter().map(|found| found.render(&renderer)).collect();
         texts.join("\n\n")
     }
@@ -261,9 +253,7 @@ pub fn did_you_mean<'c>(word: &str, candidates: &[&'c str]) -> Option<&'c str> {
         let begun = word.len() >= 3 && known.starts_with(&word);
         (distance * 3 <= length || begun).then_some((distance, *candidate))
     });
-    close
-        .min_by_key(|(distance, _)| *distance)
-        .map(|(_, candidate)| candidate)
+    close.min_by_key(|(distance, _)| *distance).map(|(_, candidate)| candidate)
 }
 
 #[cfg(test)]
@@ -295,9 +285,7 @@ error: too strict
     #[test]
     fn a_row_of_a_data_file_is_named_by_its_line() {
         let place = Place::row("imu.csv", 17);
-        let found = Diagnostic::warning("time runs backwards")
-            .at(&place)
-            .help("sort the file");
+        let found = Diagnostic::warning("time runs backwards").at(&place).help("sort the file");
         let expected = "\
 warning: time runs backwards
 --> imu.csv:17

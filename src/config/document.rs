@@ -74,9 +74,7 @@ impl Document {
             offset: 0,
             found: Vec::new(),
         };
-        grower.found = first_of_each_line(text, errors)
-            .map(|error| grower.syntax(&error))
-            .collect();
+        grower.found = first_of_each_line(text, errors).map(|error| grower.syntax(&error)).collect();
         let place = Place::File {
             path: name.to_owned(),
             line: None,
@@ -134,10 +132,7 @@ impl Node {
 
     /// The keys of a table.
     pub(super) fn keys(&self) -> Vec<&str> {
-        self.entries()
-            .iter()
-            .map(|entry| entry.key.as_str())
-            .collect()
+        self.entries().iter().map(|entry| entry.key.as_str()).collect()
     }
 
     /// The text, where it is text.
@@ -153,10 +148,7 @@ impl Node {
     #[must_use]
     pub fn get(&self, key: &str) -> Option<&Self> {
         match &self.value {
-            Value::Table { entries, .. } => entries
-                .iter()
-                .find(|entry| entry.key == key)
-                .map(|entry| &entry.node),
+            Value::Table { entries, .. } => entries.iter().find(|entry| entry.key == key).map(|entry| &entry.node),
             Value::Array(nodes) => nodes.get(key.parse::<usize>().ok()?),
             _ => None,
         }
@@ -231,10 +223,7 @@ impl Value {
 }
 
 /// The errors in the order of the text, of which the first of a line often causes the others.
-fn first_of_each_line(
-    text: &str,
-    mut errors: Vec<toml::de::Error>,
-) -> impl Iterator<Item = toml::de::Error> {
+fn first_of_each_line(text: &str, mut errors: Vec<toml::de::Error>) -> impl Iterator<Item = toml::de::Error> {
     let start = |error: &toml::de::Error| error.span().map_or(text.len(), |span| span.start);
     let line = |error: &mut toml::de::Error| {
         let before = &text.as_bytes()[..start(error)];
@@ -255,10 +244,7 @@ pub(super) struct Grower {
 
 impl Grower {
     fn place(&self, span: Range<usize>) -> Place {
-        Place::text(
-            &self.source,
-            span.start + self.offset..span.end + self.offset,
-        )
+        Place::text(&self.source, span.start + self.offset..span.end + self.offset)
     }
 
     pub(super) fn syntax(&self, error: &toml::de::Error) -> Diagnostic {
@@ -275,8 +261,7 @@ impl Grower {
             DeValue::Integer(number) => {
                 let parsed = i64::from_str_radix(number.as_str(), number.radix());
                 Value::Integer(parsed.unwrap_or_else(|_| {
-                    self.found
-                        .push(Diagnostic::error("this integer exceeds 64 bits").at(&place));
+                    self.found.push(Diagnostic::error("this integer exceeds 64 bits").at(&place));
                     0
                 }))
             }
@@ -284,9 +269,7 @@ impl Grower {
             DeValue::Float(number) => Value::Float(number.as_str().parse().unwrap_or(f64::NAN)),
             DeValue::Boolean(flag) => Value::Boolean(*flag),
             DeValue::Datetime(instant) => Value::Datetime(*instant),
-            DeValue::Array(values) => {
-                Value::Array(values.iter().map(|value| self.node(None, value)).collect())
-            }
+            DeValue::Array(values) => Value::Array(values.iter().map(|value| self.node(None, value)).collect()),
             DeValue::Table(table) => self.table(table),
         };
         Node {
@@ -336,14 +319,8 @@ mod tests {
     fn keys_and_values_know_their_places() {
         let document = parse("[gate.of]\nprobability = 0.99 # much\nx.y = [1, 'b']\n");
         let root = document.root();
-        assert_eq!(
-            quote(root.at("gate.of.probability").unwrap().place()),
-            "0.99"
-        );
-        assert_eq!(
-            quote(root.at("gate.of.probability").unwrap().name_place()),
-            "probability"
-        );
+        assert_eq!(quote(root.at("gate.of.probability").unwrap().place()), "0.99");
+        assert_eq!(quote(root.at("gate.of.probability").unwrap().name_place()), "probability");
         assert_eq!(quote(root.at("gate.of").unwrap().name_place()), "of");
         assert_eq!(quote(root.at("gate.of.x.y.1").unwrap().place()), "'b'");
     }

@@ -68,9 +68,7 @@ impl Document {
     pub fn overlay(&mut self, path: &str) -> Result<(), Diagnostic> {
         let mut node = &self.root;
         for key in path.split('.') {
-            node = node
-                .get(key)
-                .ok_or_else(|| unknown(node, key, &node.name))?;
+            node = node.get(key).ok_or_else(|| unknown(node, key, &node.name))?;
         }
         let Value::Table { .. } = node.value else {
             return Err(Diagnostic::error(format!("`{path}` is not a table")).at(&node.place));
@@ -86,9 +84,7 @@ fn unknown(node: &Node, key: &str, place: &Place) -> Diagnostic {
     let diagnostic = Diagnostic::error(format!("there is no `{key}` here")).at(place);
     match &node.value {
         Value::Table { .. } => diagnostic.suggest(key, &node.keys(), "known here"),
-        Value::Array(nodes) => {
-            diagnostic.help(format!("an array of {}, indexed from 0", nodes.len()))
-        }
+        Value::Array(nodes) => diagnostic.help(format!("an array of {}, indexed from 0", nodes.len())),
         _ => diagnostic.help("this is a single value, with nothing in it"),
     }
 }
@@ -180,14 +176,8 @@ mod tests {
     fn an_override_goes_through_tables_and_elements_only() {
         let mut document = parse("[gate]\nlimit = 5\narm = [0, 0.5, 1]\n");
         let help = |result: Result<(), Diagnostic>| result.unwrap_err().help.unwrap();
-        assert_eq!(
-            help(document.set("gate.arm.3=1")),
-            "an array of 3, indexed from 0"
-        );
-        assert_eq!(
-            help(document.set("gate.limit.x=1")),
-            "this is a single value, with nothing in it"
-        );
+        assert_eq!(help(document.set("gate.arm.3=1")), "an array of 3, indexed from 0");
+        assert_eq!(help(document.set("gate.limit.x=1")), "this is a single value, with nothing in it");
         assert_eq!(help(document.set("noise.sigma=1")), "known here: `gate`");
         assert!(document.set("=1").is_err());
         assert!(document.set("gate.=1").is_err());
@@ -201,20 +191,13 @@ mod tests {
         );
         assert_eq!(document.overlay("variant.udu"), Ok(()));
         assert_eq!(get::<String>(&document, "form"), "udu");
-        assert_eq!(
-            (
-                get::<i64>(&document, "gate.limit"),
-                get::<i64>(&document, "gate.age")
-            ),
-            (9, 1)
-        );
+        assert_eq!((get::<i64>(&document, "gate.limit"), get::<i64>(&document, "gate.age")), (9, 1));
         assert_eq!(get::<i64>(&document, "sensor.gnss.rate"), 2);
     }
 
     #[test]
     fn a_block_of_another_type_is_replaced_as_a_whole() {
-        let mut document =
-            parse("gate = { type = 'nis', limit = 5 }\n[variant.open]\ngate = { type = 'none' }\n");
+        let mut document = parse("gate = { type = 'nis', limit = 5 }\n[variant.open]\ngate = { type = 'none' }\n");
         assert_eq!(document.overlay("variant.open"), Ok(()));
         assert_eq!(document.root().get("gate").unwrap().keys(), ["type"]);
     }

@@ -45,9 +45,7 @@ impl Fault {
             }
             Self::UnknownVariant { variant, known } => diagnostic.suggest(variant, known, "known"),
             Self::MissingField(field) => diagnostic.label(format!("needs `{field}`")),
-            Self::MissingType { known } => diagnostic
-                .suggest("", known, "known types")
-                .label("needs `type`"),
+            Self::MissingType { known } => diagnostic.suggest("", known, "known types").label("needs `type`"),
         }
     }
 }
@@ -117,8 +115,7 @@ fn in_words(expected: &str) -> String {
         "f64" | "f32" => "a number",
         "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number of at least 0",
         "i8" | "i16" | "i32" | "i64" | "isize" => "a whole number",
-        "a nonzero u8" | "a nonzero u16" | "a nonzero u32" | "a nonzero u64"
-        | "a nonzero usize" => "a whole number of at least 1",
+        "a nonzero u8" | "a nonzero u16" | "a nonzero u32" | "a nonzero u64" | "a nonzero usize" => "a whole number of at least 1",
         "a boolean" => "`true` or `false`",
         "a string" => "text",
         "a sequence" => "an array",

@@ -112,10 +112,7 @@ fn what_is_right_is_read_without_a_word() {
 #[test]
 fn a_plain_map_may_have_a_key_named_type() {
     let (document, _) = Document::parse("filter.toml", "type = 1\nother = 2\n");
-    let map = document
-        .root()
-        .read::<BTreeMap<String, i64>>(&mut Diagnostics::new())
-        .unwrap();
+    let map = document.root().read::<BTreeMap<String, i64>>(&mut Diagnostics::new()).unwrap();
     assert_eq!(map.len(), 2);
 }
 
@@ -140,10 +137,7 @@ fn a_field_read_elsewhere_is_still_suggested() {
     assert!(common.entries().is_empty());
     let mut diagnostics = Diagnostics::new();
     assert!(read(&sensor, &mut diagnostics).is_none());
-    assert!(
-        diagnostics.to_string().contains("did you mean `noise`?"),
-        "{diagnostics}"
-    );
+    assert!(diagnostics.to_string().contains("did you mean `noise`?"), "{diagnostics}");
 }
 
 #[test]
@@ -196,20 +190,13 @@ fn what_a_conversion_refuses_is_underlined() {
         type Error = String;
 
         fn try_from(number: i64) -> Result<Self, String> {
-            (number % 2 == 0)
-                .then_some(Self)
-                .ok_or_else(|| format!("{number} is odd"))
+            (number % 2 == 0).then_some(Self).ok_or_else(|| format!("{number} is odd"))
         }
     }
 
     let (document, _) = Document::parse("filter.toml", "a = [2, 3]\nb = [4, 5]\n");
     let mut diagnostics = Diagnostics::new();
-    assert!(
-        document
-            .root()
-            .read::<BTreeMap<String, Vec<Even>>>(&mut diagnostics)
-            .is_none()
-    );
+    assert!(document.root().read::<BTreeMap<String, Vec<Even>>>(&mut diagnostics).is_none());
     let expected = "\
 error: 3 is odd
  --> filter.toml:1:9
@@ -289,10 +276,7 @@ error: expected a number, found the text \"x\"
   |
 5 | loss = { type = 'huber', scale = 'x' }
   |                                  ^^^";
-    assert_eq!(
-        complaints("loss = { type = 'huber', scale = 'x' }"),
-        misread
-    );
+    assert_eq!(complaints("loss = { type = 'huber', scale = 'x' }"), misread);
     let superfluous = complaints("loss = { type = 'square', scale = 1 }");
     assert!(superfluous.starts_with("error: unknown field `scale`\n --> filter.toml:5:27"));
 }
@@ -375,10 +359,7 @@ fn a_mistake_in_an_override_points_into_the_argument() {
   |
 1 | --set sensor.gnss.mast=5 deg
   |                        ^^^^^"#;
-    assert_eq!(
-        complaints_after(&["sensor.gnss.mast=5 deg"], SENSOR),
-        expected
-    );
+    assert_eq!(complaints_after(&["sensor.gnss.mast=5 deg"], SENSOR), expected);
     let expected = "\
 error: unknown field `mats`
  --> command line:1:19
@@ -423,10 +404,6 @@ error: `--set` takes `path=value`
   |
 1 | --set sensor.gnss.mast=
   |       ^^^^^^^^^^^^^^^^^ a value is missing after `=`";
-    let sets = [
-        "sensor.gnss.mast=[1,",
-        "sensor.gnss.mast",
-        "sensor.gnss.mast=",
-    ];
+    let sets = ["sensor.gnss.mast=[1,", "sensor.gnss.mast", "sensor.gnss.mast="];
     assert_eq!(complaints_after(&sets, SENSOR), expected);
 }

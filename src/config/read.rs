@@ -54,12 +54,7 @@ impl Node {
 
     /// Reads the node as a block: a table whose `type` is among the `known` ones of this `role`,
     /// such as `gate` or `process model`.
-    pub fn read_block<T: ?Sized>(
-        &self,
-        role: &str,
-        known: &[&str],
-        diagnostics: &mut Diagnostics,
-    ) -> Option<Box<T>>
+    pub fn read_block<T: ?Sized>(&self, role: &str, known: &[&str], diagnostics: &mut Diagnostics) -> Option<Box<T>>
     where
         Box<T>: DeserializeOwned,
     {
@@ -68,11 +63,7 @@ impl Node {
     }
 
     fn check_type(&self, role: &str, known: &[&str]) -> Result<(), Diagnostic> {
-        let wrong = |message: String, place| {
-            Err(Diagnostic::error(message)
-                .at(place)
-                .suggest("", known, "known types"))
-        };
+        let wrong = |message: String, place| Err(Diagnostic::error(message).at(place).suggest("", known, "known types"));
         let named = match (&self.value, self.get(TYPE)) {
             (Value::String(_), _) => self,
             (Value::Table { .. }, Some(named)) => named,
@@ -80,10 +71,7 @@ impl Node {
                 return wrong(format!("this {role} has no `type`"), &self.name);
             }
             _ => {
-                return wrong(
-                    format!("this {role} is not a table with a `type`"),
-                    &self.place,
-                );
+                return wrong(format!("this {role} is not a table with a `type`"), &self.place);
             }
         };
         match named.as_str() {

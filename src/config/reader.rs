@@ -5,10 +5,7 @@
 //! for a block is told from other maps by what it says it expects: `dyn Trait`.
 
 use serde::de::value::BorrowedStrDeserializer;
-use serde::de::{
-    DeserializeSeed, Deserializer, EnumAccess, Expected, MapAccess, SeqAccess, VariantAccess,
-    Visitor,
-};
+use serde::de::{DeserializeSeed, Deserializer, EnumAccess, Expected, MapAccess, SeqAccess, VariantAccess, Visitor};
 
 use super::diagnostic::Place;
 use super::document::{Entry, Node, Value};
@@ -89,15 +86,8 @@ impl<'r, 'a> Reader<'r, 'a> {
             (Value::Table { .. }, None) => ("", &self.node.name),
             _ => return None,
         };
-        let content = Self {
-            typed: true,
-            ..self
-        };
-        Some(Tagged {
-            name,
-            place,
-            content,
-        })
+        let content = Self { typed: true, ..self };
+        Some(Tagged { name, place, content })
     }
 }
 
@@ -116,16 +106,9 @@ impl<'a> Deserializer<'a> for Reader<'_, 'a> {
         }
     }
 
-    fn deserialize_enum<V: Visitor<'a>>(
-        self,
-        _: &'static str,
-        _: &'static [&'static str],
-        visitor: V,
-    ) -> Result<V::Value, Fault> {
+    fn deserialize_enum<V: Visitor<'a>>(self, _: &'static str, _: &'static [&'static str], visitor: V) -> Result<V::Value, Fault> {
         match self.tagged() {
-            Some(tagged) => visitor
-                .visit_enum(tagged)
-                .map_err(|fault| self.blame(fault)),
+            Some(tagged) => visitor.visit_enum(tagged).map_err(|fault| self.blame(fault)),
             None => self.deserialize_any(visitor),
         }
     }
@@ -134,14 +117,8 @@ impl<'a> Deserializer<'a> for Reader<'_, 'a> {
         visitor.visit_some(self).map_err(|fault| self.blame(fault))
     }
 
-    fn deserialize_newtype_struct<V: Visitor<'a>>(
-        self,
-        _: &'static str,
-        visitor: V,
-    ) -> Result<V::Value, Fault> {
-        visitor
-            .visit_newtype_struct(self)
-            .map_err(|fault| self.blame(fault))
+    fn deserialize_newtype_struct<V: Visitor<'a>>(self, _: &'static str, visitor: V) -> Result<V::Value, Fault> {
+        visitor.visit_newtype_struct(self).map_err(|fault| self.blame(fault))
     }
 
     fn deserialize_unit<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Fault> {
@@ -161,11 +138,7 @@ impl<'a> Deserializer<'a> for Reader<'_, 'a> {
         }
     }
 
-    fn deserialize_unit_struct<V: Visitor<'a>>(
-        self,
-        _: &'static str,
-        visitor: V,
-    ) -> Result<V::Value, Fault> {
+    fn deserialize_unit_struct<V: Visitor<'a>>(self, _: &'static str, visitor: V) -> Result<V::Value, Fault> {
         self.deserialize_unit(visitor)
     }
 
@@ -185,14 +158,10 @@ struct Elements<'r, 'a> {
 impl<'a> SeqAccess<'a> for Elements<'_, 'a> {
     type Error = Fault;
 
-    fn next_element_seed<S: DeserializeSeed<'a>>(
-        &mut self,
-        seed: S,
-    ) -> Result<Option<S::Value>, Fault> {
+    fn next_element_seed<S: DeserializeSeed<'a>>(&mut self, seed: S) -> Result<Option<S::Value>, Fault> {
         let attempt = self.attempt;
         let next = self.nodes.find(|node| !attempt.hides(node));
-        next.map(|node| Reader::new(node, attempt).read(seed))
-            .transpose()
+        next.map(|node| Reader::new(node, attempt).read(seed)).transpose()
     }
 }
 
@@ -208,10 +177,7 @@ struct Fields<'r, 'a, I> {
 impl<'a, I: Iterator<Item = &'a Entry>> MapAccess<'a> for Fields<'_, 'a, I> {
     type Error = Fault;
 
-    fn next_key_seed<S: DeserializeSeed<'a>>(
-        &mut self,
-        seed: S,
-    ) -> Result<Option<S::Value>, Fault> {
+    fn next_key_seed<S: DeserializeSeed<'a>>(&mut self, seed: S) -> Result<Option<S::Value>, Fault> {
         let Some(Entry { key, node }) = self.entries.next() else {
             return Ok(None);
         };
@@ -248,9 +214,7 @@ struct Word<'r, 'a> {
 impl Word<'_, '_> {
     fn blame(&self, fault: Fault) -> Fault {
         let fault = match fault {
-            Fault::UnknownVariant { known, .. } if self.text.is_empty() => {
-                Fault::MissingType { known }
-            }
+            Fault::UnknownVariant { known, .. } if self.text.is_empty() => Fault::MissingType { known },
             other => other,
         };
         self.attempt.blame(Blame {
@@ -266,9 +230,7 @@ impl<'a> Deserializer<'a> for Word<'_, 'a> {
     type Error = Fault;
 
     fn deserialize_any<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Fault> {
-        visitor
-            .visit_borrowed_str(self.text)
-            .map_err(|fault| self.blame(fault))
+        visitor.visit_borrowed_str(self.text).map_err(|fault| self.blame(fault))
     }
 
     fn deserialize_enum<V: Visitor<'a>>(
@@ -282,11 +244,7 @@ impl<'a> Deserializer<'a> for Word<'_, 'a> {
             .map_err(|fault: Fault| self.blame(fault))
     }
 
-    fn deserialize_newtype_struct<V: Visitor<'a>>(
-        self,
-        _: &'static str,
-        visitor: V,
-    ) -> Result<V::Value, Fault> {
+    fn deserialize_newtype_struct<V: Visitor<'a>>(self, _: &'static str, visitor: V) -> Result<V::Value, Fault> {
         visitor.visit_newtype_struct(self)
     }
 
@@ -320,10 +278,7 @@ impl<'r, 'a> Tagged<'r, 'a> {
 impl<'a> MapAccess<'a> for Tagged<'_, 'a> {
     type Error = Fault;
 
-    fn next_key_seed<S: DeserializeSeed<'a>>(
-        &mut self,
-        seed: S,
-    ) -> Result<Option<S::Value>, Fault> {
+    fn next_key_seed<S: DeserializeSeed<'a>>(&mut self, seed: S) -> Result<Option<S::Value>, Fault> {
         seed.deserialize(self.word()).map(Some)
     }
 
@@ -356,11 +311,7 @@ impl<'a> VariantAccess<'a> for Tagged<'_, 'a> {
         self.content.deserialize_any(visitor)
     }
 
-    fn struct_variant<V: Visitor<'a>>(
-        self,
-        _: &'static [&'static str],
-        visitor: V,
-    ) -> Result<V::Value, Fault> {
+    fn struct_variant<V: Visitor<'a>>(self, _: &'static [&'static str], visitor: V) -> Result<V::Value, Fault> {
         self.content.deserialize_any(visitor)
     }
 }

@@ -1,6 +1,6 @@
 //! The report of a run, or of several beside each other: one HTML file that needs nothing else.
 //!
-//! A [`Recording`] listens to a run and keeps what is worth drawing in bounded memory; [`write`]
+//! A [`Recording`] listens to a run and keeps what is worth drawing in bounded memory; [`write()`]
 //! turns one or more of them into a page with its plots, data and script inside. The page loads
 //! nothing: its content security policy forbids it.
 //!

@@ -103,7 +103,7 @@ pub(super) fn escape(text: &str) -> String {
 
 #[derive(Serialize)]
 struct Data {
-    /// First and last time [s].
+    /// First and last time \[s\].
     span: (f64, f64),
     runs: Vec<RunData>,
 }

@@ -33,7 +33,7 @@ const QUALITY: [&str; 5] = ["sigma", "variance", "covariance", "noise", "accurac
 pub struct Frame {
     /// Origin of local north, east, down; the first position where there is none.
     pub origin: Option<Geodetic>,
-    /// The reference's point in body axes [m]: the estimate is shown there.
+    /// The reference's point in body axes \[m\]: the estimate is shown there.
     pub lever_arm: Vector3<f64>,
     /// Whether the mean rotation between the two bodies is taken out of the attitude errors.
     pub remove_mean_mounting: bool,
@@ -125,7 +125,7 @@ impl InputTrack {
 struct Port {
     /// Channel and its track.
     inputs: Vec<(StreamChannel, usize)>,
-    /// Its geodetic channel, the whole delay of the sensor that reads it [ns], and that sensor.
+    /// Its geodetic channel, the whole delay of the sensor that reads it \[ns\], and that sensor.
     fix: Option<(StreamChannel, i64, usize)>,
     waiting: VecDeque<(Time, Geodetic)>,
 }
@@ -390,7 +390,7 @@ impl Recording {
         self.ports[stream] = port;
     }
 
-    /// First and last time [s] of anything recorded.
+    /// First and last time \[s\] of anything recorded.
     pub(super) fn span(&self) -> Option<(f64, f64)> {
         let quantities = [&self.position, &self.velocity, &self.attitude];
         let spans = quantities.into_iter().flat_map(|q| [q.estimate.span(), q.truth.span()]);

@@ -17,7 +17,7 @@ pub struct Trace {
     stride: u64,
     /// Samples in the last bucket.
     filled: u64,
-    /// First and last time of each bucket [s].
+    /// First and last time of each bucket \[s\].
     spans: Vec<(f64, f64)>,
     /// Per bucket and channel, the two extremes in the order they came; NaN where there is none.
     ends: Vec<[f32; ENDS]>,
@@ -26,7 +26,7 @@ pub struct Trace {
 /// A trace laid out for drawing: one or two rows per bucket.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Columns {
-    /// Times [s].
+    /// Times \[s\].
     pub time: Vec<f64>,
     /// Values per channel; NaN where there is none.
     pub values: Vec<Vec<f32>>,
@@ -53,7 +53,7 @@ impl Trace {
         self.spans.is_empty()
     }
 
-    /// First and last time [s].
+    /// First and last time \[s\].
     #[must_use]
     pub fn span(&self) -> Option<(f64, f64)> {
         Some((self.spans.first()?.0, self.spans.last()?.1))
@@ -173,7 +173,7 @@ fn widen(ends: &mut [f32; ENDS], value: f32) {
     }
 }
 
-/// Steps between buckets longer than this are gaps [s]: ten of the usual ones.
+/// Steps between buckets longer than this are gaps \[s\]: ten of the usual ones.
 fn longest_step(spans: &[(f64, f64)]) -> f64 {
     let mut steps: Vec<f64> = spans.windows(2).map(|w| w[1].0 - w[0].1).collect();
     if steps.is_empty() {

@@ -111,7 +111,7 @@ fn fed(rows: &[(usize, Time, Vec<f64>)]) -> (Belief, usize, usize) {
         nav.feed_stream(*stream, *time, row, &mut count).unwrap();
     }
     nav.finish(&mut count);
-    (nav.belief().expect("it has started").clone(), updates, late)
+    (nav.belief().unwrap().clone(), updates, late)
 }
 
 #[test]
@@ -124,7 +124,10 @@ fn any_order_of_arrival_within_the_buffer_gives_the_same_bits() {
         let mut arrivals: Vec<_> = rows.iter().enumerate().collect();
         arrivals.sort_by_key(|(k, (_, time, _))| time.shifted((*k as i64 * 7919 * shuffle).rem_euclid(49) * nanos(0.01)));
         let shuffled: Vec<_> = arrivals.into_iter().map(|(_, row)| row.clone()).collect();
-        assert_ne!(shuffled.iter().map(|r| r.1).collect::<Vec<_>>(), rows.iter().map(|r| r.1).collect::<Vec<_>>());
+        assert_ne!(
+            shuffled.iter().map(|r| r.1).collect::<Vec<_>>(),
+            rows.iter().map(|r| r.1).collect::<Vec<_>>()
+        );
         let (belief, n, late) = fed(&shuffled);
         assert_eq!((n, late), (updates, 0));
         assert_eq!(belief.x, wanted.x, "shuffle {shuffle}");

@@ -1,4 +1,4 @@
-//! Range rate to a fixed beacon: z = d·v / |d| [m/s], d from the beacon to the body; away is positive.
+//! Range rate to a fixed beacon: z = d·v / |d| \[m/s\], d from the beacon to the body; away is positive.
 //!
 //! Valid within 10 km of the beacon, on the plane that touches the earth there. Not here: clock drift.
 

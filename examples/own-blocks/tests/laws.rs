@@ -1,5 +1,7 @@
 //! The block of this crate under the laws of the framework, and at work in its design.
 
+#![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
+
 use fusion::config::Document;
 use fusion::design::Design;
 use fusion::models::registry;

@@ -1,5 +1,7 @@
 //! What the documents quote is what is compiled and run; what they list is what there is.
 
+#![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
+
 use fusion::models::registry::{self, Role};
 
 const README: &str = include_str!("../../../README.md");

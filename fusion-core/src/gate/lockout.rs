@@ -15,10 +15,10 @@ pub struct Recovery {
     pub deny_after: u32,
     /// Consecutive acceptable measurements that bring a denied sensor back.
     pub resume_after: u32,
-    /// Time in denial [s] after which [`WITNESSES`] mutually consistent measurements are
+    /// Time in denial \[s\] after which five mutually consistent measurements are
     /// believed against the estimate; infinite never.
     pub readopt_after: f64,
-    /// A pause of the sensor [s] after which consistent measurements are believed at once.
+    /// A pause of the sensor \[s\] after which consistent measurements are believed at once.
     pub gap: f64,
     /// How far the witnesses may differ from their mean, in units of √R_ii.
     pub agreement: f64,
@@ -27,7 +27,13 @@ pub struct Recovery {
 impl Default for Recovery {
     fn default() -> Self {
         // 3√2 σ: three sigma of the difference of two fixes.
-        Self { deny_after: 5, resume_after: 3, readopt_after: 30.0, gap: 10.0, agreement: 3.0 * core::f64::consts::SQRT_2 }
+        Self {
+            deny_after: 5,
+            resume_after: 3,
+            readopt_after: 30.0,
+            gap: 10.0,
+            agreement: 3.0 * core::f64::consts::SQRT_2,
+        }
     }
 }
 
@@ -53,7 +59,10 @@ impl Lockout {
     /// A gate memory in TRACK.
     #[must_use]
     pub fn new(recovery: Recovery) -> Self {
-        Self { recovery, ..Self::default() }
+        Self {
+            recovery,
+            ..Self::default()
+        }
     }
 
     /// The mode now.
@@ -99,7 +108,10 @@ impl Lockout {
         self.remember(input.residual);
         let waited = input.time.seconds_since(self.since) >= self.recovery.readopt_after;
         if (waited || self.resumed) && self.witnesses_agree(input, floor) {
-            *self = Self { last: self.last, ..Self::new(self.recovery) };
+            *self = Self {
+                last: self.last,
+                ..Self::new(self.recovery)
+            };
             return Decision::Readopt;
         }
         Decision::Reject

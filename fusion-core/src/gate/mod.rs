@@ -81,7 +81,12 @@ pub struct Open;
 
 impl Gate for Open {
     fn judge(&mut self, input: &GateInput<'_>) -> Answer {
-        Answer { decision: Decision::Accept, statistic: input.nis, threshold: f64::INFINITY, mode: Mode::Track }
+        Answer {
+            decision: Decision::Accept,
+            statistic: input.nis,
+            threshold: f64::INFINITY,
+            mode: Mode::Track,
+        }
     }
 
     fn boxed_clone(&self) -> Box<dyn Gate> {

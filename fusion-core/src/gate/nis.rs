@@ -16,7 +16,10 @@ impl Nis {
     #[must_use]
     pub fn new(probability: f64, recovery: Recovery) -> Self {
         let thresholds = core::array::from_fn(|m| chi_square_quantile(probability, m as f64));
-        Self { thresholds, lockout: Lockout::new(recovery) }
+        Self {
+            thresholds,
+            lockout: Lockout::new(recovery),
+        }
     }
 }
 
@@ -24,7 +27,12 @@ impl Gate for Nis {
     fn judge(&mut self, input: &GateInput<'_>) -> Answer {
         let threshold = self.thresholds[input.residual.len().min(MAX_DIM)];
         let decision = self.lockout.decide(input.nis <= threshold, input);
-        Answer { decision, statistic: input.nis, threshold, mode: self.lockout.mode() }
+        Answer {
+            decision,
+            statistic: input.nis,
+            threshold,
+            mode: self.lockout.mode(),
+        }
     }
 
     fn boxed_clone(&self) -> Box<dyn Gate> {
@@ -36,8 +44,8 @@ impl Gate for Nis {
 mod tests {
     use super::super::{Decision, Mode, Open};
     use super::*;
-    use crate::time::Time;
     use crate::testing::check_gate;
+    use crate::time::Time;
 
     #[test]
     fn every_gate_obeys_the_laws_of_gates() {
@@ -49,20 +57,34 @@ mod tests {
 
     #[test]
     fn the_law_sees_a_gate_that_locks_out() {
-        let never = Recovery { readopt_after: f64::INFINITY, gap: f64::INFINITY, ..Recovery::default() };
+        let never = Recovery {
+            readopt_after: f64::INFINITY,
+            gap: f64::INFINITY,
+            ..Recovery::default()
+        };
         assert!(check_gate(&Nis::new(0.99, never)).unwrap_err().contains("locked out"));
     }
 
     #[test]
     fn the_law_sees_a_gate_that_believes_what_contradicts_itself() {
-        let credulous = Recovery { agreement: f64::INFINITY, ..Recovery::default() };
+        let credulous = Recovery {
+            agreement: f64::INFINITY,
+            ..Recovery::default()
+        };
         assert!(check_gate(&Nis::new(0.99, credulous)).unwrap_err().contains("contradictory"));
     }
 
     fn judge(gate: &mut Nis, time: f64, residual: f64) -> Answer {
         let nis = residual * residual / 2.0;
         let time = Time::from_seconds(time);
-        gate.judge(&GateInput { time, residual: &[residual], predicted: &[1.0], noise: &[1.0], innovation: &[2.0], nis })
+        gate.judge(&GateInput {
+            time,
+            residual: &[residual],
+            predicted: &[1.0],
+            noise: &[1.0],
+            innovation: &[2.0],
+            nis,
+        })
     }
 
     #[test]
@@ -74,7 +96,9 @@ mod tests {
     #[test]
     fn five_rejections_deny_and_three_passes_resume() {
         let mut gate = Nis::new(0.99, Recovery::default());
-        let modes: Vec<_> = (0..5).map(|k| judge(&mut gate, f64::from(k), 100.0 * f64::from(k % 2 * 2 - 1)).mode).collect();
+        let modes: Vec<_> = (0..5)
+            .map(|k| judge(&mut gate, f64::from(k), 100.0 * f64::from(k % 2 * 2 - 1)).mode)
+            .collect();
         assert_eq!(modes, [Mode::Track, Mode::Track, Mode::Track, Mode::Track, Mode::Denied]);
         let decisions: Vec<_> = (5..8).map(|k| judge(&mut gate, f64::from(k), 0.0).decision).collect();
         assert_eq!(decisions, [Decision::Reject, Decision::Reject, Decision::Accept]);

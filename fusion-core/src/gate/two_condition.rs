@@ -31,12 +31,12 @@ pub enum Magnitude {
     Distance,
     /// By the step since the fix before, less the estimate's own: |e − e₋| > v Δt + 3√2 σ.
     Step {
-        /// The speed v [m/s] by which fix and estimate may move apart.
+        /// The speed v \[m/s\] by which fix and estimate may move apart.
         speed: f64,
     },
-    /// By the 1σ that the receiver itself reports: √(R_nn + R_ee) above this [m].
+    /// By the 1σ that the receiver itself reports: √(R_nn + R_ee) above this \[m\].
     Reported {
-        /// The largest good 1σ [m].
+        /// The largest good 1σ \[m\].
         limit: f64,
     },
 }
@@ -54,18 +54,30 @@ pub struct TwoCondition {
 }
 
 impl TwoCondition {
-    /// C1 at `probability` of χ² with two degrees of freedom, C2 at 3√2 σ but at least `least` [m].
-    /// Without `sigma` [m] it is that of R.
+    /// C1 at `probability` of χ² with two degrees of freedom, C2 at 3√2 σ but at least `least` \[m\].
+    /// Without `sigma` \[m\] it is that of R.
     #[must_use]
     pub fn new(probability: f64, ellipse: Ellipse, magnitude: Magnitude, sigma: Option<f64>, least: f64, recovery: Recovery) -> Self {
         let gamma = chi_square_quantile(probability, 2.0);
-        Self { gamma, ellipse, magnitude, sigma, least, lockout: Lockout::new(recovery), before: None }
+        Self {
+            gamma,
+            ellipse,
+            magnitude,
+            sigma,
+            least,
+            lockout: Lockout::new(recovery),
+            before: None,
+        }
     }
 
     /// C1: the statistic, to be held against γ.
     fn distance_squared(&self, input: &GateInput<'_>) -> f64 {
         let (n, e) = horizontal(input);
-        let p = if self.ellipse == Ellipse::Innovation { input.innovation } else { input.predicted };
+        let p = if self.ellipse == Ellipse::Innovation {
+            input.innovation
+        } else {
+            input.predicted
+        };
         let [nn, ne, ee] = horizontal_block(p, input.residual.len());
         if self.ellipse == Ellipse::PerAxis {
             // Not `f64::max`, which would lose what is no number.
@@ -85,16 +97,21 @@ impl TwoCondition {
     fn is_far(&self, input: &GateInput<'_>, limit: f64) -> bool {
         let (n, e) = horizontal(input);
         match self.magnitude {
-            Magnitude::Distance => !(n.hypot(e) <= limit),
-            Magnitude::Step { speed } => self.before.is_some_and(|(time, [pn, pe])| {
-                !((n - pn).hypot(e - pe) <= speed * input.time.seconds_since(time) + limit)
-            }),
+            Magnitude::Distance => exceeds(n.hypot(e), limit),
+            Magnitude::Step { speed } => self
+                .before
+                .is_some_and(|(time, [pn, pe])| exceeds((n - pn).hypot(e - pe), speed * input.time.seconds_since(time) + limit)),
             Magnitude::Reported { limit } => {
                 let [nn, _, ee] = horizontal_block(input.noise, input.residual.len());
                 (nn + ee).sqrt() > limit
             }
         }
     }
+}
+
+/// Whether `value` is above `limit`; what is no number is.
+fn exceeds(value: f64, limit: f64) -> bool {
+    value > limit || value.is_nan()
 }
 
 /// The first two rows of the residual; a single row stands alone.
@@ -104,18 +121,26 @@ fn horizontal(input: &GateInput<'_>) -> (f64, f64) {
 
 /// The elements nn, ne, ee of an m×m matrix; a single row is paired with an independent unit.
 fn horizontal_block(matrix: &[f64], m: usize) -> [f64; 3] {
-    if m < 2 { [matrix[0], 0.0, 1.0] } else { [matrix[0], matrix[1], matrix[m + 1]] }
+    if m < 2 {
+        [matrix[0], 0.0, 1.0]
+    } else {
+        [matrix[0], matrix[1], matrix[m + 1]]
+    }
 }
 
 impl Gate for TwoCondition {
     fn judge(&mut self, input: &GateInput<'_>) -> Answer {
         let limit = self.limit(input);
         let statistic = self.distance_squared(input);
-        // Negated, so that what is no number is an outlier.
-        let outlier = !(statistic <= self.gamma) && self.is_far(input, limit);
+        let outlier = exceeds(statistic, self.gamma) && self.is_far(input, limit);
         let decision = self.lockout.decide_within(!outlier, input, limit);
         self.before = Some((input.time, horizontal(input).into()));
-        Answer { decision, statistic, threshold: self.gamma, mode: self.lockout.mode() }
+        Answer {
+            decision,
+            statistic,
+            threshold: self.gamma,
+            mode: self.lockout.mode(),
+        }
     }
 
     fn boxed_clone(&self) -> Box<dyn Gate> {
@@ -133,7 +158,7 @@ mod tests {
         TwoCondition::new(0.99, Ellipse::Estimate, Magnitude::Distance, Some(1.28), 3.0, Recovery::default())
     }
 
-    /// A fix at `time` that is `n`, `e` metres off an estimate of variance `p` [m²].
+    /// A fix at `time` that is `n`, `e` metres off an estimate of variance `p` \[m²\].
     fn fix(gate: &mut TwoCondition, time: f64, n: f64, e: f64, p: f64) -> (Decision, Mode) {
         let input = GateInput {
             time: Time::from_seconds(time),
@@ -150,8 +175,16 @@ mod tests {
     #[test]
     fn both_conditions_together_make_an_outlier() {
         // C1 at γ = 9.21: 1.72 m with P = 0.32 m²; C2 at 3√2·1.28 = 5.43 m.
-        assert_eq!(fix(&mut gate(), 0.0, 3.0, 0.0, 0.32).0, Decision::Accept, "outside the ellipse, but near");
-        assert_eq!(fix(&mut gate(), 0.0, 20.0, 0.0, 100.0).0, Decision::Accept, "far, but the estimate is poor");
+        assert_eq!(
+            fix(&mut gate(), 0.0, 3.0, 0.0, 0.32).0,
+            Decision::Accept,
+            "outside the ellipse, but near"
+        );
+        assert_eq!(
+            fix(&mut gate(), 0.0, 20.0, 0.0, 100.0).0,
+            Decision::Accept,
+            "far, but the estimate is poor"
+        );
         assert_eq!(fix(&mut gate(), 0.0, 5.5, 0.0, 0.32).0, Decision::Reject);
         assert_eq!(fix(&mut gate(), 0.0, 5.4, 0.0, 0.32).0, Decision::Accept);
     }
@@ -171,7 +204,9 @@ mod tests {
     fn a_gap_lets_five_fixes_that_agree_be_believed() {
         let mut g = gate();
         fix(&mut g, 0.0, 0.0, 0.0, 0.3);
-        let decisions: Vec<_> = (0..5).map(|k| fix(&mut g, 60.0 + f64::from(k), 25.0 + 0.3 * f64::from(k), 0.0, 0.5).0).collect();
+        let decisions: Vec<_> = (0..5)
+            .map(|k| fix(&mut g, 60.0 + f64::from(k), 25.0 + 0.3 * f64::from(k), 0.0, 0.5).0)
+            .collect();
         assert_eq!(decisions[..4], [Decision::Reject; 4]);
         assert_eq!(decisions[4], Decision::Readopt);
     }
@@ -186,7 +221,16 @@ mod tests {
 
     #[test]
     fn a_jump_is_a_step_and_a_drift_is_none() {
-        let step = || TwoCondition::new(0.99, Ellipse::Estimate, Magnitude::Step { speed: 1.0 }, Some(1.28), 3.0, Recovery::default());
+        let step = || {
+            TwoCondition::new(
+                0.99,
+                Ellipse::Estimate,
+                Magnitude::Step { speed: 1.0 },
+                Some(1.28),
+                3.0,
+                Recovery::default(),
+            )
+        };
         let mut g = step();
         fix(&mut g, 0.0, 0.0, 0.0, 0.3);
         assert_eq!(fix(&mut g, 1.0, 12.0, 0.0, 0.3).0, Decision::Reject);

@@ -42,11 +42,7 @@ pub fn wrap_angle(angle: f64) -> f64 {
     }
     let wrapped = angle - TAU * ((angle - PI) / TAU).ceil();
     // Rounding may leave the result an ulp outside.
-    if wrapped <= -PI || wrapped > PI {
-        PI
-    } else {
-        wrapped
-    }
+    if wrapped <= -PI || wrapped > PI { PI } else { wrapped }
 }
 
 /// Exp: rotation vector φ \[rad\] to unit quaternion. Any length is allowed.
@@ -122,8 +118,7 @@ pub fn right_jacobian_inverse(phi: &Vector3<f64>) -> Matrix3<f64> {
     let y = phi.norm_squared();
     let c = if y < SMALL_ANGLE_SQUARED {
         // Bernoulli series 1/12 + y/720 + y²/30240 + …; the next term is below 2e-16.
-        1.0 / 12.0
-            + y * (1.0 / 720.0 + y * (1.0 / 30_240.0 + y * (1.0 / 1_209_600.0 + y / 47_900_160.0)))
+        1.0 / 12.0 + y * (1.0 / 720.0 + y * (1.0 / 30_240.0 + y * (1.0 / 1_209_600.0 + y / 47_900_160.0)))
     } else {
         let half = 0.5 * y.sqrt();
         (1.0 - half / half.tan()) / y
@@ -172,11 +167,7 @@ pub fn to_scalar_first(q: &UnitQuaternion<f64>) -> Vector4<f64> {
 #[inline]
 #[must_use]
 pub fn from_scalar_first(v: &Vector4<f64>) -> UnitQuaternion<f64> {
-    UnitQuaternion::try_new(
-        Quaternion::new(v[0], v[1], v[2], v[3]),
-        f64::MIN_POSITIVE.sqrt(),
-    )
-    .unwrap_or_else(UnitQuaternion::identity)
+    UnitQuaternion::try_new(Quaternion::new(v[0], v[1], v[2], v[3]), f64::MIN_POSITIVE.sqrt()).unwrap_or_else(UnitQuaternion::identity)
 }
 
 /// `q_nb` from roll, pitch, yaw \[rad\]: turn by yaw about down, then by pitch about the new
@@ -258,11 +249,7 @@ pub fn rate_matrix(w: &Vector3<f64>) -> Matrix4<f64> {
 /// for comparison. ω = `ω_nb_b` \[rad/s\]. Error per step: (|ω|Δt)³/12 rad.
 #[inline]
 #[must_use]
-pub fn integrate_literal(
-    q: &UnitQuaternion<f64>,
-    w: &Vector3<f64>,
-    dt: f64,
-) -> UnitQuaternion<f64> {
+pub fn integrate_literal(q: &UnitQuaternion<f64>, w: &Vector3<f64>, dt: f64) -> UnitQuaternion<f64> {
     let q_dot = q.into_inner() * Quaternion::from_parts(0.0, 0.5 * w);
     UnitQuaternion::new_normalize(q.into_inner() + q_dot * dt)
 }
@@ -289,21 +276,8 @@ mod tests {
             Vector3::new(0.0, -0.6, 0.8),
             Vector3::new(2.0, -3.0, 6.0) / 7.0,
         ];
-        let lengths = [
-            0.0,
-            1e-170,
-            1e-12,
-            1e-7,
-            1e-3,
-            0.1999,
-            0.2001,
-            1.0,
-            3.0,
-            PI - 1e-6,
-            4.5,
-        ];
-        axes.into_iter()
-            .flat_map(move |a| lengths.into_iter().map(move |l| a * l))
+        let lengths = [0.0, 1e-170, 1e-12, 1e-7, 1e-3, 0.1999, 0.2001, 1.0, 3.0, PI - 1e-6, 4.5];
+        axes.into_iter().flat_map(move |a| lengths.into_iter().map(move |l| a * l))
     }
 
     #[test]
@@ -320,10 +294,7 @@ mod tests {
         for phi in vectors().filter(|p| p.norm() < PI) {
             let back = log(&exp(&phi));
             // 8 ε relative: rounding of the two maps.
-            assert!(
-                (back - phi).norm() <= 8.0 * EPS * phi.norm(),
-                "{phi} {back}"
-            );
+            assert!((back - phi).norm() <= 8.0 * EPS * phi.norm(), "{phi} {back}");
             let negated = UnitQuaternion::new_unchecked(-exp(&phi).into_inner());
             assert_eq!(log(&negated), back);
         }
@@ -352,10 +323,7 @@ mod tests {
         for phi in vectors() {
             let product = right_jacobian_inverse(&phi) * right_jacobian(&phi);
             // 100 ε: rounding of (θ − sin θ)/θ³ just above the switch.
-            assert!(
-                (product - Matrix3::identity()).amax() < 100.0 * EPS,
-                "{phi}"
-            );
+            assert!((product - Matrix3::identity()).amax() < 100.0 * EPS, "{phi}");
         }
     }
 
@@ -366,11 +334,7 @@ mod tests {
             let n = 200;
             let mut sum = Vector3::zeros();
             for k in 0..=n {
-                let weight = if k == 0 || k == n {
-                    1.0
-                } else {
-                    f64::from(2 + 2 * (k % 2))
-                };
+                let weight = if k == 0 || k == n { 1.0 } else { f64::from(2 + 2 * (k % 2)) };
                 sum += exp(&(phi * f64::from(k) / f64::from(n))) * v * weight;
             }
             let mean = sum / f64::from(3 * n);
@@ -383,11 +347,7 @@ mod tests {
 
     #[test]
     fn from_rpy_matches_the_tabulated_quaternion_and_the_product_of_axis_turns() {
-        let q = from_rpy(
-            10_f64.to_radians(),
-            -5_f64.to_radians(),
-            30_f64.to_radians(),
-        );
+        let q = from_rpy(10_f64.to_radians(), -5_f64.to_radians(), 30_f64.to_radians());
         let expected = Vector4::new(0.96035, 0.095352, -0.019437, 0.261261);
         assert!((to_scalar_first(&q) - expected).amax() < 5e-6); // digits of the table
         let product = exp(&Vector3::new(0.0, 0.0, 30_f64.to_radians()))
@@ -412,27 +372,16 @@ mod tests {
 
     #[test]
     fn gimbal_lock_gives_finite_angles_that_rebuild_the_attitude_as_documented() {
-        for (roll, pitch, yaw) in [
-            (0.7, PI / 2.0, 1.0),
-            (-2.0, -PI / 2.0, 0.3),
-            (1.0, 1.569, -2.0),
-        ] {
+        for (roll, pitch, yaw) in [(0.7, PI / 2.0, 1.0), (-2.0, -PI / 2.0, 0.3), (1.0, 1.569, -2.0)] {
             let q = from_rpy(roll, pitch, yaw);
             let rpy = to_rpy(&q);
             assert_eq!(rpy.x, 0.0);
             assert!((rpy.y - pitch).abs() < 1e-8); // √ε: C31 is flat at its maximum
             let rebuilt = from_rpy(rpy.x, rpy.y, rpy.z);
             let allowed = pitch.cos().abs() * f64::abs(roll) + 1e-8;
-            assert!(
-                log(&(q.inverse() * rebuilt)).norm() <= allowed,
-                "{roll} {pitch} {yaw}"
-            );
+            assert!(log(&(q.inverse() * rebuilt)).norm() <= allowed, "{roll} {pitch} {yaw}");
         }
-        assert!(
-            euler_rate_of_body(0.3, PI / 2.0)
-                .iter()
-                .all(|x| x.is_finite() && x.abs() < 71.0)
-        );
+        assert!(euler_rate_of_body(0.3, PI / 2.0).iter().all(|x| x.is_finite() && x.abs() < 71.0));
     }
 
     #[test]
@@ -459,17 +408,12 @@ mod tests {
         let error = to_scalar_first(&integrate_literal(&q, &w, dt)) - literal.normalize();
         assert!(error.amax() < 4.0 * EPS); // rounding
         let theta = w.norm() * dt;
-        let exact = (Matrix4::identity() * (theta / 2.0).cos()
-            + rate_matrix(&(w * dt)) * ((theta / 2.0).sin() / theta))
-            * to_scalar_first(&q);
+        let exact =
+            (Matrix4::identity() * (theta / 2.0).cos() + rate_matrix(&(w * dt)) * ((theta / 2.0).sin() / theta)) * to_scalar_first(&q);
         assert!((to_scalar_first(&integrate_exact(&q, &w, dt)) - exact).amax() < 4.0 * EPS);
         let gap = log(&(integrate_exact(&q, &w, dt).inverse() * integrate_literal(&q, &w, dt)));
         // 1 %: the next term of atan is of relative order θ² = 2e-4, far below.
-        assert!(
-            (gap.norm() / (theta.powi(3) / 12.0) - 1.0).abs() < 0.01,
-            "{}",
-            gap.norm()
-        );
+        assert!((gap.norm() / (theta.powi(3) / 12.0) - 1.0).abs() < 0.01, "{}", gap.norm());
     }
 
     #[test]
@@ -490,10 +434,7 @@ mod tests {
         let q = exp(&Vector3::new(0.0, 4.0, 0.0));
         assert!(q.w < 0.0 && canonical(&q).w > 0.0);
         assert_eq!(rotation(&q), rotation(&canonical(&q)));
-        assert_eq!(
-            from_scalar_first(&Vector4::zeros()),
-            UnitQuaternion::identity()
-        );
+        assert_eq!(from_scalar_first(&Vector4::zeros()), UnitQuaternion::identity());
         assert_eq!(from_scalar_first(&(2.0 * to_scalar_first(&q))).w, q.w);
     }
 }

@@ -109,10 +109,7 @@ impl Geodetic {
     pub fn metres_per_radian(&self) -> (f64, f64) {
         let (s, c) = self.lat.sin_cos();
         let r = Radii::of_sin_squared(s * s);
-        (
-            r.meridian + self.height,
-            (r.normal + self.height) * divisible_cos(c),
-        )
+        (r.meridian + self.height, (r.normal + self.height) * divisible_cos(c))
     }
 
     /// `self ⊞ δr`: the point displaced by `d_ned` = \[δN, δE, δD\] \[m\] in the chart of this
@@ -169,8 +166,7 @@ mod tests {
 
     #[test]
     fn metres_per_degree_match_the_tabulated_site() {
-        let (north, east) =
-            Geodetic::new(36.098_277_778_f64.to_radians(), 2.26, 0.0).metres_per_radian();
+        let (north, east) = Geodetic::new(36.098_277_778_f64.to_radians(), 2.26, 0.0).metres_per_radian();
         // 6e-5 m: the table has four decimals.
         assert!((north.to_radians() - 110_960.823_5).abs() < 6e-5);
         assert!((east.to_radians() - 90_051.684_8).abs() < 6e-5);
@@ -182,14 +178,8 @@ mod tests {
         for lat in [-1.2, -0.3, 0.0, 0.63, 1.5] {
             let (d, p, m) = (radii_derivative(lat), radii(lat + h), radii(lat - h));
             // 1e-3 m/rad of up to 1e5: rounding of 6e6 m (1e-9) over 2h.
-            assert!(
-                (d.meridian - (p.meridian - m.meridian) / (2.0 * h)).abs() < 1e-3,
-                "{lat}"
-            );
-            assert!(
-                (d.normal - (p.normal - m.normal) / (2.0 * h)).abs() < 1e-3,
-                "{lat}"
-            );
+            assert!((d.meridian - (p.meridian - m.meridian) / (2.0 * h)).abs() < 1e-3, "{lat}");
+            assert!((d.normal - (p.normal - m.normal) / (2.0 * h)).abs() < 1e-3, "{lat}");
         }
     }
 
@@ -202,11 +192,7 @@ mod tests {
                 let q = p.offset(&d);
                 assert!(q.lon > -PI && q.lon <= PI);
                 // 1e-8 m: a few ulps of an angle near π, 3e-9 m each.
-                assert!(
-                    (q.difference(&p) - d).amax() < 1e-8,
-                    "{lat} {lon} {}",
-                    q.difference(&p)
-                );
+                assert!((q.difference(&p) - d).amax() < 1e-8, "{lat} {lon} {}", q.difference(&p));
             }
         }
     }
@@ -219,10 +205,7 @@ mod tests {
         // 4 ulps of each coordinate.
         assert!((back.lat - q.lat).abs() < 5e-16 && (back.lon - q.lon).abs() < 2e-15);
         assert!((back.height - q.height).abs() < 1e-13);
-        assert!(
-            q.difference(&p).y > 0.0,
-            "the short way goes east across the date line"
-        );
+        assert!(q.difference(&p).y > 0.0, "the short way goes east across the date line");
     }
 
     #[test]
@@ -234,11 +217,7 @@ mod tests {
             p = p.offset(&Vector3::new(110_574.388_6 / f64::from(steps), 0.0, 0.0));
         }
         // 2e-9 rad = 1 cm: a first-order chart applied in steps of 110 m.
-        assert!(
-            (p.lat - 1_f64.to_radians()).abs() < 2e-9,
-            "{}",
-            p.lat.to_degrees()
-        );
+        assert!((p.lat - 1_f64.to_radians()).abs() < 2e-9, "{}", p.lat.to_degrees());
         // A full parallel closes: 2π RN cos φ metres east.
         let start = Geodetic::new(0.8, 1.0, 0.0);
         let circle = core::f64::consts::TAU * radii(0.8).normal * 0.8_f64.cos();

@@ -58,7 +58,13 @@ struct Next {
 
 impl<'a, D: Real> ExactView<'a, D> {
     fn new(at: &'a View<'a>, seed: Option<(Source, usize, D)>, wanted: usize) -> Self {
-        Self { at, seed, read: Cell::new(None), cursor: Cell::new(0), wanted }
+        Self {
+            at,
+            seed,
+            read: Cell::new(None),
+            cursor: Cell::new(0),
+            wanted,
+        }
     }
 
     /// Notes the reading of a quantity and returns its perturbation along tangent axis `i`.
@@ -69,7 +75,11 @@ impl<'a, D: Real> ExactView<'a, D> {
             Quantity::Signal(s) => (Source::Signal, s.tangent),
         };
         if self.cursor.get() == self.wanted {
-            self.read.set(Some(Next { source, tangent, dim: M::KIND.dim() }));
+            self.read.set(Some(Next {
+                source,
+                tangent,
+                dim: M::KIND.dim(),
+            }));
         }
         self.cursor.set(self.cursor.get() + 1);
         Some((source, tangent))
@@ -92,17 +102,17 @@ impl<'a, D: Real> ExactView<'a, D> {
         self.additive(q, SVector::from([self.at.get(q)]))[0]
     }
 
-    /// An angle [rad].
+    /// An angle \[rad\].
     pub fn angle(&self, q: &Quantity<Angle>) -> D {
         self.additive(q, SVector::from([self.at.get(q)]))[0]
     }
 
-    /// A velocity [m/s].
+    /// A velocity \[m/s\].
     pub fn velocity(&self, q: &Quantity<Velocity>) -> Vector3<D> {
         self.additive(q, self.at.get(q))
     }
 
-    /// A Cartesian position [m].
+    /// A Cartesian position \[m\].
     pub fn position(&self, q: &Quantity<Position>) -> Vector3<D> {
         self.additive(q, self.at.get(q))
     }
@@ -112,7 +122,7 @@ impl<'a, D: Real> ExactView<'a, D> {
         self.additive(q, self.at.get(q))
     }
 
-    /// A geodetic position as latitude, longitude [rad] and height [m].
+    /// A geodetic position as latitude, longitude \[rad\] and height \[m\].
     pub fn geodetic(&self, q: &Quantity<Geodetic>) -> [D; 3] {
         let p = self.at.get(q);
         let place = self.note(q);
@@ -169,7 +179,10 @@ impl<M: ExactModel> Measurement for Exact<M> {
             let probe = ExactView::<Dual64>::new(at, None, k);
             self.0.h(&probe, &mut z[..n])?;
             let Some(next) = probe.read.get() else { break };
-            let known = seen[..k].iter().flatten().any(|s| s.source == next.source && s.tangent == next.tangent);
+            let known = seen[..k]
+                .iter()
+                .flatten()
+                .any(|s| s.source == next.source && s.tangent == next.tangent);
             seen[k] = Some(next);
             if known {
                 continue;
@@ -177,7 +190,8 @@ impl<M: ExactModel> Measurement for Exact<M> {
             for i in 0..next.dim {
                 let column = next.tangent + i;
                 let seed = Dual64::new(0.0, 1.0);
-                self.0.h(&ExactView::new(at, Some((next.source, column, seed)), usize::MAX), &mut z[..n])?;
+                self.0
+                    .h(&ExactView::new(at, Some((next.source, column, seed)), usize::MAX), &mut z[..n])?;
                 for (row, z) in z[..n].iter().enumerate() {
                     match next.source {
                         Source::State => h.add_element(row, column, z.eps),
@@ -245,7 +259,15 @@ mod tests {
     fn problem() -> (Layout, Turning, Everything) {
         fn state<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M::Value) -> Slot<M> {
             let (name, owner, sigma) = (name.to_owned(), String::new(), vec![1.0; M::KIND.dim()]);
-            b.declare::<M>(Declaration { name, owner, unit: "", initial, sigma, dynamics: Dynamics::Process }).unwrap()
+            b.declare::<M>(Declaration {
+                name,
+                owner,
+                unit: "",
+                initial,
+                sigma,
+                dynamics: Dynamics::Process,
+            })
+            .unwrap()
         }
         let mut b = LayoutBuilder::new();
         let velocity = state::<Velocity>(&mut b, "velocity", Vector3::new(1.0, -2.0, 0.5));
@@ -276,7 +298,11 @@ mod tests {
         let view = View::new(layout.initial(), &signals);
         let mut h = Jacobian::new(&layout, 3);
         h.reset(3);
-        let (c, l, v) = (rotation(&view.get(&model.attitude)), view.get(&model.lever_arm), view.get(&model.velocity));
+        let (c, l, v) = (
+            rotation(&view.get(&model.attitude)),
+            view.get(&model.lever_arm),
+            view.get(&model.velocity),
+        );
         let start = layout.block("attitude").unwrap().tangent;
         Exact(model).jacobian(&view, &mut h).unwrap();
         let by_hand = -c * skew(&l);

@@ -17,9 +17,9 @@ pub struct Input<'a> {
     /// The neighbour that the coning and sculling corrections pair the sample with; the sample
     /// itself where there is none.
     pub neighbour: &'a [f64],
-    /// Whole length of the sample's interval [s], however short the step within it.
+    /// Whole length of the sample's interval \[s\], however short the step within it.
     pub interval: f64,
-    /// Whole length of the neighbour's interval [s].
+    /// Whole length of the neighbour's interval \[s\].
     pub neighbour_interval: f64,
     /// Whether the neighbour comes before the sample.
     pub neighbour_is_earlier: bool,
@@ -29,7 +29,13 @@ impl<'a> Input<'a> {
     /// A sample without a neighbour.
     #[must_use]
     pub const fn alone(sample: &'a [f64]) -> Self {
-        Self { sample, neighbour: sample, interval: 0.0, neighbour_interval: 0.0, neighbour_is_earlier: true }
+        Self {
+            sample,
+            neighbour: sample,
+            interval: 0.0,
+            neighbour_interval: 0.0,
+            neighbour_is_earlier: true,
+        }
     }
 }
 
@@ -44,7 +50,7 @@ pub trait Process: Debug + Send + Sync {
         false
     }
 
-    /// The longest step [s] one linearisation may cover.
+    /// The longest step \[s\] one linearisation may cover.
     fn max_step(&self) -> f64 {
         f64::INFINITY
     }
@@ -98,8 +104,12 @@ impl<'a> SignalsOut<'a> {
     }
 
     /// Adds ∂`signal`/∂`quantity`; a no-op where the quantity is fixed.
-    pub fn add_quantity<S, M, const R: usize, const C: usize>(&mut self, signal: Signal<S>, quantity: &Quantity<M>, block: &SMatrix<f64, R, C>)
-    where
+    pub fn add_quantity<S, M, const R: usize, const C: usize>(
+        &mut self,
+        signal: Signal<S>,
+        quantity: &Quantity<M>,
+        block: &SMatrix<f64, R, C>,
+    ) where
         S: Tangent<R>,
         M: Tangent<C>,
     {
@@ -126,7 +136,10 @@ impl SignalBuffer {
                 values[storage] = 1.0;
             }
         }
-        Self { values, jacobian: Jacobian::new(layout, layout.signal_dim()) }
+        Self {
+            values,
+            jacobian: Jacobian::new(layout, layout.signal_dim()),
+        }
     }
 
     /// Evaluates the signals of `process` at `x`.

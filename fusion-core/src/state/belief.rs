@@ -25,7 +25,11 @@ impl Belief {
                 covariance.set(i, i, sigma * sigma);
             }
         }
-        Self { time, x: layout.initial().to_vec(), covariance }
+        Self {
+            time,
+            x: layout.initial().to_vec(),
+            covariance,
+        }
     }
 
     /// Whether every number of state and variance is finite and no variance negative.

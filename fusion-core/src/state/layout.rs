@@ -11,7 +11,7 @@ pub enum Dynamics {
     Process,
     /// ẋ = 0.
     Constant,
-    /// ẋ = w with the given power spectral density per tangent axis [unit²/s].
+    /// ẋ = w with the given power spectral density per tangent axis \[unit²/s\].
     RandomWalk {
         /// Power spectral density of w, per tangent axis.
         psd: Vec<f64>,
@@ -21,7 +21,7 @@ pub enum Dynamics {
     GaussMarkov {
         /// Stationary standard deviation, per tangent axis.
         sigma: Vec<f64>,
-        /// Correlation time [s].
+        /// Correlation time \[s\].
         tau: f64,
     },
 }
@@ -233,12 +233,19 @@ impl Layout {
     fn missing(&self, name: &str) -> LayoutError {
         let names = self.blocks.iter().map(|b| &b.name).chain(self.signals.iter().map(|s| &s.name));
         let available = names.map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");
-        LayoutError::Missing { name: name.to_owned(), available }
+        LayoutError::Missing {
+            name: name.to_owned(),
+            available,
+        }
     }
 }
 
 fn wrong_kind(name: &str, found: Kind, wanted: Kind) -> LayoutError {
-    LayoutError::WrongKind { name: name.to_owned(), found: format!("{found:?}"), wanted: format!("{wanted:?}") }
+    LayoutError::WrongKind {
+        name: name.to_owned(),
+        found: format!("{found:?}"),
+        wanted: format!("{wanted:?}"),
+    }
 }
 
 /// Collects declarations; [`LayoutBuilder::finish`] makes the layout.
@@ -269,20 +276,29 @@ impl LayoutBuilder {
     pub fn declare<M: Manifold>(&mut self, d: Declaration<M::Value>) -> Result<Slot<M>, LayoutError> {
         let l = &mut self.layout;
         if let Some(first) = l.block(&d.name) {
-            return Err(LayoutError::Duplicate { name: d.name.clone(), first: first.owner.clone(), second: d.owner });
+            return Err(LayoutError::Duplicate {
+                name: d.name.clone(),
+                first: first.owner.clone(),
+                second: d.owner,
+            });
         }
         let dim = M::KIND.dim();
         let fits = |v: &[f64]| v.len() == dim && v.iter().all(|s| s.is_finite() && *s >= 0.0);
-        let bad = |reason: &str| LayoutError::BadDeclaration { name: d.name.clone(), reason: reason.to_owned() };
+        let bad = |reason: &str| LayoutError::BadDeclaration {
+            name: d.name.clone(),
+            reason: reason.to_owned(),
+        };
         if !fits(&d.sigma) {
             return Err(bad("sigma needs one finite, non-negative number per axis"));
         }
         match &d.dynamics {
             Dynamics::GaussMarkov { .. } if matches!(M::KIND, Kind::Attitude | Kind::Geodetic) => {
-                return Err(bad("a rotation or a geodetic position does not decay to zero: use a random walk, or no correlation time"));
+                return Err(bad(
+                    "a rotation or a geodetic position does not decay to zero: use a random walk, or no correlation time",
+                ));
             }
             Dynamics::RandomWalk { psd } if !fits(psd) => return Err(bad("psd needs one finite, non-negative number per axis")),
-            Dynamics::GaussMarkov { sigma, tau } if !fits(sigma) || !(tau.is_finite() && *tau > 0.0) => {
+            Dynamics::GaussMarkov { sigma, tau } if !(fits(sigma) && tau.is_finite() && *tau > 0.0) => {
                 return Err(bad("a Gauss-Markov block needs a non-negative sigma per axis and a positive tau"));
             }
             _ => {}
@@ -317,10 +333,19 @@ impl LayoutBuilder {
         let l = &mut self.layout;
         if l.signals.iter().any(|s| s.name == name) || l.block(name).is_some() {
             let process = "process".to_owned();
-            return Err(LayoutError::Duplicate { name: name.to_owned(), first: process.clone(), second: process });
+            return Err(LayoutError::Duplicate {
+                name: name.to_owned(),
+                first: process.clone(),
+                second: process,
+            });
         }
         let signal = Signal::new(l.signal_storage, l.signal_dim);
-        l.signals.push(SignalInfo { name: name.to_owned(), kind: M::KIND, storage: l.signal_storage, tangent: l.signal_dim });
+        l.signals.push(SignalInfo {
+            name: name.to_owned(),
+            kind: M::KIND,
+            storage: l.signal_storage,
+            tangent: l.signal_dim,
+        });
         l.signal_storage += M::KIND.storage();
         l.signal_dim += M::KIND.dim();
         Ok(signal)

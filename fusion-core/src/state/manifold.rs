@@ -5,12 +5,12 @@
 //!
 //! | kind | storage | tangent | x ⊞ δ |
 //! |---|---|---|---|
-//! | [`Geodetic`] | latitude, longitude [rad], height [m] | δr NED at x [m] | radii of curvature, spec of WGS-84 |
-//! | [`Position`] | Cartesian, 3 [m] | 3 [m] | x + δ |
-//! | [`Velocity`] | 3 [m/s] | 3 [m/s] | x + δ |
-//! | [`Attitude`] | quaternion w x y z (`q_nb`) | δφ_b [rad] | q ⊗ Exp(δφ_b) |
+//! | [`Geodetic`] | latitude, longitude \[rad\], height \[m\] | δr NED at x \[m\] | radii of curvature, spec of WGS-84 |
+//! | [`Position`] | Cartesian, 3 \[m\] | 3 \[m\] | x + δ |
+//! | [`Velocity`] | 3 \[m/s\] | 3 \[m/s\] | x + δ |
+//! | [`Attitude`] | quaternion w x y z (`q_nb`) | δφ_b \[rad\] | q ⊗ Exp(δφ_b) |
 //! | [`Scalar`] | 1 | 1 | x + δ |
-//! | [`Angle`] | 1 [rad] | 1 [rad] | wrap(x + δ) to (−π, π] |
+//! | [`Angle`] | 1 \[rad\] | 1 \[rad\] | wrap(x + δ) to (−π, π] |
 //! | [`Vector`] | N | N | x + δ |
 
 use crate::geometry::{so3, wgs84};
@@ -117,7 +117,11 @@ impl Manifold for Geodetic {
     type Value = Self;
     const KIND: Kind = Kind::Geodetic;
     fn read(s: &[f64]) -> Self {
-        Self { lat: s[0], lon: s[1], height: s[2] }
+        Self {
+            lat: s[0],
+            lon: s[1],
+            height: s[2],
+        }
     }
     fn write(v: &Self, s: &mut [f64]) {
         s[..3].copy_from_slice(&[v.lat, v.lon, v.height]);
@@ -144,12 +148,12 @@ macro_rules! vector_kind {
     };
 }
 vector_kind!(
-    /// Cartesian position [m].
+    /// Cartesian position \[m\].
     Position,
     Kind::Position
 );
 vector_kind!(
-    /// Velocity [m/s].
+    /// Velocity \[m/s\].
     Velocity,
     Kind::Velocity
 );
@@ -194,7 +198,7 @@ scalar_kind!(
     Kind::Scalar
 );
 scalar_kind!(
-    /// One angle [rad].
+    /// One angle \[rad\].
     Angle,
     Kind::Angle
 );

@@ -26,7 +26,11 @@ macro_rules! handle {
     ($name:ident) => {
         impl<M> $name<M> {
             pub(crate) fn new(storage: usize, tangent: usize) -> Self {
-                Self { storage, tangent, kind: PhantomData }
+                Self {
+                    storage,
+                    tangent,
+                    kind: PhantomData,
+                }
             }
         }
         impl<M> Clone for $name<M> {

@@ -14,9 +14,7 @@
 
 use core::f64::consts::{FRAC_1_SQRT_2, PI};
 
-use fusion_core::geometry::wgs84::{
-    ECCENTRICITY_SQUARED as E2, FLATTENING, Geodetic, Radii, SEMI_MAJOR_AXIS, SEMI_MINOR_AXIS,
-};
+use fusion_core::geometry::wgs84::{ECCENTRICITY_SQUARED as E2, FLATTENING, Geodetic, Radii, SEMI_MAJOR_AXIS, SEMI_MINOR_AXIS};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 /// Geodetic to Earth-centred Earth-fixed `r_eb_e` \[m\].
@@ -52,11 +50,7 @@ pub fn geodetic_from_ecef(r_e: &Vector3<f64>) -> Geodetic {
     }
     let lat = sin_lat.atan2(cos_lat);
     let n = cos_lat.hypot(sin_lat);
-    let (c, s) = if n > 0.0 {
-        (cos_lat / n, sin_lat / n)
-    } else {
-        (1.0, 0.0)
-    };
+    let (c, s) = if n > 0.0 { (cos_lat / n, sin_lat / n) } else { (1.0, 0.0) };
     let lon = r_e.y.atan2(r_e.x);
     Geodetic {
         lat,
@@ -72,17 +66,7 @@ pub fn geodetic_from_ecef(r_e: &Vector3<f64>) -> Geodetic {
 pub fn rotation_en(lat: f64, lon: f64) -> Matrix3<f64> {
     let (sp, cp) = lat.sin_cos();
     let (sl, cl) = lon.sin_cos();
-    Matrix3::new(
-        -sp * cl,
-        -sl,
-        -cp * cl,
-        -sp * sl,
-        cl,
-        -cp * sl,
-        cp,
-        0.0,
-        -sp,
-    )
+    Matrix3::new(-sp * cl, -sl, -cp * cl, -sp * sl, cl, -cp * sl, cp, 0.0, -sp)
 }
 
 /// Cartesian north-east-down axes fixed to the Earth at an origin, tangent there.
@@ -115,8 +99,7 @@ impl LocalFrame {
     #[inline]
     #[must_use]
     pub fn to_ned(&self, position: &Geodetic) -> Vector3<f64> {
-        self.c_en
-            .tr_mul(&(ecef_from_geodetic(position) - self.origin_e))
+        self.c_en.tr_mul(&(ecef_from_geodetic(position) - self.origin_e))
     }
 
     /// The position at local north, east, down \[m\].
@@ -227,11 +210,7 @@ mod tests {
 
     #[test]
     fn the_site_matches_the_tabulated_earth_fixed_point() {
-        let p = Geodetic::new(
-            36.098_277_778_f64.to_radians(),
-            129.449_944_444_f64.to_radians(),
-            -23.0,
-        );
+        let p = Geodetic::new(36.098_277_778_f64.to_radians(), 129.449_944_444_f64.to_radians(), -23.0);
         let expected = Vector3::new(-3_278_406.178_9, 3_984_111.217, 3_736_994.867_5);
         // 1e-4 m: four decimals of metres, and angles to 5e-10° = 6e-5 m.
         assert!((ecef_from_geodetic(&p) - expected).amax() < 1.2e-4);
@@ -239,39 +218,20 @@ mod tests {
 
     #[test]
     fn degenerate_points_are_finite() {
-        for r in [
-            Vector3::zeros(),
-            Vector3::new(0.0, 0.0, -1.0),
-            Vector3::new(-1.0, -0.0, 0.0),
-        ] {
+        for r in [Vector3::zeros(), Vector3::new(0.0, 0.0, -1.0), Vector3::new(-1.0, -0.0, 0.0)] {
             let p = geodetic_from_ecef(&r);
             assert!(p.lat.is_finite() && p.lon > -PI && p.lon <= PI && p.height.is_finite());
         }
-        assert_eq!(
-            geodetic_from_ecef(&Vector3::new(0.0, 0.0, 7e6)).lat,
-            FRAC_PI_2
-        );
+        assert_eq!(geodetic_from_ecef(&Vector3::new(0.0, 0.0, 7e6)).lat, FRAC_PI_2);
     }
 
     #[test]
     fn the_local_frame_matches_the_tabulated_acoustic_fix() {
-        let site = Geodetic::new(
-            36.098_277_778_f64.to_radians(),
-            129.449_944_444_f64.to_radians(),
-            10.0,
-        );
+        let site = Geodetic::new(36.098_277_778_f64.to_radians(), 129.449_944_444_f64.to_radians(), 10.0);
         let p = LocalFrame::new(site).to_geodetic(&Vector3::new(-16.33596, 26.60041, 35.18709));
         // Table: first-order chart, nine decimals of a degree. 1e-8° = 1 mm; 1e-4 m: curvature.
-        assert!(
-            (p.lat.to_degrees() - 36.098_130_555).abs() < 1e-8,
-            "{}",
-            p.lat.to_degrees()
-        );
-        assert!(
-            (p.lon.to_degrees() - 129.450_239_834).abs() < 1e-8,
-            "{}",
-            p.lon.to_degrees()
-        );
+        assert!((p.lat.to_degrees() - 36.098_130_555).abs() < 1e-8, "{}", p.lat.to_degrees());
+        assert!((p.lon.to_degrees() - 129.450_239_834).abs() < 1e-8, "{}", p.lon.to_degrees());
         assert!((p.height + 25.18709).abs() < 1e-4);
     }
 

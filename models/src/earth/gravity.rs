@@ -13,9 +13,7 @@
 //! Source   Groves 2013, eqs. 2.134 and 2.139; Titterton and Weston 2004, eqs. 3.89-3.91;
 //!          Noureldin, Karamat and Georgy 2013, eq. 2.142
 
-use fusion_core::geometry::wgs84::{
-    EARTH_RATE, ECCENTRICITY_SQUARED as E2, FLATTENING, GM, SEMI_MAJOR_AXIS, SEMI_MINOR_AXIS,
-};
+use fusion_core::geometry::wgs84::{EARTH_RATE, ECCENTRICITY_SQUARED as E2, FLATTENING, GM, SEMI_MAJOR_AXIS, SEMI_MINOR_AXIS};
 use nalgebra::Vector3;
 
 /// Which formula gives the magnitude of gravity.
@@ -70,8 +68,7 @@ impl Gravity {
             Self::Somigliana => {
                 let surface = G_EQUATOR * (1.0 + K * s) / (1.0 - E2 * s).sqrt();
                 let u = h / SEMI_MAJOR_AXIS;
-                surface
-                    * (1.0 - 2.0 * (1.0 + FLATTENING + M - 2.0 * FLATTENING * s) * u + 3.0 * u * u)
+                surface * (1.0 - 2.0 * (1.0 + FLATTENING + M - 2.0 * FLATTENING * s) * u + 3.0 * u * u)
             }
             Self::TittertonWeston => {
                 let surface = 9.780_318 * (1.0 + 5.3024e-3 * s - 5.9e-6 * 4.0 * s * (1.0 - s));
@@ -123,8 +120,7 @@ impl Gravity {
                 )
             }
             Self::Noureldin => (
-                9.780_326_771_4 * (0.005_279_041_4 + 2.0 * 0.000_023_271_8 * s)
-                    + 4.397_731_1e-9 * h,
+                9.780_326_771_4 * (0.005_279_041_4 + 2.0 * 0.000_023_271_8 * s) + 4.397_731_1e-9 * h,
                 -3.087_691_089_1e-6 + 4.397_731_1e-9 * s + 2.0 * 7.211e-13 * h,
             ),
         };
@@ -140,11 +136,7 @@ mod tests {
     use super::*;
     use fusion_core::geometry::wgs84::radii;
 
-    const ALL: [Gravity; 3] = [
-        Gravity::Somigliana,
-        Gravity::TittertonWeston,
-        Gravity::Noureldin,
-    ];
+    const ALL: [Gravity; 3] = [Gravity::Somigliana, Gravity::TittertonWeston, Gravity::Noureldin];
     const SITE: f64 = 36.098_277_778;
 
     #[test]
@@ -206,21 +198,13 @@ mod tests {
                 for h in [-5000.0, 0.0, 20_000.0] {
                     let g = model.gradient(lat, h);
                     let step = 1e-4;
-                    let by_lat = (model.magnitude(lat + step, h) - model.magnitude(lat - step, h))
-                        / (2.0 * step);
+                    let by_lat = (model.magnitude(lat + step, h) - model.magnitude(lat - step, h)) / (2.0 * step);
                     // 1e-9: truncation h²/6·4·0.05 = 3e-10, rounding 2e-15/1e-4 = 2e-11.
-                    assert!(
-                        (g.per_latitude - by_lat).abs() < 1e-9,
-                        "{model:?} {lat} {h} latitude"
-                    );
+                    assert!((g.per_latitude - by_lat).abs() < 1e-9, "{model:?} {lat} {h} latitude");
                     let step = 100.0;
-                    let by_h = (model.magnitude(lat, h + step) - model.magnitude(lat, h - step))
-                        / (2.0 * step);
+                    let by_h = (model.magnitude(lat, h + step) - model.magnitude(lat, h - step)) / (2.0 * step);
                     // 2e-15 1/s² of 3e-6: truncation 4 g h²/R³·… = 2e-15, rounding 2e-17.
-                    assert!(
-                        (g.per_height - by_h).abs() < 4e-15,
-                        "{model:?} {lat} {h} height"
-                    );
+                    assert!((g.per_height - by_h).abs() < 4e-15, "{model:?} {lat} {h} height");
                 }
             }
         }

@@ -114,13 +114,9 @@ mod tests {
 
     #[test]
     fn earth_rate_matches_the_tabulated_site() {
-        let per_hour =
-            earth_rate_n(36.098_277_778_f64.to_radians()).map(|x| x.to_degrees() * 3600.0);
+        let per_hour = earth_rate_n(36.098_277_778_f64.to_radians()).map(|x| x.to_degrees() * 3600.0);
         // 6e-5 deg/h: the table has four decimals (five for the total).
-        assert!(
-            (per_hour - Vector3::new(12.1533, 0.0, -8.8618)).amax() < 6e-5,
-            "{per_hour}"
-        );
+        assert!((per_hour - Vector3::new(12.1533, 0.0, -8.8618)).amax() < 6e-5, "{per_hour}");
         assert!((per_hour.norm() - 15.04107).abs() < 6e-6);
     }
 
@@ -131,9 +127,7 @@ mod tests {
         let h = 10.0;
         let q_en = |t: f64| {
             let g = p.offset(&(v * t));
-            UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation_en(
-                g.lat, g.lon,
-            )))
+            UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation_en(g.lat, g.lon)))
         };
         let numeric = so3::log(&(q_en(-h).inverse() * q_en(h))) / (2.0 * h);
         let analytic = transport_rate_n(&p, &v);

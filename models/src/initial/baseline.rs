@@ -28,17 +28,25 @@ pub struct BaselineSpec {
     sigma: NonNegative<dim::Angle>,
 }
 
-crate::register!(Initialiser, "baseline", BaselineSpec, r#"
+crate::register!(
+    Initialiser,
+    "baseline",
+    BaselineSpec,
+    r#"
 source = "gnss"
 min_distance = "4 m"
 max_age = "15 s"
 sigma = "12 deg"
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "baseline")]
 impl InitialiserSpec for BaselineSpec {
     fn inputs(&self) -> Vec<Listen> {
-        vec![Listen { source: self.source.clone(), channels: vec![Channel::geodetic("position")] }]
+        vec![Listen {
+            source: self.source.clone(),
+            channels: vec![Channel::geodetic("position")],
+        }]
     }
 
     fn writes(&self) -> Vec<&'static str> {
@@ -79,7 +87,9 @@ impl Initialiser for Baseline {
     }
 
     fn waits_for(&self) -> Option<String> {
-        self.yaw.is_none().then(|| format!("two fixes {} m apart, for the course", self.min_distance))
+        self.yaw
+            .is_none()
+            .then(|| format!("two fixes {} m apart, for the course", self.min_distance))
     }
 
     fn write(&self, _: Time, layout: &Layout, belief: &mut Belief) {
@@ -96,8 +106,18 @@ mod tests {
 
     #[test]
     fn the_course_is_that_of_the_latest_long_enough_line() {
-        let mut b = Baseline { min_distance: 4.0, max_age: 15.0, sigma: 0.2, fixes: VecDeque::new(), yaw: None };
-        let origin = Geodetic { lat: 0.7, lon: -1.2, height: 0.0 };
+        let mut b = Baseline {
+            min_distance: 4.0,
+            max_age: 15.0,
+            sigma: 0.2,
+            fixes: VecDeque::new(),
+            yaw: None,
+        };
+        let origin = Geodetic {
+            lat: 0.7,
+            lon: -1.2,
+            height: 0.0,
+        };
         let mut fix = |t: f64, n: f64, e: f64| {
             let mut row = [0.0; 3];
             Geodetic::write(&origin.offset(&Vector3::new(n, e, 0.0)), &mut row);
@@ -108,7 +128,10 @@ mod tests {
         assert_eq!(fix(1.0, 3.0, 0.0), None, "3 m are too short");
         // East from here on: from (3, 0) to (3, 5) is the latest line of 4 m.
         let yaw = fix(2.0, 3.0, 5.0).unwrap();
-        assert!((yaw - core::f64::consts::FRAC_PI_2).abs() < 1e-6, "the meridians converge by 1e-6 over metres: {yaw}");
+        assert!(
+            (yaw - core::f64::consts::FRAC_PI_2).abs() < 1e-6,
+            "the meridians converge by 1e-6 over metres: {yaw}"
+        );
         assert_eq!(fix(60.0, 100.0, 5.0), None, "the earlier fixes are too old");
     }
 }

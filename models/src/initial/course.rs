@@ -27,18 +27,26 @@ pub struct CourseSpec {
     mounting_yaw: Angle,
 }
 
-crate::register!(Initialiser, "course", CourseSpec, r#"
+crate::register!(
+    Initialiser,
+    "course",
+    CourseSpec,
+    r#"
 source = "gnss"
 min_speed = "3 m/s"
 sigma = "8 deg"
 mounting_yaw = "0 deg"
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "course")]
 impl InitialiserSpec for CourseSpec {
     fn inputs(&self) -> Vec<Listen> {
         let velocity = Channel::vector("velocity", 3, dim::Speed::KIND.dimension);
-        vec![Listen { source: self.source.clone(), channels: vec![velocity] }]
+        vec![Listen {
+            source: self.source.clone(),
+            channels: vec![velocity],
+        }]
     }
 
     fn writes(&self) -> Vec<&'static str> {
@@ -47,7 +55,12 @@ impl InitialiserSpec for CourseSpec {
 
     fn build(&self, _: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {
         let (min_speed, sigma) = (self.min_speed.si(), self.sigma.si());
-        Ok(Box::new(Course { min_speed, sigma, mounting_yaw: self.mounting_yaw.si(), yaw: None }))
+        Ok(Box::new(Course {
+            min_speed,
+            sigma,
+            mounting_yaw: self.mounting_yaw.si(),
+            yaw: None,
+        }))
     }
 }
 
@@ -67,7 +80,9 @@ impl Initialiser for Course {
     }
 
     fn waits_for(&self) -> Option<String> {
-        self.yaw.is_none().then(|| format!("a GNSS speed of {} m/s, for the course", self.min_speed))
+        self.yaw
+            .is_none()
+            .then(|| format!("a GNSS speed of {} m/s, for the course", self.min_speed))
     }
 
     fn write(&self, _: Time, layout: &Layout, belief: &mut Belief) {

@@ -27,7 +27,11 @@ pub struct PlaceSpec {
 
 impl From<PlaceSpec> for Geodetic {
     fn from(p: PlaceSpec) -> Self {
-        Self { lat: p.latitude.si(), lon: p.longitude.si(), height: p.height.si() }
+        Self {
+            lat: p.latitude.si(),
+            lon: p.longitude.si(),
+            height: p.height.si(),
+        }
     }
 }
 
@@ -54,14 +58,19 @@ pub struct ExplicitSpec {
     heading_sigma: Option<NonNegative<dim::Angle>>,
 }
 
-crate::register!(Initialiser, "explicit", ExplicitSpec, r#"
+crate::register!(
+    Initialiser,
+    "explicit",
+    ExplicitSpec,
+    r#"
 position = { latitude = "36.098 deg", longitude = "129.45 deg", height = "10 m" }
 position_sigma = ["2 m", "2 m", "3 m"]
 velocity = [0, 0, 0]
 velocity_sigma = "0.1 m/s"
 attitude = [0, 0, "30 deg"]
 attitude_sigma = ["0.1 deg", "0.1 deg", "1 deg"]
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "explicit")]
 impl InitialiserSpec for ExplicitSpec {
@@ -106,7 +115,9 @@ impl InitialiserSpec for ExplicitSpec {
         Ok(Box::new(Explicit {
             origin: b.origin,
             place: place.zip(self.position_sigma.map(Axes::si)),
-            velocity: self.velocity_sigma.map(|s| (self.velocity.map_or([0.0; 3], Vec3Of::si).into(), s.si())),
+            velocity: self
+                .velocity_sigma
+                .map(|s| (self.velocity.map_or([0.0; 3], Vec3Of::si).into(), s.si())),
             attitude: self.attitude_sigma.map(|s| (self.attitude.unwrap_or_default(), s.si())),
             heading: self.heading_sigma.map(|s| (self.heading.map_or(0.0, Angle::si), s.si())),
         }))

@@ -34,17 +34,25 @@ const fn one() -> NonZeroUsize {
     NonZeroUsize::MIN
 }
 
-crate::register!(Initialiser, "first_fix", FirstFixSpec, r#"
+crate::register!(
+    Initialiser,
+    "first_fix",
+    FirstFixSpec,
+    r#"
 source = "gnss"
 position_sigma = ["2 m", "2 m", "4 m"]
 velocity_sigma = "0.3 m/s"
 median_of = 1
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "first_fix")]
 impl InitialiserSpec for FirstFixSpec {
     fn inputs(&self) -> Vec<Listen> {
-        let listen = |channel| Listen { source: self.source.clone(), channels: vec![channel] };
+        let listen = |channel| Listen {
+            source: self.source.clone(),
+            channels: vec![channel],
+        };
         let mut inputs = vec![listen(Channel::geodetic("position"))];
         if self.velocity_sigma.is_some() {
             inputs.push(listen(Channel::vector("velocity", 3, dim::Speed::KIND.dimension)));
@@ -89,7 +97,11 @@ impl FirstFix {
             values.sort_by(f64::total_cmp);
             values.get(values.len() / 2).copied()
         };
-        Some(Geodetic { lat: middle(|g| g.lat)?, lon: middle(|g| g.lon)?, height: middle(|g| g.height)? })
+        Some(Geodetic {
+            lat: middle(|g| g.lat)?,
+            lon: middle(|g| g.lon)?,
+            height: middle(|g| g.height)?,
+        })
     }
 }
 
@@ -107,7 +119,11 @@ impl Initialiser for FirstFix {
 
     fn waits_for(&self) -> Option<String> {
         if self.fixes.len() < self.median_of {
-            return Some(if self.median_of == 1 { "a position fix".to_owned() } else { format!("{} position fixes", self.median_of) });
+            return Some(if self.median_of == 1 {
+                "a position fix".to_owned()
+            } else {
+                format!("{} position fixes", self.median_of)
+            });
         }
         (self.velocity_sigma.is_some() && self.velocity.is_none()).then(|| "a velocity".to_owned())
     }
@@ -128,7 +144,11 @@ mod tests {
 
     #[test]
     fn the_median_of_the_latest_fixes_is_not_moved_by_an_outlier() {
-        let origin = Geodetic { lat: 0.6, lon: 2.2, height: 10.0 };
+        let origin = Geodetic {
+            lat: 0.6,
+            lon: 2.2,
+            height: 10.0,
+        };
         let mut f = FirstFix {
             origin: None,
             position_sigma: [1.0; 3],

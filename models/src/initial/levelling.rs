@@ -57,18 +57,26 @@ pub struct GyrocompassSpec {
     latitude: Option<crate::units::Angle>,
 }
 
-crate::register!(Initialiser, "levelling", LevellingSpec, r#"
+crate::register!(
+    Initialiser,
+    "levelling",
+    LevellingSpec,
+    r#"
 source = "imu"
 duration = "5 s"
 still = { accel_std = "0.2 m/s^2", gyro_std = "1 deg/s" }
 tilt_sigma = "0.5 deg"
 gyro_bias_sigma = "0.05 deg/s"
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "levelling")]
 impl InitialiserSpec for LevellingSpec {
     fn inputs(&self) -> Vec<Listen> {
-        vec![Listen { source: self.source.clone(), channels: imu_channels() }]
+        vec![Listen {
+            source: self.source.clone(),
+            channels: imu_channels(),
+        }]
     }
 
     fn writes(&self) -> Vec<&'static str> {
@@ -121,13 +129,13 @@ impl LevellingSpec {
     }
 }
 
-/// Roll and pitch [rad] from a specific force at rest.
+/// Roll and pitch \[rad\] from a specific force at rest.
 #[must_use]
 pub fn level(f: &Vector3<f64>) -> (f64, f64) {
     ((-f.y).atan2(-f.z), f.x.atan2(f.y.hypot(f.z)))
 }
 
-/// Heading [rad] from the mean angular rate at rest, given roll and pitch.
+/// Heading \[rad\] from the mean angular rate at rest, given roll and pitch.
 #[must_use]
 pub fn gyrocompass(w: &Vector3<f64>, roll: f64, pitch: f64) -> f64 {
     let (sr, cr) = roll.sin_cos();
@@ -137,7 +145,7 @@ pub fn gyrocompass(w: &Vector3<f64>, roll: f64, pitch: f64) -> f64 {
     (-y).atan2(x)
 }
 
-/// 1σ of gyrocompassing [rad] over `duration` [s] at latitude `lat` [rad].
+/// 1σ of gyrocompassing \[rad\] over `duration` \[s\] at latitude `lat` \[rad\].
 #[must_use]
 pub fn predicted_heading_sigma(gyro_bias: f64, gyro_noise: f64, accel_bias: f64, duration: f64, lat: f64) -> f64 {
     let horizontal = wgs84::EARTH_RATE * lat.cos();
@@ -195,7 +203,10 @@ impl Initialiser for Levelling {
         let bias = self.found.map_or_else(Vector3::zeros, |(_, bias)| bias);
         if self.test.is_still(&bias) {
             if self.rest.since.is_none() {
-                self.rest = Rest { since: Some(time), ..Rest::default() };
+                self.rest = Rest {
+                    since: Some(time),
+                    ..Rest::default()
+                };
             }
             self.rest.count += 1.0;
             self.rest.w += w;

@@ -1,11 +1,11 @@
 //! Attitude alone, from gyros: for a heading and attitude reference without position.
 //!
-//! Input      mean angular rate w_m [rad/s] over a sample, body axes
+//! Input      mean angular rate w_m \[rad/s\] over a sample, body axes
 //! State      `attitude` q_nb; where estimated `gyro_bias` b,  w_ib_b = w_m − b
 //! Discrete   q⁺ = Exp(−w_ie_n Δt) ⊗ q ⊗ Exp(w_ib_b Δt)
 //!            Φ_aa = Exp(w_ib_b Δt)ᵀ,  Φ_ab = −Jr(w_ib_b Δt) Δt: exact
 //! Q          trapezoid of white gyro noise on attitude
-//! Signals    `angular_rate` w_ib_b [rad/s]
+//! Signals    `angular_rate` w_ib_b \[rad/s\]
 //! Valid      at a fixed latitude: the navigation frame turns with the Earth alone
 //! Not here   coning: give the mean rate, or a sample rate far above the motion
 //! Source     Sola, Deray, Atchuthan 2018 (arXiv 1812.01537), eqs. 139-145 for Jr

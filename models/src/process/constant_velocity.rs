@@ -1,6 +1,6 @@
 //! Constant velocity: white acceleration in local Cartesian axes.
 //!
-//! State      r, position in north-east-down axes fixed at the origin [m]; v = ṙ [m/s]
+//! State      r, position in north-east-down axes fixed at the origin \[m\]; v = ṙ \[m/s\]
 //! Model      v̇ = w, white with density S per axis [(m/s²)²/Hz]
 //! Discrete   Φ = [I, T I; 0, I],  Q = S [T³/3, T²/2; T²/2, T], exact
 //! Signals    position (geodetic), acceleration (zero)

@@ -1,6 +1,6 @@
 //! Strapdown navigation whose turning comes from an attitude reference instead of gyros.
 //!
-//! Input      mean specific force f_m [m/s²] over a sample, and the reference's attitude q_nb at
+//! Input      mean specific force f_m \[m/s²\] over a sample, and the reference's attitude q_nb at
 //!            its end; the sample before gives that at its start
 //! Turning    w_nb_b = Log(q_start⁻¹ ⊗ q_end)/T, constant over the sample: it may be split anywhere
 //! States     `position` (geodetic), `velocity` v_eb_n, `attitude` q_nb; where estimated
@@ -8,7 +8,7 @@
 //! Discrete   position and velocity as `strapdown`;  q⁺ = q ⊗ Exp(w_nb_b Δt)
 //! Φ          I + FΔt, F of the strapdown error model but for the attitude, which does not see
 //!            position and velocity:  Φ_aa = Exp(w_nb_b Δt)ᵀ, exact
-//! Signals    `angular_rate` w_ib_b = w_nb_b + C_nbᵀ w_in_n [rad/s], `acceleration` [m/s²]
+//! Signals    `angular_rate` w_ib_b = w_nb_b + C_nbᵀ w_in_n \[rad/s\], `acceleration` \[m/s²\]
 //! Cascaded   the stage `attitude_reference` drives this process; the sensor `attitude` on the same
 //!            stage holds the attitude to the reference's. With a small sigma the attitude is the
 //!            reference's own; with the reference's true 1σ, position fixes may correct what the
@@ -105,7 +105,7 @@ impl ProcessSpec for ExternalAttitudeSpec {
     }
 }
 
-/// w_nb_b [rad/s] over a sample of specific force and attitude.
+/// w_nb_b \[rad/s\] over a sample of specific force and attitude.
 fn turning(input: &Input<'_>) -> Vector3<f64> {
     let attitude = |s: &[f64]| so3::from_scalar_first(&Vector4::new(s[3], s[4], s[5], s[6]));
     let (own, other) = (attitude(input.sample), attitude(input.neighbour));

@@ -24,10 +24,15 @@ pub struct HoldSpec {
     position_sigma: Axes<dim::Length, range::NonNegative>,
 }
 
-crate::register!(Process, "hold", HoldSpec, r#"
+crate::register!(
+    Process,
+    "hold",
+    HoldSpec,
+    r#"
 walk = "100 m/sqrt(s)"
 position_sigma = "10 m"
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "hold")]
 impl ProcessSpec for HoldSpec {
@@ -36,9 +41,19 @@ impl ProcessSpec for HoldSpec {
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
-        let place = b.origin.unwrap_or(Place { lat: 0.0, lon: 0.0, height: 0.0 });
+        let place = b.origin.unwrap_or(Place {
+            lat: 0.0,
+            lon: 0.0,
+            height: 0.0,
+        });
         let psd = self.walk.si().map(|w| w * w).to_vec();
-        b.declare::<Geodetic>("position", "m", place, self.position_sigma.si().to_vec(), Dynamics::RandomWalk { psd })?;
+        b.declare::<Geodetic>(
+            "position",
+            "m",
+            place,
+            self.position_sigma.si().to_vec(),
+            Dynamics::RandomWalk { psd },
+        )?;
         Ok(Box::new(Hold))
     }
 }

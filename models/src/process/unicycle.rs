@@ -1,7 +1,7 @@
 //! Unicycle: a vehicle that drives ahead and turns, in the horizontal plane.
 //!
-//! State      position (geodetic; its height stands still), heading ψ [rad], speed u [m/s],
-//!            yaw rate r [rad/s]
+//! State      position (geodetic; its height stands still), heading ψ \[rad\], speed u \[m/s\],
+//!            yaw rate r \[rad/s\]
 //! Model      ṙ_N = u cos ψ, ṙ_E = u sin ψ, ψ̇ = r + w_ψ, u̇ = w_u, ṙ = w_r
 //! Discrete   exact on the arc of constant u and r: with x = rT/2,
 //!            Δ = u T sinc(x) [cos(ψ + x), sin(ψ + x)], ψ⁺ = ψ + rT
@@ -34,7 +34,7 @@ fn sinc(x: f64) -> (f64, f64) {
     }
 }
 
-/// An arc of constant speed and rate: the displacement north and east [m] and its derivatives.
+/// An arc of constant speed and rate: the displacement north and east \[m\] and its derivatives.
 struct Arc {
     moved: Vector2<f64>,
     by_heading: Vector2<f64>,
@@ -42,7 +42,7 @@ struct Arc {
     by_rate: Vector2<f64>,
 }
 
-/// The arc from heading `psi` [rad] at speed `u` [m/s] and rate `r` [rad/s] over `dt` [s].
+/// The arc from heading `psi` \[rad\] at speed `u` \[m/s\] and rate `r` \[rad/s\] over `dt` \[s\].
 fn arc(psi: f64, u: f64, r: f64, dt: f64) -> Arc {
     let x = 0.5 * r * dt;
     let (chord, slope) = sinc(x);
@@ -56,7 +56,7 @@ fn arc(psi: f64, u: f64, r: f64, dt: f64) -> Arc {
     }
 }
 
-/// ∂(p⁺ ⊟ p̂⁺)/∂(p ⊟ p̂) for p⁺ = p ⊞ Δ with Δ = `moved` [m] held, and the factors on ∂Δ: the
+/// ∂(p⁺ ⊟ p̂⁺)/∂(p ⊟ p̂) for p⁺ = p ⊞ Δ with Δ = `moved` \[m\] held, and the factors on ∂Δ: the
 /// metres per radian at p⁺ over those at p.
 fn carried(p: &Geodetic, after: &Geodetic, moved: &Vector2<f64>) -> (Matrix3<f64>, Vector2<f64>) {
     let Radii { meridian, normal } = radii(p.lat);

@@ -2,7 +2,7 @@
 //!
 //! Measured   z = q_ns, body to navigation, of the sensor's axes s
 //! Predicted  h(x) = q_nb ⊗ q_bs, q_bs the mounting: x_b = C_bs x_s
-//! Residual   r = Log(h⁻¹ z) [rad], about the sensor's axes
+//! Residual   r = Log(h⁻¹ z) \[rad\], about the sensor's axes
 //! Jacobian   ∂r/∂δφ_b = C_bsᵀ,  ∂r/∂δμ = I₃ for the mounting C_bs Exp(δμ); exact at r = 0, beyond
 //!            it to first order in r
 //! Valid      errors of the source that are white; a filter's output is not: its sigma must hold

@@ -1,6 +1,6 @@
 //! Static air pressure in the standard troposphere.
 //!
-//! Measured   z = pressure at the sensor a [Pa]
+//! Measured   z = pressure at the sensor a \[Pa\]
 //! Predicted  h(x) = p₀ (1 − L (h_a + b)/T₀)^n,  h_a = h_b − e₃ᵀ C_nb l_ba_b,
 //!            T₀ = 288.15 K, L = 6.5 mK/m, n = g₀ M/(R L) = 5.255880
 //! Jacobian   ∂h/∂h_a = ∂h/∂b = −n L h/(T₀ − L (h_a + b)), along h_a as for a height;
@@ -20,22 +20,22 @@ use nalgebra::Matrix1;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Temperature at sea level T₀ [K].
+/// Temperature at sea level T₀ \[K\].
 const TEMPERATURE: f64 = 288.15;
-/// Lapse rate L [K/m].
+/// Lapse rate L \[K/m\].
 const LAPSE_RATE: f64 = 6.5e-3;
 /// n = g₀ M/(R L) with g₀ = 9.80665 m/s² and R/M = 287.05287 J/(kg K).
 const EXPONENT: f64 = crate::units::STANDARD_GRAVITY / (287.052_87 * LAPSE_RATE);
-/// Top of the troposphere [m].
+/// Top of the troposphere \[m\].
 const TROPOPAUSE: f64 = 11_000.0;
 
-/// Pressure at a height [m] over pressure at sea level.
+/// Pressure at a height \[m\] over pressure at sea level.
 #[must_use]
 fn pressure_ratio(height: f64) -> f64 {
     (1.0 - LAPSE_RATE * height / TEMPERATURE).powf(EXPONENT)
 }
 
-/// d ln p/dh at a height [m], in 1/m.
+/// d ln p/dh at a height \[m\], in 1/m.
 #[must_use]
 fn logarithmic_slope(height: f64) -> f64 {
     -EXPONENT * LAPSE_RATE / (TEMPERATURE - LAPSE_RATE * height)

@@ -1,6 +1,6 @@
 //! Velocity in the axes of a vehicle or sensor: Doppler log, odometer, nonholonomic constraint.
 //!
-//! Measured   z = velocity over ground of the point l in the axes s, or some of its rows [m/s]
+//! Measured   z = velocity over ground of the point l in the axes s, or some of its rows \[m/s\]
 //! Predicted  h(x) = (1 + κ) u_s,  u_s = C_bsᵀ u_b,  u_b = C_nbᵀ v_eb_n + w_ib_b × l_bs_b
 //! Jacobian   ∂h/∂δv = k C_bsᵀ C_nbᵀ,  ∂h/∂δφ_b = k C_bsᵀ [C_nbᵀ v ×],  ∂h/∂w = −k C_bsᵀ [l ×],
 //!            ∂h/∂l = k C_bsᵀ [w ×],  ∂h/∂δμ = k [u_s ×],  ∂h/∂κ = u_s,  k = 1 + κ

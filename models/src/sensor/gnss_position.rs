@@ -1,6 +1,6 @@
 //! GNSS position with an antenna lever arm, a late stamp and a slow error.
 //!
-//! Measured   z = geodetic position of the antenna a: latitude, longitude [rad], height [m]
+//! Measured   z = geodetic position of the antenna a: latitude, longitude \[rad\], height \[m\]
 //! Predicted  h(x) = r_eb ⊕ (C_nb l_ba_b − v_eb_n τ + b), ⊕ in metres NED at r_eb
 //! Jacobian   ∂h/∂δr = I₃,  ∂h/∂δφ_b = −C_nb [l_ba_b ×],  ∂h/∂δl = C_nb,
 //!            ∂h/∂δv = −τ I₃,  ∂h/∂δτ = −v_eb_n,  ∂h/∂δb = I₃
@@ -38,11 +38,16 @@ pub struct GnssPositionSpec {
     horizontal: bool,
 }
 
-crate::register!(Sensor, "gnss_position", GnssPositionSpec, r#"
+crate::register!(
+    Sensor,
+    "gnss_position",
+    GnssPositionSpec,
+    r#"
 lever_arm = { estimate = true, initial = [0.1, -0.2, "-1 m"], sigma = "20 cm" }
 time_offset = { estimate = true, initial = "0.1 s", sigma = "50 ms" }
 bias = { estimate = true, initial = [0, 0, 0], sigma = "1 m", correlation_time = "100 s" }
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "gnss_position")]
 impl SensorSpec for GnssPositionSpec {
@@ -66,7 +71,11 @@ impl SensorSpec for GnssPositionSpec {
             position: b.quantity("position")?,
             // A process without an attitude or velocity serves an antenna at the body origin.
             attitude: if fixed_at_the_body { None } else { Some(b.quantity("attitude")?) },
-            velocity: if self.time_offset.is_state() { Some(b.quantity("velocity")?) } else { None },
+            velocity: if self.time_offset.is_state() {
+                Some(b.quantity("velocity")?)
+            } else {
+                None
+            },
             delay: self.delay(),
             lever_arm,
             time_offset,
@@ -97,7 +106,10 @@ impl GnssPosition {
 
 impl Measurement for GnssPosition {
     fn size(&self) -> Size {
-        Size { value: 3, residual: self.rows }
+        Size {
+            value: 3,
+            residual: self.rows,
+        }
     }
 
     fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {

@@ -1,6 +1,6 @@
 //! GNSS velocity with an antenna lever arm and a late stamp.
 //!
-//! Measured   z = v_ea_n, velocity of the antenna a, north east down [m/s]
+//! Measured   z = v_ea_n, velocity of the antenna a, north east down \[m/s\]
 //! Predicted  h(x) = v_eb_n + C_nb (w_ib_b × l_ba_b) − a τ,  a = dv_eb_n/dt
 //! Jacobian   ∂h/∂δv = I₃,  ∂h/∂δφ_b = −C_nb [(w × l) ×],  ∂h/∂w = −C_nb [l ×],
 //!            ∂h/∂l = C_nb [w ×],  ∂h/∂a = −τ I₃,  ∂h/∂τ = −a

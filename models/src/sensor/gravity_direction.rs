@@ -1,6 +1,6 @@
 //! The accelerometers as a level: specific force of a body that does not accelerate.
 //!
-//! Measured   z = f_ib_b [m/s²]
+//! Measured   z = f_ib_b \[m/s²\]
 //! Predicted  h(x) = −g C_nbᵀ e₃ + b
 //! Jacobian   ∂h/∂δφ_b = −g [C_nbᵀ e₃ ×],  ∂h/∂b = I₃
 //! Valid      at rest or in steady motion; where the body accelerates, the sigma holds the

@@ -1,6 +1,6 @@
 //! Heading from a compass, a dual-antenna receiver or a gyrocompass.
 //!
-//! Measured   z = heading [rad], clockwise from the sensor's north
+//! Measured   z = heading \[rad\], clockwise from the sensor's north
 //! Predicted  h(x) = ψ − D + b,  ψ = atan2(C21, C11), D declination, b deviation
 //! Jacobian   ∂ψ/∂δφ_b = [0, C32, C33]/(C11² + C21²),  ∂h/∂b = 1;
 //!            with an estimated heading ∂h/∂ψ = 1

@@ -1,6 +1,6 @@
 //! Height above the ellipsoid, with a slowly varying error: an altimeter, a levelled map.
 //!
-//! Measured   z = height of the sensor a, up positive [m]
+//! Measured   z = height of the sensor a, up positive \[m\]
 //! Predicted  h(x) = h_a + b,  h_a = h_b − e₃ᵀ C_nb l_ba_b
 //! Jacobian   ∂h/∂δr = [0 0 −1],  ∂h/∂δφ_b = e₃ᵀ C_nb [l ×],  ∂h/∂l = −e₃ᵀ C_nb,  ∂h/∂b = 1
 //! Valid      heights above the ellipsoid; a geoid undulation is part of b

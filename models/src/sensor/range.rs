@@ -1,6 +1,6 @@
 //! Range to a beacon at a known place, written as h alone: its Jacobian is exact by dual numbers.
 //!
-//! Measured   z = slant range from the transducer a to the beacon [m]
+//! Measured   z = slant range from the transducer a to the beacon \[m\]
 //! Predicted  h(x) = (1 + κ) |r_beacon_e − r_eb_e − C_en C_nb l_ba_b| + b
 //! Valid      at any distance, in Earth-centred axes; a straight path
 //! Not here   travel time, refraction; a sound speed wrong by a factor is κ

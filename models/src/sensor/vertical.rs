@@ -1,6 +1,6 @@
 //! The height of a point of the body: what height, depth and pressure sensors have in common.
 //!
-//! Height     `h_a = h_b − e₃ᵀ C_nb l_ba_b` [m], above the ellipsoid
+//! Height     `h_a = h_b − e₃ᵀ C_nb l_ba_b` \[m\], above the ellipsoid
 //! Jacobian   ∂/∂δr = [0 0 −1],  ∂/∂δφ_b = e₃ᵀ C_nb [l ×],  ∂/∂l = −e₃ᵀ C_nb
 
 use crate::block::{Build, BuildError};
@@ -30,7 +30,7 @@ impl Vertical {
         })
     }
 
-    /// Height above the ellipsoid [m].
+    /// Height above the ellipsoid \[m\].
     pub(super) fn height(&self, at: &View<'_>) -> f64 {
         let height = at.get(&self.position).height;
         self.attitude

@@ -1,6 +1,6 @@
 //! A gyro as a measurement, for processes that estimate their rate of turn.
 //!
-//! Measured   z = rate of turn, clockwise seen from above [rad/s]
+//! Measured   z = rate of turn, clockwise seen from above \[rad/s\]
 //! Predicted  h(x) = r + b
 //! Jacobian   ∂h/∂r = 1,  ∂h/∂b = 1
 //! Valid      planar motion: the gyro's axis points down; the Earth's rotation is part of b

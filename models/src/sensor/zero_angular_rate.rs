@@ -1,6 +1,6 @@
 //! Zero angular rate: at rest the gyros read their bias and the turning of the Earth.
 //!
-//! Measured   z = mean of the raw gyros over a window at rest, w_ib_b with its bias [rad/s]
+//! Measured   z = mean of the raw gyros over a window at rest, w_ib_b with its bias \[rad/s\]
 //! Predicted  h(x) = b_g + C_nbᵀ w_in,  w_in = w_ie_n + w_en_n
 //! Jacobian   ∂h/∂b_g = I₃,  ∂h/∂δφ_b = [C_nbᵀ w_in ×],  ∂h/∂δv = C_nbᵀ ∂w_en/∂v,
 //!            ∂h/∂δr = C_nbᵀ ∂w_in/∂r
@@ -20,7 +20,7 @@ use nalgebra::{Matrix3, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// `w_in_n` [rad/s] and its derivatives with δr [rad/s per m] and `v_eb_n` [rad/m].
+/// `w_in_n` \[rad/s\] and its derivatives with δr \[rad/s per m\] and `v_eb_n` \[rad/m\].
 fn rate_in(p: &Geodetic, v: &Vector3<f64>) -> (Vector3<f64>, Matrix3<f64>, Matrix3<f64>) {
     let earth = LocalEarth::at(p);
     let (tan, slopes) = (earth.tan_lat(), radii_derivative(p.lat));

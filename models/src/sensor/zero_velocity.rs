@@ -1,6 +1,6 @@
 //! Zero velocity: the vehicle stands still, as whatever times this measurement has found.
 //!
-//! Measured   z = 0, three rows [m/s]
+//! Measured   z = 0, three rows \[m/s\]
 //! Predicted  h(x) = v_eb_n
 //! Jacobian   ∂h/∂δv = I₃
 //! Valid      at the body origin, at rest; feed it by a detector of rest

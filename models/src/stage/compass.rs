@@ -1,7 +1,7 @@
 //! The tilt-compensated compass: headings from a magnetometer and the filter's own roll and pitch.
 //!
 //! Calibrated m = A (m_raw − hard_iron)
-//! Output     `heading` ψ + η [rad] clockwise from true north, ψ the filter's own yaw and η the turn
+//! Output     `heading` ψ + η \[rad\] clockwise from true north, ψ the filter's own yaw and η the turn
 //!            about down that brings C_nb m to magnetic north; before the filter starts, from the
 //!            tilt that the specific force gives
 //! Gate       size and dip of the field against the undisturbed ones, learnt over the first second
@@ -175,8 +175,7 @@ mod tests {
     fn heading(stage: &mut CompassStage, t: f64, m: &Vector3<f64>, view: Option<&View<'_>>) -> Option<f64> {
         let mut out = Emitter::default();
         stage.row(0, Time::from_seconds(t), m.as_slice(), view, &mut out);
-        let heading = out.rows().next().map(|(_, row)| row[0]);
-        heading
+        out.rows().next().map(|(_, row)| row[0])
     }
 
     #[test]

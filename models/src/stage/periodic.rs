@@ -24,16 +24,24 @@ pub struct PeriodicSpec {
     min_speed: Option<NonNegative<dim::Speed>>,
 }
 
-crate::register!(Stage, "periodic", PeriodicSpec, r#"
+crate::register!(
+    Stage,
+    "periodic",
+    PeriodicSpec,
+    r#"
 source = "imu"
 rate = "10 Hz"
 min_speed = "1 m/s"
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "periodic")]
 impl StageSpec for PeriodicSpec {
     fn inputs(&self) -> Vec<Listen> {
-        vec![Listen { source: self.source.clone(), channels: Vec::new() }]
+        vec![Listen {
+            source: self.source.clone(),
+            channels: Vec::new(),
+        }]
     }
 
     fn output(&self) -> Vec<Channel> {
@@ -45,7 +53,11 @@ impl StageSpec for PeriodicSpec {
             Some(speed) => Some((b.quantity("velocity")?, speed.si())),
             None => None,
         };
-        Ok(Box::new(Periodic { period: nanos(1.0 / self.rate.si()), min_speed, next: Time::MIN }))
+        Ok(Box::new(Periodic {
+            period: nanos(1.0 / self.rate.si()),
+            min_speed,
+            next: Time::MIN,
+        }))
     }
 }
 

@@ -1,6 +1,6 @@
 //! The stationarity detector: rows while the vehicle stands still.
 //!
-//! Output     mean raw `angular_rate` [rad/s] and `specific_force` [m/s²] of the window, valid
+//! Output     mean raw `angular_rate` \[rad/s\] and `specific_force` \[m/s²\] of the window, valid
 //!            at its end, at `rate` while still
 //! Test       [`still`](super::still) with the filter's own gyro bias, several times in a row;
 //!            the mean force must hold the vehicle up and no more: |(C_nb(f̄ − b_a))_NE| small;
@@ -64,7 +64,11 @@ struct GnssWitness {
     max_age: Positive<dim::Duration>,
 }
 
-crate::register!(Stage, "stationarity", StationaritySpec, r#"
+crate::register!(
+    Stage,
+    "stationarity",
+    StationaritySpec,
+    r#"
 source = "imu"
 rate = "1 Hz"
 test_rate = "10 Hz"
@@ -73,15 +77,22 @@ max_mean_acceleration = "0.2 m/s^2"
 max_speed = "3 m/s"
 still = { window = "1 s", accel_std = "0.2 m/s^2", gyro_std = ["1 deg/s", "1 deg/s", "0.2 deg/s"], mean_rate = "1 deg/s" }
 gnss = { source = "gnss", max_speed = "0.3 m/s", max_age = "2 s" }
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "stationarity")]
 impl StageSpec for StationaritySpec {
     fn inputs(&self) -> Vec<Listen> {
-        let mut inputs = vec![Listen { source: self.source.clone(), channels: imu_channels() }];
+        let mut inputs = vec![Listen {
+            source: self.source.clone(),
+            channels: imu_channels(),
+        }];
         if let Some(gnss) = &self.gnss {
             let velocity = Channel::vector("velocity", 3, dim::Speed::KIND.dimension);
-            inputs.push(Listen { source: gnss.source.clone(), channels: vec![velocity] });
+            inputs.push(Listen {
+                source: gnss.source.clone(),
+                channels: vec![velocity],
+            });
         }
         inputs
     }
@@ -146,7 +157,10 @@ struct Stationarity {
 impl Stationarity {
     fn is_still(&self, time: Time, view: &View<'_>) -> bool {
         let value = |q: &Option<Quantity<Vector<3>>>| q.as_ref().map_or_else(Vector3::zeros, |q| view.get(q));
-        let report = self.witness.zip(self.reported).filter(|((_, max_age), (t, _))| time.seconds_since(*t) <= *max_age);
+        let report = self
+            .witness
+            .zip(self.reported)
+            .filter(|((_, max_age), (t, _))| time.seconds_since(*t) <= *max_age);
         let slow = match (report, &self.filter_speed) {
             (Some(((max_speed, _), (_, speed))), _) => speed <= max_speed,
             (None, Some((velocity, max))) => view.get(velocity).norm() <= *max,
@@ -166,7 +180,11 @@ impl Stage for Stationarity {
             self.reported = Some((time, Vector3::new(row[0], row[1], row[2]).norm()));
             return;
         }
-        self.test.push(time.seconds(), Vector3::new(row[0], row[1], row[2]), Vector3::new(row[3], row[4], row[5]));
+        self.test.push(
+            time.seconds(),
+            Vector3::new(row[0], row[1], row[2]),
+            Vector3::new(row[3], row[4], row[5]),
+        );
         let Some(view) = view else { return };
         if time < self.next_test {
             return;

@@ -1,6 +1,6 @@
 //! The specific force averaged in axes that do not turn: a vertical under acceleration.
 //!
-//! Output     `specific_force` f̄ [m/s²], body axes:  f̄⁺ = Exp(−wΔt) f̄ + (1 − e^(−Δt/τ)) (f − Exp(−wΔt) f̄)
+//! Output     `specific_force` f̄ \[m/s²\], body axes:  f̄⁺ = Exp(−wΔt) f̄ + (1 − e^(−Δt/τ)) (f − Exp(−wΔt) f̄)
 //! Rate       w = w_m less the filter's own `gyro_bias`
 //! Used by    the sensor `gravity_direction`
 //! Mind       neighbours share what the average holds: the N rows of 2τ say as much as one, so that

@@ -65,7 +65,7 @@ impl StillTest {
         }
     }
 
-    /// Adds a sample: time [s], angular rate [rad/s], specific force [m/s²].
+    /// Adds a sample: time \[s\], angular rate \[rad/s\], specific force \[m/s²\].
     pub fn push(&mut self, time: f64, w: Vector3<f64>, f: Vector3<f64>) {
         // Sums are taken about the first sample, so that squares do not cancel.
         let origin = *self.origin.get_or_insert([w, f]);
@@ -81,9 +81,9 @@ impl StillTest {
     }
 
     fn add(&mut self, d: [Vector3<f64>; 2], sign: f64) {
-        for k in 0..2 {
-            self.sum[k] += d[k] * sign;
-            self.squares[k] += d[k].component_mul(&d[k]) * sign;
+        for ((sum, squares), d) in self.sum.iter_mut().zip(&mut self.squares).zip(d) {
+            *sum += d * sign;
+            *squares += d.component_mul(&d) * sign;
         }
     }
 
@@ -95,10 +95,12 @@ impl StillTest {
         [origin[0] + self.sum[0] / n, origin[1] + self.sum[1] / n]
     }
 
-    /// Whether the window is full and still, given the gyro bias [rad/s].
+    /// Whether the window is full and still, given the gyro bias \[rad/s\].
     #[must_use]
     pub fn is_still(&self, gyro_bias: &Vector3<f64>) -> bool {
-        let (Some(first), Some(last)) = (self.samples.front(), self.samples.back()) else { return false };
+        let (Some(first), Some(last)) = (self.samples.front(), self.samples.back()) else {
+            return false;
+        };
         let full = last.0 - first.0 >= 0.9 * self.window && self.samples.len() >= 4;
         let n = self.samples.len() as f64;
         let within = |k: usize, limit: &Vector3<f64>| {
@@ -111,15 +113,17 @@ impl StillTest {
     }
 }
 
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn test() -> StillTest {
-        let spec: StillSpec =
-            toml::from_str(r#"accel_std = "0.2 m/s^2"\ngyro_std = ["1 rad/s", "1 rad/s", 0.004]\nmean_rate = 0.02"#.replace("\\n", "\n").as_str())
-                .unwrap();
+        let spec: StillSpec = toml::from_str(
+            r#"accel_std = "0.2 m/s^2"\ngyro_std = ["1 rad/s", "1 rad/s", 0.004]\nmean_rate = 0.02"#
+                .replace("\\n", "\n")
+                .as_str(),
+        )
+        .unwrap();
         StillTest::new(&spec)
     }
 

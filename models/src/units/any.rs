@@ -27,12 +27,8 @@ impl AnyQuantity {
     /// # Errors
     /// Where the value is not finite.
     pub fn from_si(si: f64) -> Result<Self, UnitError> {
-        let not_finite = || UnitError::Number {
-            text: si.to_string(),
-        };
-        si.is_finite()
-            .then_some(Self { si, stated: None })
-            .ok_or_else(not_finite)
+        let not_finite = || UnitError::Number { text: si.to_string() };
+        si.is_finite().then_some(Self { si, stated: None }).ok_or_else(not_finite)
     }
 
     /// From text with a unit.
@@ -142,10 +138,7 @@ mod tests {
     #[test]
     fn a_bare_number_has_whatever_dimension_is_wanted() {
         let sigma = read("3").unwrap();
-        assert_eq!(
-            (sigma.expect(LENGTH), sigma.expect(Dimension::NONE)),
-            (Ok(3.0), Ok(3.0))
-        );
+        assert_eq!((sigma.expect(LENGTH), sigma.expect(Dimension::NONE)), (Ok(3.0), Ok(3.0)));
         assert_eq!(sigma.dimension(), None);
     }
 
@@ -153,30 +146,16 @@ mod tests {
     fn text_is_held_to_the_dimension_it_states() {
         let sigma = read(r#""50 cm""#).unwrap();
         assert_eq!(sigma.expect(LENGTH), Ok(0.5));
-        let error = read(r#""2 deg""#)
-            .unwrap()
-            .expect(LENGTH)
-            .unwrap_err()
-            .to_string();
-        assert_eq!(
-            error,
-            r#""2 deg" is an angle [rad]; a length [m] is wanted here, e.g. "0.5 m""#
-        );
+        let error = read(r#""2 deg""#).unwrap().expect(LENGTH).unwrap_err().to_string();
+        assert_eq!(error, r#""2 deg" is an angle [rad]; a length [m] is wanted here, e.g. "0.5 m""#);
         let volume = LENGTH.power(6).unwrap();
         let error = sigma.expect(volume).unwrap_err().to_string();
-        assert_eq!(
-            error,
-            r#""50 cm" is a length [m]; a quantity [m^3] is wanted here"#
-        );
+        assert_eq!(error, r#""50 cm" is a length [m]; a quantity [m^3] is wanted here"#);
     }
 
     #[test]
     fn what_is_no_quantity_is_refused_at_once() {
-        assert!(
-            read(r#""5 lenghts""#)
-                .unwrap_err()
-                .starts_with("unknown unit `lenghts`")
-        );
+        assert!(read(r#""5 lenghts""#).unwrap_err().starts_with("unknown unit `lenghts`"));
         assert!(AnyQuantity::from_si(f64::NAN).is_err());
     }
 

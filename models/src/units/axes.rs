@@ -75,17 +75,13 @@ array_traits!(Vec3Of, 3);
 
 impl<'de, D: Dimensional, R: Range, const N: usize> Deserialize<'de> for Axes<D, R, N> {
     fn deserialize<A: Deserializer<'de>>(deserializer: A) -> Result<Self, A::Error> {
-        deserializer
-            .deserialize_any(AxesVisitor(PhantomData))
-            .map(Self)
+        deserializer.deserialize_any(AxesVisitor(PhantomData)).map(Self)
     }
 }
 
 impl<'de, D: Dimensional, R: Range> Deserialize<'de> for Vec3Of<D, R> {
     fn deserialize<A: Deserializer<'de>>(deserializer: A) -> Result<Self, A::Error> {
-        deserializer
-            .deserialize_any(ArrayVisitor(PhantomData))
-            .map(Self)
+        deserializer.deserialize_any(ArrayVisitor(PhantomData)).map(Self)
     }
 }
 
@@ -96,19 +92,13 @@ impl<'de, D: Dimensional, R: Range, const N: usize> Visitor<'de> for ArrayVisito
     type Value = [Quantity<D, R>; N];
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "an array of {N}, each {}, e.g. {:?}",
-            D::KIND,
-            D::KIND.example
-        )
+        write!(f, "an array of {N}, each {}, e.g. {:?}", D::KIND, D::KIND.example)
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
         let axes = Vec::<Quantity<D, R>>::deserialize(SeqAccessDeserializer::new(seq))?;
         let length = axes.len();
-        axes.try_into()
-            .map_err(|_| A::Error::invalid_length(length, &self))
+        axes.try_into().map_err(|_| A::Error::invalid_length(length, &self))
     }
 }
 
@@ -123,12 +113,7 @@ impl<'de, D: Dimensional, R: Range, const N: usize> Visitor<'de> for AxesVisitor
     type Value = [Quantity<D, R>; N];
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "{}, e.g. {:?}, or an array of {N}",
-            D::KIND,
-            D::KIND.example
-        )
+        write!(f, "{}, e.g. {:?}, or an array of {N}", D::KIND, D::KIND.example)
     }
 
     fn visit_f64<E: Error>(self, si: f64) -> Result<Self::Value, E> {
@@ -197,32 +182,20 @@ mod tests {
 
     fn read<T: for<'de> Deserialize<'de>>(value: &str) -> Result<T, String> {
         let read = toml::from_str::<One<T>>(&format!("x = {value}"));
-        read.map(|one| one.x)
-            .map_err(|error| error.message().to_owned())
+        read.map(|one| one.x).map_err(|error| error.message().to_owned())
     }
 
     #[test]
     fn a_scalar_holds_for_every_axis() {
         assert_eq!(read::<Axes<dim::Length>>("'5 cm'").unwrap().si(), [0.05; 3]);
-        assert_eq!(
-            read::<Axes<dim::Length, range::Finite, 2>>("1")
-                .unwrap()
-                .si(),
-            [1.0; 2]
-        );
+        assert_eq!(read::<Axes<dim::Length, range::Finite, 2>>("1").unwrap().si(), [1.0; 2]);
     }
 
     #[test]
     fn an_array_gives_each_axis_its_own_unit() {
         let arm = "['5 cm', 0, -1.5]";
-        assert_eq!(
-            read::<Axes<dim::Length>>(arm).unwrap().si(),
-            [0.05, 0.0, -1.5]
-        );
-        assert_eq!(
-            read::<Vec3Of<dim::Length>>(arm).unwrap().si(),
-            [0.05, 0.0, -1.5]
-        );
+        assert_eq!(read::<Axes<dim::Length>>(arm).unwrap().si(), [0.05, 0.0, -1.5]);
+        assert_eq!(read::<Vec3Of<dim::Length>>(arm).unwrap().si(), [0.05, 0.0, -1.5]);
     }
 
     #[test]
@@ -248,11 +221,6 @@ mod tests {
     #[test]
     fn the_range_holds_for_each_axis() {
         let error = read::<Axes<dim::Length, range::Positive>>("[1, 0, 1]").unwrap_err();
-        assert_eq!(
-            error,
-            Positive::<dim::Length>::try_from_si(0.0)
-                .unwrap_err()
-                .to_string()
-        );
+        assert_eq!(error, Positive::<dim::Length>::try_from_si(0.0).unwrap_err().to_string());
     }
 }

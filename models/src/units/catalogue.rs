@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use super::dimension::Dimension;
 
-/// Standard gravity g₀ [m/s²], exact by definition (CGPM 1901).
+/// Standard gravity g₀ \[m/s²\], exact by definition (CGPM 1901).
 pub const STANDARD_GRAVITY: f64 = 9.80665;
 
 /// One unit: symbol, SI factor, dimension, whether it takes prefixes, spellings that suggest it.
@@ -16,12 +16,7 @@ struct Unit {
     also: &'static [&'static str],
 }
 
-const fn unit(
-    symbol: &'static str,
-    factor: f64,
-    halves: [i8; 6],
-    also: &'static [&'static str],
-) -> Unit {
+const fn unit(symbol: &'static str, factor: f64, halves: [i8; 6], also: &'static [&'static str]) -> Unit {
     Unit {
         symbol,
         factor,
@@ -31,12 +26,7 @@ const fn unit(
     }
 }
 
-const fn prefixed(
-    symbol: &'static str,
-    factor: f64,
-    halves: [i8; 6],
-    also: &'static [&'static str],
-) -> Unit {
+const fn prefixed(symbol: &'static str, factor: f64, halves: [i8; 6], also: &'static [&'static str]) -> Unit {
     Unit {
         prefixed: true,
         ..unit(symbol, factor, halves, also)
@@ -63,12 +53,7 @@ static UNITS: &[Unit] = &[
     unit("h", 3600.0, TIME, &["hr", "hour", "hours"]),
     unit("day", 86_400.0, TIME, &["d", "days"]),
     prefixed("Hz", 1.0, [0, 0, -2, 0, 0, 0], &["hertz"]),
-    unit(
-        "kn",
-        1852.0 / 3600.0,
-        SPEED,
-        &["kt", "kts", "knot", "knots"],
-    ),
+    unit("kn", 1852.0 / 3600.0, SPEED, &["kt", "kts", "knot", "knots"]),
     unit("fps", 0.3048, SPEED, &[]),
     unit("mph", 1609.344 / 3600.0, SPEED, &[]),
     unit("kph", 1.0 / 3.6, SPEED, &["kmh", "kmph"]),
@@ -93,12 +78,7 @@ static UNITS: &[Unit] = &[
     prefixed("gauss", 1e-4, FIELD, &["G", "Gs"]),
     prefixed("A", 1.0, [0, 0, 0, 2, 0, 0], &["amp", "ampere"]),
     prefixed("V", 1.0, [4, 2, -6, -2, 0, 0], &["volt"]),
-    prefixed(
-        "K",
-        1.0,
-        [0, 0, 0, 0, 2, 0],
-        &["degC", "°C", "kelvin", "celsius"],
-    ),
+    prefixed("K", 1.0, [0, 0, 0, 0, 2, 0], &["degC", "°C", "kelvin", "celsius"]),
 ];
 
 const PREFIXES: [(&str, f64); 13] = [
@@ -124,9 +104,7 @@ pub(super) fn find(symbol: &str) -> Option<(f64, Dimension)> {
     }
     PREFIXES.iter().find_map(|(prefix, scale)| {
         let rest = symbol.strip_prefix(prefix)?;
-        let unit = UNITS
-            .iter()
-            .find(|unit| unit.prefixed && unit.symbol == rest)?;
+        let unit = UNITS.iter().find(|unit| unit.prefixed && unit.symbol == rest)?;
         Some((scale * unit.factor, unit.dimension))
     })
 }
@@ -139,11 +117,10 @@ pub(super) fn suggest(symbol: &str) -> Option<String> {
         return Some(unit.symbol.to_owned());
     }
     let bare = UNITS.iter().map(|unit| unit.symbol.to_owned());
-    let scaled = UNITS.iter().filter(|unit| unit.prefixed).flat_map(|unit| {
-        PREFIXES
-            .iter()
-            .map(|(prefix, _)| format!("{prefix}{}", unit.symbol))
-    });
+    let scaled = UNITS
+        .iter()
+        .filter(|unit| unit.prefixed)
+        .flat_map(|unit| PREFIXES.iter().map(|(prefix, _)| format!("{prefix}{}", unit.symbol)));
     // Case alone is no mistake worth counting; otherwise a third of the letters may differ.
     bare.chain(scaled)
         .map(|known| (distance(&wanted, &known.to_lowercase()), known))
@@ -175,21 +152,13 @@ mod tests {
     fn every_symbol_means_itself_and_only_kg_hides_a_prefixed_unit() {
         let mut seen = std::collections::BTreeSet::new();
         for unit in UNITS {
-            assert_eq!(
-                find(unit.symbol),
-                Some((unit.factor, unit.dimension)),
-                "{}",
-                unit.symbol
-            );
+            assert_eq!(find(unit.symbol), Some((unit.factor, unit.dimension)), "{}", unit.symbol);
             assert!(seen.insert(unit.symbol.to_owned()), "{} twice", unit.symbol);
         }
         for unit in UNITS.iter().filter(|unit| unit.prefixed) {
             for (prefix, _) in PREFIXES {
                 let symbol = format!("{prefix}{}", unit.symbol);
-                assert!(
-                    symbol == "kg" || seen.insert(symbol.clone()),
-                    "{symbol} has two meanings"
-                );
+                assert!(symbol == "kg" || seen.insert(symbol.clone()), "{symbol} has two meanings");
             }
         }
     }

@@ -52,9 +52,7 @@ impl Dimension {
     /// What messages call a quantity of this dimension.
     #[must_use]
     pub fn kind(self) -> Kind {
-        let named = super::quantity::KINDS
-            .iter()
-            .find(|kind| kind.dimension == self);
+        let named = super::quantity::KINDS.iter().find(|kind| kind.dimension == self);
         named.copied().unwrap_or(Kind {
             dimension: self,
             name: "a quantity",
@@ -85,11 +83,7 @@ impl fmt::Display for Dimension {
 
 /// Writes `base^(halves / 2)`, a half power as a root, each factor after `separator`.
 fn write_power(f: &mut fmt::Formatter<'_>, separator: &str, base: &str, halves: i8) -> fmt::Result {
-    let root_separator = if halves > 1 && separator.is_empty() {
-        "*"
-    } else {
-        separator
-    };
+    let root_separator = if halves > 1 && separator.is_empty() { "*" } else { separator };
     match halves / 2 {
         0 => {}
         1 => write!(f, "{separator}{base}")?,

@@ -57,25 +57,15 @@ impl fmt::Display for UnitError {
             Self::Number { text } => {
                 write!(f, "{text:?} is not a finite number followed by a unit")
             }
-            Self::UnknownUnit {
-                text,
-                unit,
-                suggestion,
-            } => {
+            Self::UnknownUnit { text, unit, suggestion } => {
                 write!(f, "unknown unit `{unit}`")?;
                 if text != unit {
                     write!(f, " in {text:?}")?;
                 }
-                suggestion
-                    .iter()
-                    .try_for_each(|known| write!(f, "; did you mean `{known}`?"))
+                suggestion.iter().try_for_each(|known| write!(f, "; did you mean `{known}`?"))
             }
             Self::Syntax { text, problem } => write!(f, "{text:?} is not a unit: {problem}"),
-            Self::WrongDimension {
-                text,
-                found,
-                wanted,
-            } => {
+            Self::WrongDimension { text, found, wanted } => {
                 match text.trim().parse::<f64>() {
                     Ok(_) => write!(f, "{text:?} has no unit")?,
                     Err(_) => write!(f, "{text:?} is {}", found.kind())?,
@@ -83,11 +73,7 @@ impl fmt::Display for UnitError {
                 write!(f, "; {wanted} is wanted here")?;
                 write_example(f, wanted)
             }
-            Self::OutOfRange {
-                text,
-                wanted,
-                range,
-            } => {
+            Self::OutOfRange { text, wanted, range } => {
                 match text.parse::<f64>() {
                     Ok(_) => write!(f, "{text} is out of range")?,
                     Err(_) => write!(f, "{text:?} is out of range")?,

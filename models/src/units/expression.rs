@@ -24,9 +24,7 @@ type Scale = (f64, Dimension);
 /// Where the text is no finite number followed by a known unit.
 pub fn parse(text: &str) -> Result<(f64, Dimension), UnitError> {
     let body = text.trim();
-    let not_finite = || UnitError::Number {
-        text: text.to_owned(),
-    };
+    let not_finite = || UnitError::Number { text: text.to_owned() };
     let (number, unit) = body.split_at(number_length(body));
     let number: f64 = number.parse().map_err(|_| not_finite())?;
     let (factor, dimension) = match unit.trim_start() {
@@ -34,10 +32,7 @@ pub fn parse(text: &str) -> Result<(f64, Dimension), UnitError> {
         unit => Parser::new(text, unit).whole()?,
     };
     let value = number * factor;
-    value
-        .is_finite()
-        .then_some((value, dimension))
-        .ok_or_else(not_finite)
+    value.is_finite().then_some((value, dimension)).ok_or_else(not_finite)
 }
 
 /// Reads a bare unit such as `"deg/s"`: its factor to SI and its dimension.
@@ -51,12 +46,7 @@ pub fn parse_unit(text: &str) -> Result<(f64, Dimension), UnitError> {
 /// Bytes of the decimal number that `text` begins with; 0 where there is none.
 fn number_length(text: &str) -> usize {
     let bytes = text.as_bytes();
-    let digits = |from: usize| {
-        bytes[from..]
-            .iter()
-            .take_while(|b| b.is_ascii_digit())
-            .count()
-    };
+    let digits = |from: usize| bytes[from..].iter().take_while(|b| b.is_ascii_digit()).count();
     let sign = |at: usize| usize::from(matches!(bytes.get(at), Some(b'+' | b'-')));
     let mut end = sign(0);
     end += digits(end);
@@ -81,11 +71,7 @@ struct Parser<'t> {
 
 impl<'t> Parser<'t> {
     fn new(text: &'t str, rest: &'t str) -> Self {
-        Self {
-            text,
-            rest,
-            depth: 0,
-        }
+        Self { text, rest, depth: 0 }
     }
 
     fn fail<T>(&self, problem: &'static str) -> Result<T, UnitError> {
@@ -152,11 +138,7 @@ impl<'t> Parser<'t> {
                 return self.fail("a `)` is missing");
             }
             self.depth -= 1;
-            return if root {
-                self.raise(inner, 1)
-            } else {
-                Ok(inner)
-            };
+            return if root { self.raise(inner, 1) } else { Ok(inner) };
         }
         if root {
             return self.fail("write `sqrt(…)`");
@@ -235,20 +217,12 @@ mod tests {
     #[test]
     fn quantities_of_data_sheets_come_out_in_si() {
         let cases = [
-            (
-                "0.125 deg/sqrt(h)",
-                0.125 * PI / 180.0 / 60.0,
-                "rad/sqrt(s)",
-            ),
+            ("0.125 deg/sqrt(h)", 0.125 * PI / 180.0 / 60.0, "rad/sqrt(s)"),
             ("1 mg", 1e-3 * G, "m/s^2"),
             ("5 cm", 0.05, "m"),
             ("70 ug/sqrt(Hz)", 70e-6 * G, "m/s/sqrt(s)"),
             ("70 µg/sqrt(Hz)", 70e-6 * G, "m/s/sqrt(s)"),
-            (
-                "3.8e-5 deg/s^2/sqrt(Hz)",
-                3.8e-5 * PI / 180.0,
-                "rad/s/sqrt(s)",
-            ),
+            ("3.8e-5 deg/s^2/sqrt(Hz)", 3.8e-5 * PI / 180.0, "rad/s/sqrt(s)"),
             ("36.098 deg", 36.098 * PI / 180.0, "rad"),
             ("-36.098°", -36.098 * PI / 180.0, "rad"),
             ("10 km/h", 10.0 / 3.6, "m/s"),
@@ -273,10 +247,7 @@ mod tests {
         for (text, value, unit) in cases {
             let (si, dimension) = parse(text).unwrap_or_else(|error| panic!("{error}"));
             // 4 ε: a handful of rounded factors
-            assert!(
-                (si - value).abs() <= 4.0 * f64::EPSILON * value.abs(),
-                "{text}: {si}"
-            );
+            assert!((si - value).abs() <= 4.0 * f64::EPSILON * value.abs(), "{text}: {si}");
             assert_eq!(dimension.to_string(), unit, "{text}");
         }
     }
@@ -286,29 +257,17 @@ mod tests {
         let cases = [
             ("", r#""" is not a finite number followed by a unit"#),
             ("m 5", r#""m 5" is not a finite number followed by a unit"#),
-            (
-                "1e999 m",
-                r#""1e999 m" is not a finite number followed by a unit"#,
-            ),
+            ("1e999 m", r#""1e999 m" is not a finite number followed by a unit"#),
             ("nan", r#""nan" is not a finite number followed by a unit"#),
-            (
-                "5 sec",
-                r#"unknown unit `sec` in "5 sec"; did you mean `s`?"#,
-            ),
+            ("5 sec", r#"unknown unit `sec` in "5 sec"; did you mean `s`?"#),
             ("5 furlong", r#"unknown unit `furlong` in "5 furlong""#),
             ("5 m/", r#""5 m/" is not a unit: a unit is missing"#),
-            (
-                "5 m s",
-                r#""5 m s" is not a unit: write `*` or `/` between units"#,
-            ),
+            ("5 m s", r#""5 m s" is not a unit: write `*` or `/` between units"#),
             ("5 m²", r#""5 m²" is not a unit: write powers as `m^2`"#),
             ("5 (m/s", r#""5 (m/s" is not a unit: a `)` is missing"#),
             ("5 m)", r#""5 m)" is not a unit: a `)` has no `(`"#),
             ("5 sqrt m", r#""5 sqrt m" is not a unit: write `sqrt(…)`"#),
-            (
-                "5 m^",
-                r#""5 m^" is not a unit: a power is missing after `^`"#,
-            ),
+            ("5 m^", r#""5 m^" is not a unit: a power is missing after `^`"#),
             (
                 "5 m^0.3",
                 r#""5 m^0.3" is not a unit: a power is a multiple of one half, at most 8"#,
@@ -332,15 +291,9 @@ mod tests {
     #[test]
     fn a_bare_unit_gives_its_factor() {
         let (factor, dimension) = parse_unit("deg/s").unwrap();
-        assert_eq!(
-            (factor, dimension.to_string()),
-            (PI / 180.0, "rad/s".to_owned())
-        );
+        assert_eq!((factor, dimension.to_string()), (PI / 180.0, "rad/s".to_owned()));
         assert_eq!(parse_unit("1"), Ok((1.0, Dimension::NONE)));
-        assert_eq!(
-            parse_unit("sec").unwrap_err().to_string(),
-            "unknown unit `sec`; did you mean `s`?"
-        );
+        assert_eq!(parse_unit("sec").unwrap_err().to_string(), "unknown unit `sec`; did you mean `s`?");
     }
 
     proptest::proptest! {

@@ -59,10 +59,7 @@ impl<D: Dimensional> Quantity<D> {
     /// From a value in SI units.
     #[must_use]
     pub const fn from_si(si: f64) -> Self {
-        Self {
-            si,
-            marker: PhantomData,
-        }
+        Self { si, marker: PhantomData }
     }
 }
 
@@ -95,10 +92,7 @@ impl<D: Dimensional, R: Range> Quantity<D, R> {
         if !si.is_finite() {
             Err(UnitError::Number { text: text() })
         } else if R::contains(si) {
-            Ok(Self {
-                si,
-                marker: PhantomData,
-            })
+            Ok(Self { si, marker: PhantomData })
         } else {
             let range = R::CONDITION;
             Err(UnitError::OutOfRange {
@@ -211,12 +205,7 @@ impl<D: Dimensional, R: Range> JsonSchema for Quantity<D, R> {
     }
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        let Kind {
-            name,
-            symbol,
-            example,
-            ..
-        } = D::KIND;
+        let Kind { name, symbol, example, .. } = D::KIND;
         let condition = R::CONDITION;
         let space = if condition.is_empty() { "" } else { " " };
         let mut schema = json_schema!({
@@ -395,8 +384,7 @@ mod tests {
 
     fn read<T: for<'de> Deserialize<'de>>(value: &str) -> Result<T, String> {
         let read = toml::from_str::<One<T>>(&format!("x = {value}"));
-        read.map(|one| one.x)
-            .map_err(|error| error.message().to_owned())
+        read.map(|one| one.x).map_err(|error| error.message().to_owned())
     }
 
     #[test]
@@ -432,10 +420,7 @@ mod tests {
             message(read("'5'")),
             r#""5" has no unit; a length [m] is wanted here, e.g. "0.5 m""#
         );
-        assert_eq!(
-            message(read("inf")),
-            r#""inf" is not a finite number followed by a unit"#
-        );
+        assert_eq!(message(read("inf")), r#""inf" is not a finite number followed by a unit"#);
         assert_eq!(
             message(read("true")),
             r#"invalid type: boolean `true`, expected a length [m], e.g. "0.5 m""#
@@ -456,18 +441,12 @@ mod tests {
             read::<Probability>("1.5").unwrap_err(),
             r#"1.5 is out of range; a pure number [1] from 0 to 1 is wanted here, e.g. "2 %""#
         );
-        assert_eq!(
-            read::<NonNegative<dim::Length>>("0").unwrap(),
-            NonNegative::default()
-        );
+        assert_eq!(read::<NonNegative<dim::Length>>("0").unwrap(), NonNegative::default());
     }
 
     #[test]
     fn serialised_it_is_the_bare_number() {
-        assert_eq!(
-            serde_json::to_string(&Length::from_si(0.05)).unwrap(),
-            "0.05"
-        );
+        assert_eq!(serde_json::to_string(&Length::from_si(0.05)).unwrap(), "0.05");
         assert_eq!(format!("{:?}", Length::from_si(0.05)), "0.05 m");
     }
 
@@ -479,9 +458,6 @@ mod tests {
             r#"a length greater than 0: a number in SI [m], or text with a unit, e.g. "0.5 m""#
         );
         assert_eq!(schema.get("exclusiveMinimum").unwrap(), 0);
-        assert_eq!(
-            schema.get("type").unwrap(),
-            &serde_json::json!(["number", "string"])
-        );
+        assert_eq!(schema.get("type").unwrap(), &serde_json::json!(["number", "string"]));
     }
 }

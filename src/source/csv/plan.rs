@@ -257,7 +257,7 @@ impl Plan {
         }
     }
 
-    /// Makes the channel's numbers of its cells; `interval` [s] is what increments cover.
+    /// Makes the channel's numbers of its cells; `interval` \[s\] is what increments cover.
     pub(super) fn convert(&mut self, cells: &[f64], interval: f64, out: &mut [f64]) -> Result<(), Wrong> {
         for (i, (out, cell)) in out.iter_mut().zip(cells).enumerate() {
             let mut value = self.factor[i] * cell;

@@ -39,7 +39,7 @@ pub(super) struct Row {
     pub(super) ties: Ties,
     pub(super) drops_repeats: bool,
     pub(super) needs_interval: bool,
-    /// The nominal interval [s].
+    /// The nominal interval \[s\].
     pub(super) nominal: Option<f64>,
     /// Whether increments always cover the nominal interval.
     pub(super) evenly: bool,

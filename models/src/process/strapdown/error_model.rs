@@ -66,32 +66,15 @@ pub struct Blocks {
 /// F at the estimate `nav`, with corrected `w_ib_b` \[rad/s\] and `f_ib_b` \[m/s²\].
 #[inline]
 #[must_use]
-pub fn continuous(
-    nav: &Nav,
-    w_ib_b: &Vector3<f64>,
-    f_ib_b: &Vector3<f64>,
-    gravity: Gravity,
-) -> Blocks {
+pub fn continuous(nav: &Nav, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, gravity: Gravity) -> Blocks {
     let p = &nav.position;
     let slopes = wgs84::radii_derivative(p.lat);
-    linearise(
-        nav,
-        w_ib_b,
-        f_ib_b,
-        &slopes,
-        &gravity.gradient(p.lat, p.height),
-    )
+    linearise(nav, w_ib_b, f_ib_b, &slopes, &gravity.gradient(p.lat, p.height))
 }
 
 /// [`continuous`] for given derivatives of the radii with latitude and of gravity.
 #[inline]
-fn linearise(
-    nav: &Nav,
-    w_ib_b: &Vector3<f64>,
-    f_ib_b: &Vector3<f64>,
-    slopes: &wgs84::Radii,
-    gradient: &Gradient,
-) -> Blocks {
+fn linearise(nav: &Nav, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, slopes: &wgs84::Radii, gradient: &Gradient) -> Blocks {
     let earth = LocalEarth::at(&nav.position);
     let c_nb = so3::rotation(&nav.q_nb);
     let v = &nav.v_eb_n;
@@ -161,11 +144,7 @@ mod tests {
     type M = Matrix3<f64>;
     type F9 = SMatrix<f64, 9, 9>;
 
-    const MODELS: [Gravity; 3] = [
-        Gravity::Somigliana,
-        Gravity::TittertonWeston,
-        Gravity::Noureldin,
-    ];
+    const MODELS: [Gravity; 3] = [Gravity::Somigliana, Gravity::TittertonWeston, Gravity::Noureldin];
 
     #[rustfmt::skip]
     fn cases() -> Vec<(Nav, V, V)> {
@@ -200,18 +179,13 @@ mod tests {
         // of the chart is in it. 10 s: truncation (v h/R)²/6 = 2e-8, rounding 3e-9 m/20 s.
         let at = |nav: &Nav, rate: &V, t: f64| {
             let p = nav.position;
-            Geodetic::new(
-                p.lat + rate.x * t,
-                p.lon + rate.y * t,
-                p.height + rate.z * t,
-            )
+            Geodetic::new(p.lat + rate.x * t, p.lon + rate.y * t, p.height + rate.z * t)
         };
         let gap = |t: f64| at(truth.0, &a.position, t).difference(&at(estimate.0, &b.position, t));
         let position = (gap(10.0) - gap(-10.0)) / 20.0;
         // Attitude: E = ĈᵀC turns at w − Eᵀŵ in its own axes, an identity.
         let e = estimate.0.q_nb.inverse() * truth.0.q_nb;
-        let attitude = so3::right_jacobian_inverse(&so3::log(&e))
-            * (a.w_nb_b - e.inverse_transform_vector(&b.w_nb_b));
+        let attitude = so3::right_jacobian_inverse(&so3::log(&e)) * (a.w_nb_b - e.inverse_transform_vector(&b.w_nb_b));
         [position, a.v_eb_n - b.v_eb_n, attitude]
     }
 
@@ -263,8 +237,7 @@ mod tests {
                         let error = (block - numeric).amax();
                         // 1e-6 of the block's largest entry: steps above. Zero blocks: rounding
                         // of 1e-16 over the step 1e-4.
-                        let allowed =
-                            1e-6 * block.amax() + if block.amax() == 0.0 { 1e-10 } else { 0.0 };
+                        let allowed = 1e-6 * block.amax() + if block.amax() == 0.0 { 1e-10 } else { 0.0 };
                         assert!(
                             error <= allowed,
                             "block {name}, case {case}, {gravity:?}: {error:e} > {allowed:e}\n{block}{numeric}"
@@ -276,8 +249,7 @@ mod tests {
     }
 
     fn put(f: &mut F9, row: usize, column: usize, block: &M) {
-        f.fixed_view_mut::<3, 3>(3 * row, 3 * column)
-            .copy_from(block);
+        f.fixed_view_mut::<3, 3>(3 * row, 3 * column).copy_from(block);
     }
 
     #[rustfmt::skip]
@@ -381,11 +353,7 @@ mod tests {
         let (c_nb, v) = (so3::rotation(&nav.q_nb), &nav.v_eb_n);
         let d = V::new(e.meridian, e.normal * e.cos_lat, -1.0);
         let lat_rate = v.x / e.meridian;
-        let d_dot = V::new(
-            -v.z,
-            -v.z * e.cos_lat - e.normal * e.sin_lat * lat_rate,
-            0.0,
-        );
+        let d_dot = V::new(-v.z, -v.z * e.cos_lat - e.normal * e.sin_lat * lat_rate, 0.0);
         let w_nb = w - c_nb.tr_mul(&(e.earth_rate_n() + e.transport_rate_n(v)));
         let (mut s, mut s_inverse, mut s_dot) = (F9::zeros(), F9::zeros(), F9::zeros());
         put(&mut s, 0, 0, &M::from_diagonal(&d.map(|x| -1.0 / x)));
@@ -394,12 +362,7 @@ mod tests {
         put(&mut s_inverse, 0, 0, &M::from_diagonal(&-d));
         put(&mut s_inverse, 1, 1, &-M::identity());
         put(&mut s_inverse, 2, 2, &c_nb.transpose());
-        put(
-            &mut s_dot,
-            0,
-            0,
-            &M::from_diagonal(&d_dot.component_div(&d.component_mul(&d))),
-        );
+        put(&mut s_dot, 0, 0, &M::from_diagonal(&d_dot.component_div(&d.component_mul(&d))));
         put(&mut s_dot, 2, 2, &(c_nb * so3::skew(&w_nb)));
         (s * f + s_dot) * s_inverse
     }
@@ -454,11 +417,7 @@ mod tests {
             let exact = continuous(&nav, &w, &f, Gravity::Somigliana);
             let printed = linearise(&nav, &w, &f, &frozen, &gradient);
             // 2 %: 3 e² of the radii, 0.4 % of the gravity gradient; but not nothing.
-            for (a, b) in [
-                (exact.rr, printed.rr),
-                (exact.vr, printed.vr),
-                (exact.ar, printed.ar),
-            ] {
+            for (a, b) in [(exact.rr, printed.rr), (exact.vr, printed.vr), (exact.ar, printed.ar)] {
                 assert!((a - b).amax() < 0.02 * b.amax() && a != b);
             }
         }
@@ -474,23 +433,13 @@ mod tests {
         let gravity = Gravity::TittertonWeston;
         let e = LocalEarth::at(&nav.position);
         let w = nav.q_nb.inverse_transform_vector(&e.earth_rate_n());
-        let f = nav
-            .q_nb
-            .inverse_transform_vector(&V::new(0.0, 0.0, -e.gravity(gravity)));
+        let f = nav.q_nb.inverse_transform_vector(&V::new(0.0, 0.0, -e.gravity(gravity)));
         let f9 = canonical(&continuous(&nav, &w, &f, gravity));
-        assert!(
-            f9.iter().all(|x| x.is_finite()),
-            "the eigenvalue iteration would not end"
-        );
+        assert!(f9.iter().all(|x| x.is_finite()), "the eigenvalue iteration would not end");
         let eigen = f9.complex_eigenvalues();
         let find = |re: f64, im: f64| eigen.iter().any(|z| (z.re - re).hypot(z.im - im) < 1e-7);
         // 1e-7 1/s: four decimals of 1e-3 in the table.
-        for (re, im) in [
-            (0.0, 1.1988e-3),
-            (0.0, 1.2848e-3),
-            (0.0, EARTH_RATE),
-            (1.7511e-3, 0.0),
-        ] {
+        for (re, im) in [(0.0, 1.1988e-3), (0.0, 1.2848e-3), (0.0, EARTH_RATE), (1.7511e-3, 0.0)] {
             assert!(find(re, im) && find(-re, -im), "{re} {im}: {eigen}");
         }
         assert!(find(0.0, 0.0), "{eigen}");

@@ -29,11 +29,7 @@ use nalgebra::Vector3;
 /// for linear rates.
 #[inline]
 #[must_use]
-pub fn coning_rate(
-    w_earlier: &Vector3<f64>,
-    w_later: &Vector3<f64>,
-    dt_neighbour: f64,
-) -> Vector3<f64> {
+pub fn coning_rate(w_earlier: &Vector3<f64>, w_later: &Vector3<f64>, dt_neighbour: f64) -> Vector3<f64> {
     w_earlier.cross(w_later) * (dt_neighbour / 12.0)
 }
 
@@ -72,27 +68,15 @@ pub fn rotation_vector_two_sample(dth1: &Vector3<f64>, dth2: &Vector3<f64>) -> V
 /// `Δθ1 + Δθ2 + Δθ3 + (9/20) Δθ1 × Δθ3 + (27/40) Δθ2 × (Δθ3 − Δθ1)`.
 #[inline]
 #[must_use]
-pub fn rotation_vector_three_sample(
-    dth1: &Vector3<f64>,
-    dth2: &Vector3<f64>,
-    dth3: &Vector3<f64>,
-) -> Vector3<f64> {
-    dth1 + dth2
-        + dth3
-        + dth1.cross(dth3) * (9.0 / 20.0)
-        + dth2.cross(&(dth3 - dth1)) * (27.0 / 40.0)
+pub fn rotation_vector_three_sample(dth1: &Vector3<f64>, dth2: &Vector3<f64>, dth3: &Vector3<f64>) -> Vector3<f64> {
+    dth1 + dth2 + dth3 + dth1.cross(dth3) * (9.0 / 20.0) + dth2.cross(&(dth3 - dth1)) * (27.0 / 40.0)
 }
 
 /// Velocity increment \[m/s\] of one sample in the body axes of its start, corrected by the
 /// sample before: `Δv + ½ Δθ × Δv + (1/12)(Δθ_previous × Δv + Δv_previous × Δθ)`.
 #[inline]
 #[must_use]
-pub fn velocity_one_sample(
-    dth_previous: &Vector3<f64>,
-    dv_previous: &Vector3<f64>,
-    dth: &Vector3<f64>,
-    dv: &Vector3<f64>,
-) -> Vector3<f64> {
+pub fn velocity_one_sample(dth_previous: &Vector3<f64>, dv_previous: &Vector3<f64>, dth: &Vector3<f64>, dv: &Vector3<f64>) -> Vector3<f64> {
     dv + dth.cross(dv) * 0.5 + (dth_previous.cross(dv) + dv_previous.cross(dth)) / 12.0
 }
 
@@ -100,12 +84,7 @@ pub fn velocity_one_sample(
 /// `Δv + ½ Δθ × Δv + ⅔ (Δθ1 × Δv2 + Δv1 × Δθ2)`, Δθ = Δθ1 + Δθ2, Δv = Δv1 + Δv2.
 #[inline]
 #[must_use]
-pub fn velocity_two_sample(
-    dth1: &Vector3<f64>,
-    dv1: &Vector3<f64>,
-    dth2: &Vector3<f64>,
-    dv2: &Vector3<f64>,
-) -> Vector3<f64> {
+pub fn velocity_two_sample(dth1: &Vector3<f64>, dv1: &Vector3<f64>, dth2: &Vector3<f64>, dv2: &Vector3<f64>) -> Vector3<f64> {
     let (dth, dv) = (dth1 + dth2, dv1 + dv2);
     dv + dth.cross(&dv) * 0.5 + (dth1.cross(dv2) + dv1.cross(dth2)) * (2.0 / 3.0)
 }
@@ -127,11 +106,7 @@ mod tests {
     fn coning_increment(from: f64, to: f64) -> V {
         let at = |t: f64| {
             let (s, c) = (OMEGA * t).sin_cos();
-            V::new(
-                -2.0 * OMEGA * (ALPHA / 2.0).sin().powi(2) * t,
-                ALPHA.sin() * c,
-                ALPHA.sin() * s,
-            )
+            V::new(-2.0 * OMEGA * (ALPHA / 2.0).sin().powi(2) * t, ALPHA.sin() * c, ALPHA.sin() * s)
         };
         at(to) - at(from)
     }
@@ -149,36 +124,19 @@ mod tests {
     }
 
     fn assert_within(got: f64, expected: f64, relative: f64, what: &str) {
-        assert!(
-            (got.abs() / expected - 1.0).abs() < relative,
-            "{what}: {got} against {expected}"
-        );
+        assert!((got.abs() / expected - 1.0).abs() < relative, "{what}: {got} against {expected}");
     }
 
     #[test]
     fn coning_drift_matches_the_closed_form_of_each_classical_algorithm() {
         let part = |t: f64, from: f64, to: f64| coning_increment(t + from * T, t + to * T);
         let none = drift(|q, t| q * so3::exp(&part(t, 0.0, 1.0)));
-        let one = drift(|q, t| {
-            q * so3::exp(&rotation_vector_one_sample(
-                &part(t, -1.0, 0.0),
-                &part(t, 0.0, 1.0),
-            ))
-        });
-        let two = drift(|q, t| {
-            q * so3::exp(&rotation_vector_two_sample(
-                &part(t, 0.0, 0.5),
-                &part(t, 0.5, 1.0),
-            ))
-        });
+        let one = drift(|q, t| q * so3::exp(&rotation_vector_one_sample(&part(t, -1.0, 0.0), &part(t, 0.0, 1.0))));
+        let two = drift(|q, t| q * so3::exp(&rotation_vector_two_sample(&part(t, 0.0, 0.5), &part(t, 0.5, 1.0))));
         let third = 1.0 / 3.0;
         let three = drift(|q, t| {
             let (a, b) = (part(t, 0.0, third), part(t, third, 2.0 * third));
-            q * so3::exp(&rotation_vector_three_sample(
-                &a,
-                &b,
-                &part(t, 2.0 * third, 1.0),
-            ))
+            q * so3::exp(&rotation_vector_three_sample(&a, &b, &part(t, 2.0 * third, 1.0)))
         });
         // 5 %: the closed forms are leading terms in x = ΩT = 0.31, the next is of order x².
         assert_within(none, 16.15, 0.05, "no correction");
@@ -201,9 +159,7 @@ mod tests {
             let (w1, w2) = (mean(t, t + h), mean(t + h, t + T));
             let c = coning_rate(&w1, &w2, h);
             // The first sample is split unevenly: a split must not change the result.
-            q * so3::exp(&((w1 + c) * (0.3 * h)))
-                * so3::exp(&((w1 + c) * (0.7 * h)))
-                * so3::exp(&((w2 + c) * h))
+            q * so3::exp(&((w1 + c) * (0.3 * h))) * so3::exp(&((w1 + c) * (0.7 * h))) * so3::exp(&((w2 + c) * h))
         });
         assert_within(previous, 0.317, 0.05, "previous sample"); // 5 %: as above
         assert_within(pairs, 0.0200, 0.05, "pairs");
@@ -247,8 +203,7 @@ mod tests {
     #[test]
     fn two_sample_coning_error_is_of_fifth_order_for_linear_rates() {
         let error = |t: f64| {
-            let phi =
-                rotation_vector_two_sample(&integral(&W, 0.0, t / 2.0), &integral(&W, t / 2.0, t));
+            let phi = rotation_vector_two_sample(&integral(&W, 0.0, t / 2.0), &integral(&W, t / 2.0, t));
             (phi - so3::log(&truth(0.0, t).0)).norm()
         };
         let p = order(error, 0.2);
@@ -306,10 +261,7 @@ mod tests {
             let s = sculling_rate(&w1, &f1, &w2, &f2, h) * corrected;
             let (q, v) = compose(&[(w1 + c, f1 + s, h), (w2 + c, f2 + s, h)]);
             let (q_true, v_true) = truth(0.0, t);
-            (
-                so3::log(&(q_true.inverse() * q)).norm(),
-                (v - v_true).norm(),
-            )
+            (so3::log(&(q_true.inverse() * q)).norm(), (v - v_true).norm())
         };
         // Orders 4 and more with the corrections, 3 without; 0.2: next order at T = 0.05 s.
         assert!(order(|t| run(t, 1.0).0, 0.05) > 3.8);

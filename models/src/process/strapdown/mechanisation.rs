@@ -18,8 +18,8 @@ use fusion_core::geometry::{so3, wgs84::Geodetic};
 use nalgebra::{UnitQuaternion, Vector3};
 
 pub use super::increments::{
-    coning_rate, rotation_vector_one_sample, rotation_vector_three_sample,
-    rotation_vector_two_sample, sculling_rate, velocity_one_sample, velocity_two_sample,
+    coning_rate, rotation_vector_one_sample, rotation_vector_three_sample, rotation_vector_two_sample, sculling_rate, velocity_one_sample,
+    velocity_two_sample,
 };
 use crate::earth::{Gravity, LocalEarth};
 
@@ -48,12 +48,7 @@ pub struct NavRate {
 /// The continuous navigation equations at one instant.
 #[inline]
 #[must_use]
-pub fn derivative(
-    nav: &Nav,
-    w_ib_b: &Vector3<f64>,
-    f_ib_b: &Vector3<f64>,
-    gravity: Gravity,
-) -> NavRate {
+pub fn derivative(nav: &Nav, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, gravity: Gravity) -> NavRate {
     let earth = LocalEarth::at(&nav.position);
     let v = &nav.v_eb_n;
     let w_ie = earth.earth_rate_n();
@@ -61,11 +56,7 @@ pub fn derivative(
     let mut acceleration = nav.q_nb * f_ib_b - (2.0 * w_ie + w_en).cross(v);
     acceleration.z += earth.gravity(gravity);
     NavRate {
-        position: Vector3::new(
-            v.x / earth.meridian,
-            v.y / (earth.normal * earth.cos_lat),
-            -v.z,
-        ),
+        position: Vector3::new(v.x / earth.meridian, v.y / (earth.normal * earth.cos_lat), -v.z),
         v_eb_n: acceleration,
         w_nb_b: w_ib_b - nav.q_nb.inverse_transform_vector(&(w_ie + w_en)),
     }
@@ -84,13 +75,7 @@ pub fn derivative(
 /// specific force alone are exact for constant inputs, whatever `dt`.
 #[inline]
 #[must_use]
-pub fn step(
-    nav: &Nav,
-    w_ib_b: &Vector3<f64>,
-    f_ib_b: &Vector3<f64>,
-    dt: f64,
-    gravity: Gravity,
-) -> Nav {
+pub fn step(nav: &Nav, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, dt: f64, gravity: Gravity) -> Nav {
     let v = &nav.v_eb_n;
     let phi = w_ib_b * dt;
     let dv_n = nav.q_nb * so3::mean_rotated(&phi, &(f_ib_b * dt));
@@ -124,13 +109,7 @@ pub fn step(
 /// start, `q + q̇ dt` normalised. For comparison only: error per step O(dt²).
 #[inline]
 #[must_use]
-pub fn step_first_order(
-    nav: &Nav,
-    w_ib_b: &Vector3<f64>,
-    f_ib_b: &Vector3<f64>,
-    dt: f64,
-    gravity: Gravity,
-) -> Nav {
+pub fn step_first_order(nav: &Nav, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, dt: f64, gravity: Gravity) -> Nav {
     let rate = derivative(nav, w_ib_b, f_ib_b, gravity);
     Nav {
         position: Geodetic {
@@ -228,12 +207,7 @@ mod tests {
     fn east_gyro_bias_drives_north_negative_as_the_closed_form_says() {
         let start = site(0.0, 0.0, 0.0);
         let (w, f) = at_rest(&start);
-        let got = drift(
-            &start,
-            &start,
-            (w + V::new(0.0, DEG_PER_HOUR, 0.0), f),
-            &[60.0, 600.0],
-        );
+        let got = drift(&start, &start, (w + V::new(0.0, DEG_PER_HOUR, 0.0), f), &[60.0, 600.0]);
         for (d, expected) in got.iter().zip([-1.710, -1663.0]) {
             // 0.3 %: as for the accelerometer; 0.03 % are the digits of the table.
             assert!((d.x / expected - 1.0).abs() < 3e-3, "{} {expected}", d.x);
@@ -323,11 +297,9 @@ mod tests {
         };
         let mut y = Y::zeros();
         let p = nav.position;
-        y.fixed_rows_mut::<3>(0)
-            .copy_from(&V::new(p.lat, p.lon, p.height));
+        y.fixed_rows_mut::<3>(0).copy_from(&V::new(p.lat, p.lon, p.height));
         y.fixed_rows_mut::<3>(3).copy_from(&nav.v_eb_n);
-        y.fixed_rows_mut::<4>(6)
-            .copy_from(&so3::to_scalar_first(&nav.q_nb));
+        y.fixed_rows_mut::<4>(6).copy_from(&so3::to_scalar_first(&nav.q_nb));
         let h = dt / 200.0;
         for _ in 0..200 {
             let k1 = slope(y);
@@ -357,16 +329,12 @@ mod tests {
     #[test]
     fn one_step_matches_runge_kutta_to_third_order_and_the_literal_one_to_second() {
         let (nav, w, f) = dynamic();
-        let against =
-            |s: Step| orders(|dt| gaps(&s(&nav, &w, &f, dt, G), &runge_kutta(&nav, &w, &f, dt)));
+        let against = |s: Step| orders(|dt| gaps(&s(&nav, &w, &f, dt, G), &runge_kutta(&nav, &w, &f, dt)));
         // 0.2: the next order at steps of 2 and 4 s.
         let exact = against(step);
         assert!(exact.iter().all(|p| *p > 2.8), "{exact:?}");
         let literal = against(step_first_order);
-        assert!(
-            literal[1..].iter().all(|p| (p - 2.0).abs() < 0.2),
-            "{literal:?}"
-        );
+        assert!(literal[1..].iter().all(|p| (p - 2.0).abs() < 0.2), "{literal:?}");
         // Attitude: q + q̇dt is one order better than its name for a constant rate.
         assert!(literal[0] > 1.8, "{literal:?}");
     }
@@ -376,19 +344,13 @@ mod tests {
         let (nav, w, f) = dynamic();
         let split = |dt: f64| {
             let middle = step(&nav, &w, &f, 0.3 * dt, G);
-            gaps(
-                &step(&middle, &w, &f, 0.7 * dt, G),
-                &step(&nav, &w, &f, dt, G),
-            )
+            gaps(&step(&middle, &w, &f, 0.7 * dt, G), &step(&nav, &w, &f, dt, G))
         };
         let p = orders(split);
         assert!(p.iter().all(|p| *p > 2.8), "{p:?}"); // 0.2: next order
         // At 100 Hz the split is far below any sensor: 1e-12 rad, 1e-8 m/s and m.
         let small = split(0.01);
-        assert!(
-            small[0] < 1e-12 && small[1] < 1e-8 && small[2] < 1e-7,
-            "{small:?}"
-        );
+        assert!(small[0] < 1e-12 && small[1] < 1e-8 && small[2] < 1e-7, "{small:?}");
     }
 
     #[test]
@@ -413,13 +375,9 @@ mod tests {
             let w_en = earth.transport_rate_n(&v_mid);
             let zeta = (w_ie + w_en) * t;
             let dv_n = nav.q_nb * dv;
-            let v = nav.v_eb_n + dv_n - 0.5 * zeta.cross(&dv_n)
-                + (g - (2.0 * w_ie + w_en).cross(&v_mid)) * t;
+            let v = nav.v_eb_n + dv_n - 0.5 * zeta.cross(&dv_n) + (g - (2.0 * w_ie + w_en).cross(&v_mid)) * t;
             let q = so3::exp(&-zeta) * nav.q_nb * so3::exp(&phi);
-            [
-                so3::log(&(q.inverse() * pieces.q_nb)).norm(),
-                (v - pieces.v_eb_n).norm(),
-            ]
+            [so3::log(&(q.inverse() * pieces.q_nb)).norm(), (v - pieces.v_eb_n).norm()]
         };
         let (coarse, fine) = (gap(0.1), gap(0.05));
         for i in 0..2 {
@@ -451,13 +409,7 @@ mod tests {
                     v_eb_n: V::new(1.0, 1.0, 1.0),
                     q_nb: UnitQuaternion::identity(),
                 };
-                let next = s(
-                    &nav,
-                    &V::new(1.0, 2.0, 3.0),
-                    &V::new(0.0, 0.0, -9.8),
-                    0.01,
-                    G,
-                );
+                let next = s(&nav, &V::new(1.0, 2.0, 3.0), &V::new(0.0, 0.0, -9.8), 0.01, G);
                 assert!(next.v_eb_n.iter().all(|x| x.is_finite()));
                 assert!((next.q_nb.norm() - 1.0).abs() < 1e-15);
                 assert!(next.position.lat.is_finite() && next.position.lon.abs() <= PI);

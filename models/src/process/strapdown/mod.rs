@@ -1,10 +1,10 @@
 //! Strapdown inertial navigation on the ellipsoid, NED, as a process model.
 //!
-//! Input      mean angular rate w_m [rad/s] and specific force f_m [m/s²] over a sample, body axes
+//! Input      mean angular rate w_m \[rad/s\] and specific force f_m \[m/s²\] over a sample, body axes
 //! Corrected  w = (w_m − b_g)/(1 + s_g),  f = (f_m − b_a)/(1 + s_a), per axis
 //! States     `position` (geodetic), `velocity` v_eb_n, `attitude` q_nb; where estimated
 //!            `gyro_bias`, `accel_bias`, `gyro_scale`, `accel_scale`
-//! Signals    `angular_rate` w_ib_b [rad/s], `acceleration` dv_eb_n/dt [m/s²]
+//! Signals    `angular_rate` w_ib_b \[rad/s\], `acceleration` dv_eb_n/dt \[m/s²\]
 //! Φ          I + FΔt, or + ½F²Δt², F from [`error_model`]
 //! Q          trapezoid of white accelerometer noise on velocity and gyro noise on attitude
 //! Source     spec of the mechanisation: Savage 1998; Titterton and Weston 2004, ch. 12
@@ -123,13 +123,18 @@ pub struct StrapdownSpec {
     gravity: GravitySpec,
 }
 
-crate::register!(Process, "strapdown", StrapdownSpec, r#"
+crate::register!(
+    Process,
+    "strapdown",
+    StrapdownSpec,
+    r#"
 integrator = "one_sample"
 discretisation = "second_order"
 gravity = "somigliana"
 gyro = { noise = "0.2 deg/sqrt(h)", bias = { estimate = true, initial = [0.01, 0, 0], sigma = "0.1 deg/s", random_walk = "1e-5 rad/s/sqrt(s)" }, scale = { estimate = true, initial = [0, 0.02, 0], sigma = "1 %" } }
 accelerometer = { noise = "70 ug/sqrt(Hz)", bias = { estimate = true, initial = [0, 0.1, 0], sigma = "10 mg", correlation_time = "1000 s" }, scale = { estimate = true, initial = [0, 0, 0.01], sigma = "1 %" } }
-"#);
+"#
+);
 
 #[typetag::deserialize(name = "strapdown")]
 impl ProcessSpec for StrapdownSpec {
@@ -144,7 +149,11 @@ impl ProcessSpec for StrapdownSpec {
         let gravity = self.gravity.into();
         b.gravity = gravity;
         // Initialisers write these three and their variances.
-        let place = b.origin.unwrap_or(Place { lat: 0.0, lon: 0.0, height: 0.0 });
+        let place = b.origin.unwrap_or(Place {
+            lat: 0.0,
+            lon: 0.0,
+            height: 0.0,
+        });
         let unset = vec![0.0; 3];
         let position = b.declare::<Geodetic>("position", "m", place, unset.clone(), Dynamics::Process)?;
         let velocity = b.declare::<Velocity>("velocity", "m/s", Vector3::zeros(), unset.clone(), Dynamics::Process)?;
@@ -222,7 +231,11 @@ fn read(q: &Param<Vector<3>>, x: &[f64]) -> Vector3<f64> {
 
 impl Strapdown {
     fn nav(&self, x: &[f64]) -> Nav {
-        Nav { position: self.position.read(x), v_eb_n: self.velocity.read(x), q_nb: self.attitude.read(x) }
+        Nav {
+            position: self.position.read(x),
+            v_eb_n: self.velocity.read(x),
+            q_nb: self.attitude.read(x),
+        }
     }
 
     fn gyro(&self, x: &[f64]) -> Correction {
@@ -242,7 +255,10 @@ struct Correction {
 
 impl Correction {
     fn new(bias: Vector3<f64>, scale: &Vector3<f64>) -> Self {
-        Self { bias, gain: scale.map(|s| 1.0 / (1.0 + s)) }
+        Self {
+            bias,
+            gain: scale.map(|s| 1.0 / (1.0 + s)),
+        }
     }
 
     fn rate(&self, measured: &[f64]) -> Vector3<f64> {
@@ -250,7 +266,10 @@ impl Correction {
     }
 
     fn of(self, measured: &[f64]) -> Corrected {
-        Corrected { rate: self.rate(measured), gain: self.gain }
+        Corrected {
+            rate: self.rate(measured),
+            gain: self.gain,
+        }
     }
 }
 
@@ -271,10 +290,18 @@ impl Process for Strapdown {
             mechanisation::step_first_order(&nav, &w, &f, dt, self.gravity)
         } else {
             let (w2, f2) = (gyro.rate(&input.neighbour[..3]), accelerometer.rate(&input.neighbour[3..6]));
-            let (we, fe, wl, fl) = if input.neighbour_is_earlier { (w2, f2, w, f) } else { (w, f, w2, f2) };
+            let (we, fe, wl, fl) = if input.neighbour_is_earlier {
+                (w2, f2, w, f)
+            } else {
+                (w, f, w2, f2)
+            };
             // The intervals may differ; for linear rates this length is exact.
             let both = input.interval + input.neighbour_interval;
-            let pair = if both > 0.0 { 2.0 * input.interval * input.interval / both } else { 0.0 };
+            let pair = if both > 0.0 {
+                2.0 * input.interval * input.interval / both
+            } else {
+                0.0
+            };
             w += increments::coning_rate(&we, &wl, pair);
             f += increments::sculling_rate(&we, &fe, &wl, &fl, pair);
             mechanisation::step(&nav, &w, &f, dt, self.gravity)
@@ -324,7 +351,11 @@ impl Process for Strapdown {
         }
         let p = &self.accel_psd;
         // Noise alike on all axes is the same in every frame.
-        let psd_n = if p.m11 == p.m22 && p.m22 == p.m33 { *p } else { b.v_accel * p * b.v_accel.transpose() };
+        let psd_n = if p.m11 == p.m22 && p.m22 == p.m33 {
+            *p
+        } else {
+            b.v_accel * p * b.v_accel.transpose()
+        };
         out.noise_trapezoid(v, v, &(psd_n * dt));
         out.noise_trapezoid(a, a, &(self.gyro_psd * dt));
     }
@@ -333,7 +364,10 @@ impl Process for Strapdown {
         let (w, f) = (self.gyro(x).of(&input.sample[..3]), self.accelerometer(x).of(&input.sample[3..6]));
         let nav = self.nav(x);
         out.set(self.angular_rate, &w.rate);
-        out.set(self.acceleration, &mechanisation::derivative(&nav, &w.rate, &f.rate, self.gravity).v_eb_n);
+        out.set(
+            self.acceleration,
+            &mechanisation::derivative(&nav, &w.rate, &f.rate, self.gravity).v_eb_n,
+        );
         if !out.wants_jacobian() {
             return;
         }

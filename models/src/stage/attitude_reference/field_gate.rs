@@ -64,9 +64,9 @@ impl FieldGateSpec {
 pub struct FieldGate {
     /// Largest relative difference of |m|.
     pub magnitude: f64,
-    /// Largest difference of the dip [rad].
+    /// Largest difference of the dip \[rad\].
     pub dip: f64,
-    /// A field that has been another one, but steady, for so long [s] is the new reference.
+    /// A field that has been another one, but steady, for so long \[s\] is the new reference.
     pub adopt_after: f64,
     /// The undisturbed |m| and dip, once declared or learnt.
     pub reference: Option<(f64, f64)>,

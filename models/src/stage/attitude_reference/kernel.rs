@@ -17,7 +17,7 @@ use nalgebra::{Matrix3, Matrix3x4, Quaternion, UnitQuaternion, Vector3};
 /// The gradient below which the step has no direction: tilt of 1e-9 rad.
 const FLAT: f64 = 4e-9;
 
-/// `w_nb_b` [rad/s]: `w_ib_b` [rad/s] less the turning `w_in_n` of the navigation frame.
+/// `w_nb_b` \[rad/s\]: `w_ib_b` \[rad/s\] less the turning `w_in_n` of the navigation frame.
 #[inline]
 #[must_use]
 pub fn compensated_rate(w_ib_b: &Vector3<f64>, q: &UnitQuaternion<f64>, w_in_n: &Vector3<f64>) -> Vector3<f64> {
@@ -47,7 +47,7 @@ pub fn gravity_jacobian(q: &UnitQuaternion<f64>) -> Matrix3x4<f64> {
     j
 }
 
-/// μ: the length of a gradient step at the rate `w_nb_b` [rad/s] over `dt` [s].
+/// μ: the length of a gradient step at the rate `w_nb_b` \[rad/s\] over `dt` \[s\].
 #[inline]
 #[must_use]
 pub fn step_length(alpha: f64, floor: f64, w_nb_b: &Vector3<f64>, dt: f64) -> f64 {
@@ -81,8 +81,8 @@ pub fn levelled(q: &UnitQuaternion<f64>, f_b: &Vector3<f64>) -> UnitQuaternion<f
     q * so3::exp(&turn)
 }
 
-/// The specific force low-passed over `time_constant` [s] in axes that do not turn: `filtered`
-/// and `f_b` in body axes, before and after a turn of `w_nb_b` [rad/s] for `dt` [s].
+/// The specific force low-passed over `time_constant` \[s\] in axes that do not turn: `filtered`
+/// and `f_b` in body axes, before and after a turn of `w_nb_b` \[rad/s\] for `dt` \[s\].
 #[inline]
 #[must_use]
 pub fn low_passed(filtered: &Vector3<f64>, f_b: &Vector3<f64>, w_nb_b: &Vector3<f64>, dt: f64, time_constant: f64) -> Vector3<f64> {
@@ -97,7 +97,7 @@ pub fn calibrated(raw: &Vector3<f64>, soft_iron: &Matrix3<f64>, hard_iron: &Vect
     soft_iron * (raw - hard_iron)
 }
 
-/// The heading ψ [rad] by a field `m_b` (any unit), given roll, pitch and declination [rad].
+/// The heading ψ \[rad\] by a field `m_b` (any unit), given roll, pitch and declination \[rad\].
 #[inline]
 #[must_use]
 pub fn compass_heading(m_b: &Vector3<f64>, roll: f64, pitch: f64, declination: f64) -> f64 {
@@ -110,11 +110,11 @@ pub fn compass_heading(m_b: &Vector3<f64>, roll: f64, pitch: f64, declination: f
 /// What a field says against `q`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Field {
-    /// The turn about down [rad] that brings the field to magnetic north: the heading's error.
+    /// The turn about down \[rad\] that brings the field to magnetic north: the heading's error.
     pub turn: f64,
     /// |m|, in the unit of m.
     pub magnitude: f64,
-    /// The angle [rad] below the horizon.
+    /// The angle \[rad\] below the horizon.
     pub dip: f64,
 }
 
@@ -131,7 +131,7 @@ pub fn field(m_b: &Vector3<f64>, q: &UnitQuaternion<f64>, declination: f64) -> F
     }
 }
 
-/// ∂α/∂ε of the azimuth α of a direction `v_n` (any length) that is turned by ε [rad]:
+/// ∂α/∂ε of the azimuth α of a direction `v_n` (any length) that is turned by ε \[rad\]:
 /// [−v_N v_D, −v_E v_D, v_N² + v_E²]/(v_N² + v_E²).
 #[inline]
 #[must_use]
@@ -140,7 +140,7 @@ pub fn heading_slope(v_n: &Vector3<f64>) -> Vector3<f64> {
     Vector3::new(-v_n.x * v_n.z / level, -v_n.y * v_n.z / level, 1.0)
 }
 
-/// `q` turned by `angle` [rad] about down.
+/// `q` turned by `angle` \[rad\] about down.
 #[inline]
 #[must_use]
 pub fn turned(q: &UnitQuaternion<f64>, angle: f64) -> UnitQuaternion<f64> {

@@ -1,6 +1,6 @@
 //! The attitude reference: attitude from gyros, accelerometers and a compass, on its own.
 //!
-//! Output     `attitude` q_nb, `heading` [rad], `attitude_sigma` about the body axes [rad];
+//! Output     `attitude` q_nb, `heading` \[rad\], `attitude_sigma` about the body axes \[rad\];
 //!            `angular_rate` less the bias found, `specific_force` as it came: a row of the IMU
 //!            with its attitude, so that a process may be driven by this stage alone
 //! Predicted  quaternion kinematics of w_nb_b = w_ib_b − b − C_nbᵀ (w_ie_n + w_en_n)
@@ -427,7 +427,7 @@ struct Runtime {
 }
 
 impl Runtime {
-    /// w_in_n [rad/s], as far as it is known.
+    /// w_in_n \[rad/s\], as far as it is known.
     fn frame_rate(&self, view: Option<&View<'_>>) -> Vector3<f64> {
         let known = view.zip(self.position.as_ref()).map(|(view, position)| view.get(position));
         let (Some(place), true) = (known.or(self.place), self.compensation != Compensation::None) else {

@@ -1,6 +1,6 @@
 //! The orientation Kalman filter: its state is the quaternion itself, with a gyro bias beside it.
 //!
-//! State      x = [q; b],  q = `q_nb` scalar first, b the gyro bias [rad/s]
+//! State      x = [q; b],  q = `q_nb` scalar first, b the gyro bias \[rad/s\]
 //! Predicted  q⁺ by the quaternion kinematics at w = w_m − b,  b⁺ = b
 //!            Φ = [I₄ + ½Ω(w)Δt, −½Ξ(q)Δt; 0, I₃],  Ξ(q) = [−q_vᵀ; q0 I + [q_v ×]]
 //!            Q = diag(¼Δt² Ξ Σ_g Ξᵀ, q_b Δt I₃),  Σ_g = N_g²/Δt I₃
@@ -34,7 +34,7 @@ pub fn rate_columns(q: &UnitQuaternion<f64>) -> Matrix4x3<f64> {
     xi
 }
 
-/// The columns [0, e_i] ⊗ q, 4×3: a turn ε [rad] in navigation axes gives δq = ½ columns ε.
+/// The columns [0, e_i] ⊗ q, 4×3: a turn ε \[rad\] in navigation axes gives δq = ½ columns ε.
 #[inline]
 #[must_use]
 pub fn turn_columns(q: &UnitQuaternion<f64>) -> Matrix4x3<f64> {
@@ -49,7 +49,7 @@ pub fn turn_columns(q: &UnitQuaternion<f64>) -> Matrix4x3<f64> {
     columns
 }
 
-/// P_q, 4×4, of an attitude error covariance in body axes [rad²]: ¼ Ξ P_φ Ξᵀ.
+/// P_q, 4×4, of an attitude error covariance in body axes \[rad²\]: ¼ Ξ P_φ Ξᵀ.
 #[inline]
 #[must_use]
 pub fn of_body_axes(q: &UnitQuaternion<f64>, p: &Matrix3<f64>) -> Matrix4<f64> {
@@ -61,7 +61,7 @@ pub fn of_body_axes(q: &UnitQuaternion<f64>, p: &Matrix3<f64>) -> Matrix4<f64> {
 /// that z − q of a large turn has a radial part must not be believed.
 const RADIAL: f64 = 1.0;
 
-/// R, 4×4, of a measured attitude whose error covariance in body axes is `p` [rad²].
+/// R, 4×4, of a measured attitude whose error covariance in body axes is `p` \[rad²\].
 #[inline]
 #[must_use]
 pub fn measured_in_body_axes(q: &UnitQuaternion<f64>, p: &Matrix3<f64>) -> Matrix4<f64> {
@@ -83,14 +83,14 @@ pub enum Kinematics {
 pub struct QuaternionFilter {
     /// Attitude, body to navigation.
     pub q: UnitQuaternion<f64>,
-    /// Gyro bias [rad/s].
+    /// Gyro bias \[rad/s\].
     pub bias: Vector3<f64>,
     P: Matrix7,
 }
 
 impl QuaternionFilter {
-    /// From an attitude with its covariance about the body axes [rad²] and a bias with its 1σ
-    /// [rad/s].
+    /// From an attitude with its covariance about the body axes \[rad²\] and a bias with its 1σ
+    /// \[rad/s\].
     #[must_use]
     pub fn new(q: UnitQuaternion<f64>, p_b: &Matrix3<f64>, bias: Vector3<f64>, bias_sigma: &Vector3<f64>) -> Self {
         let mut P = Matrix7::zeros();
@@ -100,7 +100,7 @@ impl QuaternionFilter {
         Self { q, bias, P }
     }
 
-    /// Carries the belief over `dt` [s] at the rate `w_nb_b` [rad/s], free of the bias.
+    /// Carries the belief over `dt` \[s\] at the rate `w_nb_b` \[rad/s\], free of the bias.
     pub fn predict(&mut self, w_nb_b: &Vector3<f64>, dt: f64, gyro_psd: &Matrix3<f64>, bias_psd: &Matrix3<f64>, kinematics: Kinematics) {
         let xi = rate_columns(&self.q);
         let mut F = Matrix7::identity();
@@ -138,15 +138,15 @@ impl QuaternionFilter {
         self.correct(&correction);
     }
 
-    /// Variance of the turn about down [rad²].
+    /// Variance of the turn about down \[rad²\].
     #[must_use]
     pub fn heading_variance(&self) -> f64 {
         let axis = turn_columns(&self.q).column(2) * 2.0;
         (axis.transpose() * self.P.fixed_view::<4, 4>(0, 0) * axis)[0]
     }
 
-    /// Takes a heading by which the attitude is wrong: `turn` = `slope`·ε [rad] of `variance`
-    /// [rad²], ε the turn in navigation axes. Only the heading is corrected, and of the bias its
+    /// Takes a heading by which the attitude is wrong: `turn` = `slope`·ε \[rad\] of `variance`
+    /// \[rad²\], ε the turn in navigation axes. Only the heading is corrected, and of the bias its
     /// part about the vertical, if `gate`, asked with turn² and its variance, lets it. Whether it did.
     pub fn update_heading(&mut self, turn: f64, slope: &Vector3<f64>, variance: f64, gate: impl FnOnce(f64, f64) -> bool) -> bool {
         let columns = turn_columns(&self.q);
@@ -177,7 +177,7 @@ impl QuaternionFilter {
         self.P = (self.P + self.P.transpose()) * 0.5;
     }
 
-    /// 1σ about the body axes [rad]: √diag(4 Ξᵀ P Ξ).
+    /// 1σ about the body axes \[rad\]: √diag(4 Ξᵀ P Ξ).
     #[must_use]
     pub fn attitude_sigma(&self) -> Vector3<f64> {
         let xi = rate_columns(&self.q);

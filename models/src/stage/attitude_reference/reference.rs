@@ -32,9 +32,9 @@ pub enum Correction {
     },
     /// The specific force low-passed in axes that do not turn, as the vertical.
     LowPass {
-        /// Of the low pass [s].
+        /// Of the low pass \[s\].
         time_constant: f64,
-        /// 1σ of the vertical that it gives [rad].
+        /// 1σ of the vertical that it gives \[rad\].
         sigma: f64,
         /// Samples with ||f̄| − g| > `band`·g of the low-passed force are skipped.
         band: f64,
@@ -44,15 +44,15 @@ pub enum Correction {
 /// How the compass corrects the heading.
 #[derive(Clone, Debug)]
 pub struct Compass {
-    /// Clockwise from true to magnetic north [rad].
+    /// Clockwise from true to magnetic north \[rad\].
     pub declination: f64,
     /// A.
     pub soft_iron: Matrix3<f64>,
     /// b, in the unit of the field.
     pub hard_iron: Vector3<f64>,
-    /// 1σ of a heading [rad].
+    /// 1σ of a heading \[rad\].
     pub sigma: f64,
-    /// Least time between two corrections [ns].
+    /// Least time between two corrections \[ns\].
     pub period: i64,
     /// Which fields are left out.
     pub gate: Option<FieldGate>,
@@ -65,19 +65,19 @@ pub struct Compass {
 pub struct Settings {
     /// How the quaternion is integrated.
     pub kinematics: Kinematics,
-    /// N_g² per axis [rad²/s].
+    /// N_g² per axis \[rad²/s\].
     pub gyro_psd: Matrix3<f64>,
-    /// Initial 1σ of the gyro bias [rad/s]; zero where it is not estimated.
+    /// Initial 1σ of the gyro bias \[rad/s\]; zero where it is not estimated.
     pub bias_sigma: Vector3<f64>,
-    /// Random walk of the bias [rad²/s³].
+    /// Random walk of the bias \[rad²/s³\].
     pub bias_psd: Matrix3<f64>,
     /// How the tilt is corrected.
     pub correction: Correction,
-    /// g [m/s²].
+    /// g \[m/s²\].
     pub gravity: f64,
-    /// How long force and field are averaged for the first attitude [s].
+    /// How long force and field are averaged for the first attitude \[s\].
     pub alignment: f64,
-    /// 1σ of roll and pitch after the alignment [rad].
+    /// 1σ of roll and pitch after the alignment \[rad\].
     pub tilt_sigma: f64,
     /// How the heading is corrected.
     pub compass: Option<Compass>,
@@ -126,8 +126,8 @@ impl AttitudeReference {
         self.belief.as_ref()
     }
 
-    /// Takes rate `w_ib_b` [rad/s] and force `f_b` [m/s²] of the interval that ends at `time`,
-    /// while the navigation frame turns by `w_in_n` [rad/s].
+    /// Takes rate `w_ib_b` \[rad/s\] and force `f_b` \[m/s²\] of the interval that ends at `time`,
+    /// while the navigation frame turns by `w_in_n` \[rad/s\].
     pub fn imu(&mut self, time: Time, w_ib_b: &Vector3<f64>, f_b: &Vector3<f64>, w_in_n: &Vector3<f64>) {
         let dt = self.last.map_or(0.0, |last| time.seconds_since(last));
         self.last = Some(time);
@@ -195,7 +195,7 @@ impl AttitudeReference {
         self.turn(time, seen.turn, &m_n);
     }
 
-    /// Takes a heading [rad] of a compass, clockwise from magnetic north.
+    /// Takes a heading \[rad\] of a compass, clockwise from magnetic north.
     pub fn heading(&mut self, time: Time, heading: f64) {
         let Some(compass) = &self.settings.compass else { return };
         let heading = wrap(heading + compass.declination);
@@ -209,7 +209,7 @@ impl AttitudeReference {
         }
     }
 
-    /// Corrects the heading by `turn` [rad], at which the direction `v_n` says it is wrong: at
+    /// Corrects the heading by `turn` \[rad\], at which the direction `v_n` says it is wrong: at
     /// most once per period, and if the gate lets it.
     fn turn(&mut self, time: Time, turn: f64, v_n: &Vector3<f64>) {
         let (Some(compass), Some(belief)) = (&self.settings.compass, &mut self.belief) else {
@@ -257,7 +257,7 @@ impl AttitudeReference {
     }
 }
 
-/// Variance of what a measurement does not tell [rad²].
+/// Variance of what a measurement does not tell \[rad²\].
 const UNKNOWN: f64 = 100.0;
 
 /// A diagonal covariance in navigation axes, seen in body axes.
@@ -266,7 +266,7 @@ fn in_body_axes(q: &UnitQuaternion<f64>, variance_n: &Vector3<f64>) -> Matrix3<f
     c_nb.transpose() * Matrix3::from_diagonal(variance_n) * c_nb
 }
 
-/// R of a measured quaternion that tells the vertical, to `variance` [rad²] per axis, and no heading.
+/// R of a measured quaternion that tells the vertical, to `variance` \[rad²\] per axis, and no heading.
 fn of_vertical(q: &UnitQuaternion<f64>, variance: f64) -> Matrix4<f64> {
     measured_in_body_axes(q, &in_body_axes(q, &Vector3::new(variance, variance, UNKNOWN)))
 }
