@@ -133,6 +133,7 @@ impl Builder {
     fn add_siblings(&mut self) {
         let noise = self.of::<NoiseSpec>("noise");
         let source = |description: &str| json!({ "type": "string", "description": description });
+        let enabled = json!({ "type": "boolean", "default": true, "description": "False leaves the block out." });
         let gate = self.any(Role::Gate, "Judges each measurement; without one, everything passes.");
         let loss = self.any(Role::Loss, "Weighs each measurement; without one, least squares.");
         let faults = self.named(Role::Fault, "What goes wrong with the rows, by name, in order.");
@@ -149,16 +150,13 @@ impl Builder {
                 Role::Sensor => {
                     property(schema, "source", source("The source or stage that it reads or that times it."));
                     property(schema, "noise", noise.clone());
-                    property(
-                        schema,
-                        "enabled",
-                        json!({ "type": "boolean", "default": true, "description": "False leaves the sensor out." }),
-                    );
+                    property(schema, "enabled", enabled.clone());
                     property(schema, "gate", gate.clone());
                     property(schema, "loss", loss.clone());
                     require(schema, "source");
                     require(schema, "noise");
                 }
+                Role::Stage | Role::Initialiser => property(schema, "enabled", enabled.clone()),
                 Role::Source => property(schema, "fault", faults.clone()),
                 _ => {}
             }

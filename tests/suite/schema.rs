@@ -12,8 +12,9 @@ fn complaints(schema: &Value, value: &Value, root: &Value, path: &str) -> Vec<St
         let mut each: Vec<_> = choices.iter().map(|c| complaints(c, value, root, path)).collect();
         let fitting = each.iter().filter(|c| c.is_empty()).count();
         if fitting == 0 {
-            // The nearest choice tells most.
-            each.sort_by_key(Vec::len);
+            // The nearest choice tells most: of blocks the one of that type.
+            let is_other = |c: &Vec<String>| c.iter().any(|c| c.starts_with(&format!("{path}.type:")));
+            each.sort_by_key(|c| (is_other(c), c.len()));
             found.extend(each.swap_remove(0));
         } else if key == "oneOf" && fitting > 1 {
             found.push(format!("{path}: {fitting} choices fit"));
@@ -101,8 +102,14 @@ fn every_example_is_valid() {
                 block["noise"] = json!({ "sigma": ["1 m", 2.5], "from_source": true, "scale": 1.5 });
                 design["sensor"]["x"] = block;
             }
-            Role::Stage => design["stage"] = json!({ "x": block }),
-            Role::Initialiser => design["initial"]["x"] = block,
+            Role::Stage => {
+                block["enabled"] = json!(true);
+                design["stage"] = json!({ "x": block });
+            }
+            Role::Initialiser => {
+                block["enabled"] = json!(false);
+                design["initial"]["x"] = block;
+            }
             Role::Gate => design["sensor"]["gnss"]["gate"] = block,
             Role::Loss => design["sensor"]["gnss"]["loss"] = block,
             Role::Source => design["source"]["x"] = block,
