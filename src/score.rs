@@ -259,7 +259,7 @@ impl Scorer {
             }
             self.epochs.pop_front();
             if epoch.time >= previous.time {
-                let at = between(&previous, now, epoch.time);
+                let at = Solution::between(&previous, now, epoch.time);
                 self.score(&epoch, &at);
             }
         }
@@ -395,25 +395,6 @@ fn mean_rotation(rotations: impl Iterator<Item = UnitQuaternion<f64>> + Clone) -
 fn nees(e: &Vector3<f64>, p: &Matrix3<f64>) -> Option<f64> {
     let solved = p.cholesky()?.solve(e);
     Some(e.dot(&solved))
-}
-
-fn between(a: &Solution, b: &Solution, time: Time) -> Solution {
-    let dt = time.seconds_since(a.time);
-    let whole = b.time.seconds_since(a.time);
-    if time == b.time || whole <= 0.0 {
-        return *b;
-    }
-    let fraction = dt / whole;
-    let v = a.velocity.map_or_else(Vector3::zeros, |(v, _)| v);
-    Solution {
-        time,
-        position: a.position.map(|(place, p)| (place.offset(&(v * dt)), p)),
-        velocity: a.velocity.zip(b.velocity).map(|((va, p), (vb, _))| (va + (vb - va) * fraction, p)),
-        attitude: a.attitude.zip(b.attitude).map(|((qa, p), (qb, _))| {
-            let turn = so3::log(&(qa.inverse() * qb));
-            (qa * so3::exp(&(turn * fraction)), p)
-        }),
-    }
 }
 
 fn median(mut values: Vec<f64>) -> Option<f64> {

@@ -25,6 +25,28 @@ pub struct Solution {
 }
 
 impl Solution {
+    /// The solution at `time` between those at `a` and `b`.
+    ///
+    /// The position is that of `a` carried on by its velocity, so that nothing after `time` can
+    /// flatter it; velocity and attitude, which a measurement moves little, are interpolated.
+    pub(crate) fn between(a: &Self, b: &Self, time: Time) -> Self {
+        let (dt, whole) = (time.seconds_since(a.time), b.time.seconds_since(a.time));
+        if time == b.time || whole <= 0.0 {
+            return *b;
+        }
+        let fraction = dt / whole;
+        let v = a.velocity.map_or_else(Vector3::zeros, |(v, _)| v);
+        Self {
+            time,
+            position: a.position.map(|(place, p)| (place.offset(&(v * dt)), p)),
+            velocity: a.velocity.zip(b.velocity).map(|((va, p), (vb, _))| (va + (vb - va) * fraction, p)),
+            attitude: a.attitude.zip(b.attitude).map(|((qa, p), (qb, _))| {
+                let turn = so3::log(&(qa.inverse() * qb));
+                (qa * so3::exp(&(turn * fraction)), p)
+            }),
+        }
+    }
+
     /// Roll, pitch, yaw \[rad\] and their 1σ.
     #[must_use]
     pub fn rpy(&self) -> Option<(Vector3<f64>, Vector3<f64>)> {

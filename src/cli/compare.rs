@@ -17,7 +17,7 @@ pub(super) struct CompareArgs {
     /// The designs; without one, the built-in one.
     configs: Vec<PathBuf>,
     /// Variants of each design to run, by commas; `base` is the design as it stands.
-    #[arg(long, value_name = "A,B,C", value_delimiter = ',', default_value = BASE)]
+    #[arg(long, value_name = "A,B,C", value_delimiter = ',', default_value = BASE, hide_default_value = true)]
     variant: Vec<String>,
     /// Replaces one value in every run, after the variant.
     #[arg(long, value_name = "PATH=VALUE")]

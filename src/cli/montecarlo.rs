@@ -14,14 +14,14 @@ use std::path::PathBuf;
 pub(super) struct MonteCarloArgs {
     #[command(flatten)]
     design: DesignArgs,
-    /// How many runs.
-    #[arg(short, long, value_name = "N", default_value_t = 100)]
+    /// How many runs; 100 without it.
+    #[arg(short, long, value_name = "N", default_value_t = 100, hide_default_value = true)]
     n: u64,
-    /// Seed of the campaign; each run draws its own from it and from its number.
-    #[arg(long, value_name = "S", default_value_t = 1)]
+    /// Seed of the campaign, 1 without it; each run draws its own from it and from its number.
+    #[arg(long, value_name = "S", default_value_t = 1, hide_default_value = true)]
     seed: u64,
     /// Threads; as many as there are cores without it. The results do not depend on it.
-    #[arg(long, value_name = "T", default_value_t = 0)]
+    #[arg(long, value_name = "T", default_value_t = 0, hide_default_value = true)]
     threads: usize,
     /// Writes runs.csv here, one row per run; the folder is made if need be.
     #[arg(long, value_name = "DIR")]

@@ -266,7 +266,7 @@ impl Recording {
         let (previous, angles) = self.previous.replace((*solution, continuous)).unwrap_or((*solution, continuous));
         while let Some((epoch, true_angles)) = self.ahead.pop_front_if(|(e, _)| e.time <= solution.time) {
             if epoch.time >= previous.time {
-                self.compare(&epoch, &between(&previous, solution, epoch.time), angles.zip(true_angles));
+                self.compare(&epoch, &Solution::between(&previous, solution, epoch.time), angles.zip(true_angles));
             }
         }
     }
@@ -504,24 +504,5 @@ fn shown_unit(dimension: Dimension) -> (String, f64) {
     } else {
         let si = dimension.to_string().replace("^2", "²").replace("^3", "³").replace('*', "·");
         (if dimension.is_none() { String::new() } else { si }, 1.0)
-    }
-}
-
-/// As the score sees it: position carried on by the earlier velocity, the rest interpolated.
-fn between(a: &Solution, b: &Solution, time: Time) -> Solution {
-    let (dt, whole) = (time.seconds_since(a.time), b.time.seconds_since(a.time));
-    if time == b.time || whole <= 0.0 {
-        return *b;
-    }
-    let fraction = dt / whole;
-    let v = a.velocity.map_or_else(Vector3::zeros, |(v, _)| v);
-    Solution {
-        time,
-        position: a.position.map(|(place, p)| (place.offset(&(v * dt)), p)),
-        velocity: a.velocity.zip(b.velocity).map(|((va, p), (vb, _))| (va + (vb - va) * fraction, p)),
-        attitude: a
-            .attitude
-            .zip(b.attitude)
-            .map(|((qa, p), (qb, _))| (qa * so3::exp(&(so3::log(&(qa.inverse() * qb)) * fraction)), p)),
     }
 }

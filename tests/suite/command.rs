@@ -19,7 +19,7 @@ fn is_narrow(text: &str) {
 #[test]
 fn help_has_examples_for_every_subcommand() {
     let w = Workspace::new("command-help");
-    for sub in ["run", "check", "blocks", "schema"] {
+    for sub in ["run", "check", "blocks", "compare", "montecarlo", "schema"] {
         let ran = w.fusion(&[sub, "--help"]);
         assert_eq!((ran.code, ran.stderr.as_str()), (0, ""));
         let example = ran.stdout.split("Examples:").nth(1).unwrap_or_else(|| panic!("{}", ran.stdout));
@@ -52,6 +52,50 @@ fn the_built_in_design_runs_without_a_file() {
         has(&ran.stdout, line);
     }
     is_narrow(&ran.stdout);
+}
+
+#[test]
+fn the_command_alone_runs_the_built_in_design() {
+    let w = Workspace::new("command-alone");
+    let (alone, run) = (w.fusion(&[]), w.fusion(&["run"]));
+    assert_eq!(
+        (alone.code, squeezed(&alone.stdout)[0].clone()),
+        (0, squeezed(&run.stdout)[0].clone())
+    );
+}
+
+#[test]
+fn variants_are_compared_in_one_table_and_one_page() {
+    let w = Workspace::new("command-compare");
+    let ran = w.fusion(&["compare", "--variant", "base,ekf", "--out", "both"]);
+    assert_eq!((ran.code, ran.stderr.as_str()), (0, ""));
+    for line in ["base", "ekf", "RMS N [m]", "rejected", "ns per epoch"] {
+        has(&ran.stdout, line);
+    }
+    is_narrow(&ran.stdout);
+    assert!(w.read("both/report.html").contains("ekf"));
+    assert_eq!(w.fusion(&["compare", "--variant", "base,nobody"]).code, 2);
+}
+
+#[test]
+fn a_campaign_is_the_same_file_for_any_number_of_threads() {
+    let w = Workspace::new("command-montecarlo");
+    let campaign = |out: &str, threads: &str, seed: &str| {
+        let ran = w.fusion(&["montecarlo", "-n", "3", "--threads", threads, "--seed", seed, "--out", out]);
+        assert_eq!((ran.code, ran.stderr.as_str()), (0, ""));
+        has(&ran.stdout, "3 runs");
+        has(&ran.stdout, "NEES position");
+        is_narrow(&ran.stdout);
+        w.read(&format!("{out}/runs.csv"))
+    };
+    let (one, two, other) = (campaign("one", "1", "1"), campaign("two", "2", "1"), campaign("other", "2", "9"));
+    assert_eq!(one, two);
+    assert_ne!(one, other, "the seed of the campaign counts");
+    let rows: Vec<&str> = one.lines().collect();
+    assert!(
+        rows.len() == 4 && rows[0].starts_with("run,seed,rms_n_m") && rows[1] != rows[2],
+        "{one}"
+    );
 }
 
 #[test]

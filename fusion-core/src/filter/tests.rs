@@ -1,0 +1,530 @@
+use super::*;
+use crate::gate::{Nis, Open, Recovery};
+use crate::loss::{Huber, Quadratic};
+use crate::state::{Attitude, Declaration, LayoutBuilder, Manifold, Param, Scalar, Slot, Vector};
+use crate::testing::Lcg;
+use nalgebra::{DMatrix, Matrix1, SMatrix, SVector};
+
+fn declare<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M::Value, sigma: &[f64], dynamics: Dynamics) -> Slot<M> {
+    let (name, owner, sigma) = (name.to_owned(), String::new(), sigma.to_vec());
+    b.declare::<M>(Declaration {
+        name,
+        owner,
+        unit: "",
+        initial,
+        sigma,
+        dynamics,
+    })
+    .unwrap()
+}
+
+/// Nothing moves but what moves by itself.
+#[derive(Debug)]
+struct Still;
+
+impl Process for Still {
+    fn input_dim(&self) -> usize {
+        0
+    }
+    fn propagate(&self, _: &mut [f64], _: &Input<'_>, _: f64) {}
+    fn linearise(&self, _: &[f64], _: &Input<'_>, _: f64, _: &mut Transition) {}
+}
+
+/// Constant velocity whose acceleration is constant over a step of `sigma` m/s²; its input
+/// is an acceleration known.
+#[derive(Debug)]
+struct Track {
+    position: Slot<Scalar>,
+    velocity: Slot<Scalar>,
+    sigma: f64,
+}
+
+impl Process for Track {
+    fn input_dim(&self) -> usize {
+        1
+    }
+    fn propagate(&self, x: &mut [f64], input: &Input<'_>, dt: f64) {
+        let (p, v, a) = (self.position.read(x), self.velocity.read(x), input.sample[0]);
+        self.position.write(&(p + (v + 0.5 * a * dt) * dt), x);
+        self.velocity.write(&(v + a * dt), x);
+    }
+    fn linearise(&self, _: &[f64], _: &Input<'_>, dt: f64, out: &mut Transition) {
+        let q = self.sigma * self.sigma;
+        out.set(self.position, self.velocity, &Matrix1::new(dt));
+        out.noise(self.position, self.position, &Matrix1::new(q * dt.powi(4) / 4.0));
+        out.noise(self.position, self.velocity, &Matrix1::new(q * dt.powi(3) / 2.0));
+        out.noise(self.velocity, self.velocity, &Matrix1::new(q * dt * dt));
+    }
+}
+
+/// z = H x of one block.
+#[derive(Debug)]
+struct Linear<const M: usize, const N: usize> {
+    x: Param<Vector<N>>,
+    h: SMatrix<f64, M, N>,
+}
+
+impl<const M: usize, const N: usize> Measurement for Linear<M, N> {
+    fn size(&self) -> Size {
+        Size::same(M)
+    }
+    fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {
+        value.copy_from_slice((self.h * at.get(&self.x)).as_slice());
+        Ok(())
+    }
+    fn jacobian(&self, _: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined> {
+        h.add(0, &self.x, &self.h);
+        Ok(())
+    }
+}
+
+/// z = x of one scalar.
+#[derive(Debug)]
+struct Direct(Slot<Scalar>);
+
+impl Measurement for Direct {
+    fn size(&self) -> Size {
+        Size::same(1)
+    }
+    fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {
+        value[0] = at.state(self.0);
+        Ok(())
+    }
+    fn jacobian(&self, _: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined> {
+        h.add_slot(0, self.0, &Matrix1::new(1.0));
+        Ok(())
+    }
+}
+
+fn filter(layout: LayoutBuilder, process: impl Process + 'static, largest: usize) -> Filter {
+    Filter::new(
+        Arc::new(layout.finish()),
+        Arc::new(process),
+        Backend::default(),
+        Size::same(largest),
+    )
+}
+
+fn accept<'a>(f: &'a mut Filter, model: &dyn Measurement, value: &[f64], noise: &[f64]) -> Update<'a> {
+    f.update(&Observed { model, value, noise }, &mut Open, &Quadratic)
+}
+
+fn second(k: i64) -> Time {
+    Time::from_nanos(k * 1_000_000_000)
+}
+
+fn dense(f: &Filter) -> DMatrix<f64> {
+    let p = &f.belief().covariance;
+    DMatrix::from_fn(p.dim(), p.dim(), |i, j| p.get(i, j))
+}
+
+#[test]
+fn a_random_walk_settles_at_the_closed_form() {
+    let mut b = LayoutBuilder::new();
+    let x = declare::<Scalar>(&mut b, "x", 0.0, &[1.0], Dynamics::RandomWalk { psd: vec![0.01] });
+    let mut f = filter(b, Still, 1);
+    let mut prior = 0.0;
+    for k in 1..200 {
+        f.predict(second(k), &Input::alone(&[])).unwrap();
+        prior = f.belief().covariance.get(0, 0);
+        accept(&mut f, &Direct(x), &[0.0], &[1.0]);
+    }
+    // P⁻ = (q + √(q² + 4qr))/2, K = P⁻/(P⁻ + r); seven printed digits.
+    assert!((prior - 0.105_124_9).abs() < 5e-8, "{prior}");
+    assert!((f.belief().covariance.get(0, 0) - 0.095_124_9).abs() < 5e-8);
+}
+
+#[test]
+fn constant_velocity_settles_at_the_alpha_beta_gains() {
+    let mut b = LayoutBuilder::new();
+    let position = declare::<Scalar>(&mut b, "position", 0.0, &[10.0], Dynamics::Process);
+    let velocity = declare::<Scalar>(&mut b, "velocity", 0.0, &[10.0], Dynamics::Process);
+    let mut f = filter(
+        b,
+        Track {
+            position,
+            velocity,
+            sigma: 0.1,
+        },
+        1,
+    );
+    for k in 1..200 {
+        f.predict(second(k), &Input::alone(&[0.0])).unwrap();
+        accept(&mut f, &Direct(position), &[0.0], &[1.0]);
+    }
+    // Kalata's index 0.1: α = 0.36, β = 0.08 exactly; 1e-12: 200 steps of a contraction.
+    let wanted = DMatrix::from_row_slice(2, 2, &[0.36, 0.08, 0.08, 0.04]);
+    assert!((dense(&f) - wanted).amax() < 1e-12, "{}", dense(&f));
+    let x = f.belief().x.clone();
+    f.predict(second(200), &Input::alone(&[0.0])).unwrap();
+    accept(&mut f, &Direct(position), &[1.0], &[1.0]);
+    assert!((f.belief().x[0] - x[0] - 0.36).abs() < 1e-12 && (f.belief().x[1] - x[1] - 0.08).abs() < 1e-12);
+}
+
+/// A block of four correlated numbers.
+fn four(form: Form) -> (Filter, Slot<Vector<4>>) {
+    let mut b = LayoutBuilder::new();
+    let x = declare::<Vector<4>>(
+        &mut b,
+        "x",
+        SVector::from([1.0, -2.0, 3.0, 0.5]),
+        &[1.0, 2.0, 0.5, 3.0],
+        Dynamics::Constant,
+    );
+    let backend = Backend {
+        form,
+        ..Backend::default()
+    };
+    let mut f = Filter::new(Arc::new(b.finish()), Arc::new(Still), backend, Size::same(3));
+    let mixing = Linear {
+        x: Param::State(x),
+        h: SMatrix::<f64, 2, 4>::new(1.0, 1.0, 0.0, 0.5, 0.0, -1.0, 2.0, 1.0),
+    };
+    accept(&mut f, &mixing, &[0.0, 1.0], &[0.5, 0.1, 0.1, 0.7]);
+    (f, x)
+}
+
+#[test]
+fn one_update_of_three_rows_equals_three_of_one() {
+    let h = SMatrix::<f64, 3, 4>::new(1.0, 0.3, 0.0, 0.0, 0.0, 1.0, -0.4, 0.0, 0.2, 0.0, 0.0, 1.0);
+    let (z, r) = ([0.4, -1.0, 2.0], [0.3, 0.2, 0.5]);
+    for form in [Form::Joseph, Form::Standard] {
+        let ((mut whole, x), (mut parts, _)) = (four(form), four(form));
+        accept(
+            &mut whole,
+            &Linear { x: Param::State(x), h },
+            &z,
+            &[r[0], 0.0, 0.0, 0.0, r[1], 0.0, 0.0, 0.0, r[2]],
+        );
+        for i in 0..3 {
+            let row = SMatrix::<f64, 1, 4>::from_fn(|_, j| h[(i, j)]);
+            accept(
+                &mut parts,
+                &Linear {
+                    x: Param::State(x),
+                    h: row,
+                },
+                &z[i..=i],
+                &r[i..=i],
+            );
+        }
+        // 1e-14: rounding.
+        assert!((dense(&whole) - dense(&parts)).amax() < 1e-14);
+        assert!(whole.belief().x.iter().zip(&parts.belief().x).all(|(a, b)| (a - b).abs() < 1e-14));
+    }
+}
+
+#[test]
+fn the_update_equals_the_dense_reference_and_reports_its_statistics() {
+    let (mut f, x) = four(Form::Joseph);
+    let h = SMatrix::<f64, 2, 4>::new(1.0, 0.0, 2.0, 0.0, 0.0, 1.0, 0.0, -1.0);
+    let (p, x0) = (dense(&f), nalgebra::DVector::from_column_slice(&f.belief().x));
+    let (full, r) = (
+        DMatrix::from_fn(2, 4, |i, j| h[(i, j)]),
+        DMatrix::from_row_slice(2, 2, &[0.4, 0.1, 0.1, 0.6]),
+    );
+    let z = nalgebra::DVector::from_column_slice(&[5.0, -4.0]);
+    let s = &full * &p * full.transpose() + &r;
+    let gain = &p * full.transpose() * s.clone().try_inverse().unwrap();
+    let residual = &z - &full * &x0;
+    let nis = (residual.transpose() * s.clone().try_inverse().unwrap() * &residual)[0];
+    let update = accept(&mut f, &Linear { x: Param::State(x), h }, z.as_slice(), r.as_slice());
+    assert_eq!(update.verdict, Verdict::Accepted);
+    // 1e-13: rounding of an inverse of condition about 10.
+    assert!((update.nis - nis).abs() < 1e-13 * nis && (update.innovation_sigma[1] - s[(1, 1)].sqrt()).abs() < 1e-14);
+    assert!((dense(&f) - (DMatrix::identity(4, 4) - &gain * full) * p).amax() < 1e-13);
+    let moved = x0 + gain * residual;
+    assert!(moved.iter().zip(&f.belief().x).all(|(a, b)| (a - b).abs() < 1e-13));
+}
+
+#[test]
+fn a_loss_divides_the_noise_by_its_weight() {
+    let ((mut robust, x), (mut inflated, _)) = (four(Form::Joseph), four(Form::Joseph));
+    let h = SMatrix::<f64, 1, 4>::new(1.0, 0.0, 0.0, 0.0);
+    let model = Linear { x: Param::State(x), h };
+    let huber = Huber { k: 1.0 };
+    let weight = robust
+        .update(
+            &Observed {
+                model: &model,
+                value: &[50.0],
+                noise: &[0.2],
+            },
+            &mut Open,
+            &huber,
+        )
+        .weight;
+    assert!(weight < 0.1, "{weight}");
+    accept(&mut inflated, &model, &[50.0], &[0.2 / weight]);
+    assert_eq!(
+        (robust.belief().x.clone(), dense(&robust)),
+        (inflated.belief().x.clone(), dense(&inflated))
+    );
+}
+
+fn unchanged(f: &Filter, x: &[f64], p: &DMatrix<f64>) -> bool {
+    f.belief().x == x && dense(f) == *p
+}
+
+#[test]
+fn numeric_trouble_leaves_the_belief_as_it_was() {
+    let (mut f, x) = four(Form::Joseph);
+    let (before, p) = (f.belief().x.clone(), dense(&f));
+    let model = Linear {
+        x: Param::State(x),
+        h: SMatrix::<f64, 1, 4>::new(1.0, 0.0, 0.0, 0.0),
+    };
+    for (z, r) in [
+        (f64::NAN, 1.0),
+        (f64::INFINITY, 1.0),
+        (0.0, f64::NAN),
+        (0.0, -1e3),
+        (0.0, f64::INFINITY),
+    ] {
+        assert_eq!(accept(&mut f, &model, &[z], &[r]).verdict, Verdict::Unusable, "{z} {r}");
+        assert!(unchanged(&f, &before, &p), "{z} {r}");
+    }
+    // S = HPHᵀ + R of two equal rows without noise is singular.
+    let twice = Linear {
+        x: Param::State(x),
+        h: SMatrix::<f64, 2, 4>::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
+    };
+    assert_eq!(accept(&mut f, &twice, &[0.0, 0.0], &[0.0; 4]).verdict, Verdict::Unusable);
+    assert!(unchanged(&f, &before, &p));
+}
+
+#[test]
+fn a_prediction_that_diverges_leaves_the_belief_as_it_was() {
+    let mut b = LayoutBuilder::new();
+    let position = declare::<Scalar>(&mut b, "position", 0.0, &[1.0], Dynamics::Process);
+    let velocity = declare::<Scalar>(&mut b, "velocity", 2.0, &[1.0], Dynamics::Process);
+    let mut f = filter(
+        b,
+        Track {
+            position,
+            velocity,
+            sigma: 0.1,
+        },
+        1,
+    );
+    let (x, p) = (f.belief().x.clone(), dense(&f));
+    assert_eq!(
+        f.predict(second(1), &Input::alone(&[f64::NAN])),
+        Err(FilterError::Diverged(second(1)))
+    );
+    assert!(unchanged(&f, &x, &p) && f.belief().time == second(0));
+    // A covariance that overflows while the state does not.
+    let mut belief = f.belief().clone();
+    belief.covariance.set(1, 1, 1e308);
+    f.set_belief(belief);
+    let p = dense(&f);
+    assert_eq!(
+        f.predict(second(100), &Input::alone(&[0.0])),
+        Err(FilterError::Diverged(second(100)))
+    );
+    assert!(unchanged(&f, &x, &p));
+    assert_eq!(
+        f.predict(second(-1), &Input::alone(&[0.0])),
+        Err(FilterError::Backwards {
+            from: second(0),
+            to: second(-1)
+        })
+    );
+}
+
+#[test]
+fn a_rejected_measurement_changes_nothing() {
+    let (mut f, x) = four(Form::Joseph);
+    let (before, p) = (f.belief().x.clone(), dense(&f));
+    let model = Linear {
+        x: Param::State(x),
+        h: SMatrix::<f64, 1, 4>::new(1.0, 0.0, 0.0, 0.0),
+    };
+    let mut gate = Nis::new(0.99, Recovery::default());
+    let update = f.update(
+        &Observed {
+            model: &model,
+            value: &[1e3],
+            noise: &[0.1],
+        },
+        &mut gate,
+        &Quadratic,
+    );
+    assert_eq!((update.verdict, update.weight), (Verdict::Rejected, 0.0));
+    assert!(unchanged(&f, &before, &p));
+}
+
+/// Believes everything against the estimate.
+#[derive(Clone, Debug)]
+struct Credulous;
+
+impl Gate for Credulous {
+    fn judge(&mut self, input: &GateInput<'_>) -> Answer {
+        Answer {
+            decision: Decision::Readopt,
+            statistic: input.nis,
+            threshold: 0.0,
+            mode: Mode::Track,
+        }
+    }
+    fn boxed_clone(&self) -> Box<dyn Gate> {
+        Box::new(self.clone())
+    }
+}
+
+#[test]
+fn readopting_first_grows_the_projected_covariance_by_the_residual_squared_plus_noise() {
+    let (mut f, x) = four(Form::Joseph);
+    let h = SMatrix::<f64, 2, 4>::new(1.0, 0.0, 0.5, 0.0, 0.0, 1.0, 0.0, 0.3);
+    let model = Linear { x: Param::State(x), h };
+    let (value, noise) = ([40.0, -30.0], [0.4, 0.1, 0.1, 0.6]);
+    let observed = Observed {
+        model: &model,
+        value: &value,
+        noise: &noise,
+    };
+    // The inflation alone.
+    f.linearise(&observed).unwrap();
+    let r = nalgebra::DVector::from_column_slice(&f.rows.residual[..2]);
+    let (before, full) = (dense(&f), DMatrix::from_fn(2, 4, |i, j| h[(i, j)]));
+    assert!(f.inflate(2));
+    let grown = dense(&f) - before;
+    let added = &r * r.transpose() + DMatrix::from_row_slice(2, 2, &noise);
+    // 1e-11 of 1e3: rounding.
+    assert!((&full * &grown * full.transpose() - added).amax() < 1e-11);
+    assert!(grown.symmetric_eigen().eigenvalues.min() > -1e-10);
+    // With the update: the state goes most of the way to the measurement.
+    let (mut f, _) = four(Form::Joseph);
+    let verdict = f.update(&observed, &mut Credulous, &Quadratic).verdict;
+    let left = nalgebra::Vector2::from(value) - h * x.read(&f.belief().x);
+    assert_eq!(verdict, Verdict::Readopted);
+    // K = (HPHᵀ + rrᵀ + R)(… + R)⁻¹ leaves at most R/(rᵀr) of r.
+    assert!(left.norm() < 0.05, "{left}");
+}
+
+/// Must not be asked.
+#[derive(Clone, Debug)]
+struct Unasked;
+
+impl Gate for Unasked {
+    fn judge(&mut self, input: &GateInput<'_>) -> Answer {
+        panic!("asked about {:?}", input.residual)
+    }
+    fn boxed_clone(&self) -> Box<dyn Gate> {
+        Box::new(self.clone())
+    }
+}
+
+#[test]
+fn a_measurement_that_is_no_number_never_reaches_its_gate() {
+    let (mut f, x) = four(Form::Joseph);
+    let model = Linear {
+        x: Param::State(x),
+        h: SMatrix::<f64, 1, 4>::new(1.0, 0.0, 0.0, 0.0),
+    };
+    let observed = Observed {
+        model: &model,
+        value: &[f64::NAN],
+        noise: &[0.1],
+    };
+    assert_eq!(f.update(&observed, &mut Unasked, &Quadratic).verdict, Verdict::Unusable);
+}
+
+#[test]
+fn readopting_what_cannot_be_used_leaves_the_belief_as_it_was() {
+    let (mut f, x) = four(Form::Joseph);
+    let (before, p) = (f.belief().x.clone(), dense(&f));
+    let blind = SMatrix::<f64, 1, 4>::zeros();
+    let seeing = SMatrix::<f64, 1, 4>::new(1.0, 0.0, 0.0, 0.0);
+    // The square of the second residual overflows once P has grown by it.
+    for (h, value) in [(blind, 1.0), (seeing, 1e200)] {
+        let model = Linear { x: Param::State(x), h };
+        let observed = Observed {
+            model: &model,
+            value: &[value],
+            noise: &[0.1],
+        };
+        assert_eq!(f.update(&observed, &mut Credulous, &Quadratic).verdict, Verdict::Unusable);
+        assert!(unchanged(&f, &before, &p), "{value}");
+    }
+}
+
+#[test]
+fn a_gauss_markov_block_relaxes_to_its_stationary_variance_whatever_the_steps() {
+    let mut b = LayoutBuilder::new();
+    declare::<Scalar>(
+        &mut b,
+        "bias",
+        5.0,
+        &[0.5],
+        Dynamics::GaussMarkov {
+            sigma: vec![2.0],
+            tau: 60.0,
+        },
+    );
+    let mut f = filter(b, Still, 1);
+    let mut g = f.boxed_clone();
+    for k in 1..=100 {
+        f.predict(second(k), &Input::alone(&[])).unwrap();
+    }
+    g.predict(second(100), &Input::alone(&[])).unwrap();
+    // x e^{−t/τ}, σ² + (P₀ − σ²) e^{−2t/τ}; 100 roundings.
+    let decay = (-100.0_f64 / 60.0).exp();
+    for belief in [f.belief(), g.belief()] {
+        assert!((belief.x[0] - 5.0 * decay).abs() < 1e-13);
+        assert!((belief.covariance.get(0, 0) - (4.0 + (0.25 - 4.0) * decay * decay)).abs() < 1e-13);
+    }
+}
+
+#[test]
+fn one_hundred_thousand_random_steps_keep_the_covariance_symmetric_and_positive() {
+    for (form, steps) in [(Form::Joseph, 100_000), (Form::Standard, 10_000)] {
+        let mut b = LayoutBuilder::new();
+        let position = declare::<Scalar>(&mut b, "position", 0.0, &[100.0], Dynamics::Process);
+        let velocity = declare::<Scalar>(&mut b, "velocity", 0.0, &[10.0], Dynamics::Process);
+        let bias = declare::<Scalar>(
+            &mut b,
+            "bias",
+            0.0,
+            &[1.0],
+            Dynamics::GaussMarkov {
+                sigma: vec![1.0],
+                tau: 30.0,
+            },
+        );
+        declare::<Attitude>(
+            &mut b,
+            "attitude",
+            nalgebra::UnitQuaternion::identity(),
+            &[0.1; 3],
+            Dynamics::RandomWalk { psd: vec![1e-6; 3] },
+        );
+        let backend = Backend { form, ..Backend::EKF };
+        let mut f = Filter::new(
+            Arc::new(b.finish()),
+            Arc::new(Track {
+                position,
+                velocity,
+                sigma: 0.01,
+            }),
+            backend,
+            Size::same(1),
+        );
+        let mut r = Lcg::new(5);
+        let mut now = 0;
+        for _ in 0..steps {
+            now += (r.unit() * 2e9) as i64;
+            f.predict(Time::from_nanos(now), &Input::alone(&[0.1 * r.signed()])).unwrap();
+            let noise = 10_f64.powf(6.0 * r.signed() - 3.0);
+            let slot = if r.signed() > 0.0 { position } else { bias };
+            accept(&mut f, &Direct(slot), &[r.signed()], &[noise]);
+        }
+        let p = dense(&f);
+        assert_eq!(p, p.transpose());
+        let scale: Vec<f64> = (0..6).map(|i| p[(i, i)].sqrt()).collect();
+        assert!(scale.iter().all(|s| *s > 0.0));
+        let correlation = DMatrix::from_fn(6, 6, |i, j| p[(i, j)] / (scale[i] * scale[j]));
+        // −1e-12: rounding of the eigenvalues of a matrix of unit diagonal.
+        assert!(correlation.symmetric_eigen().eigenvalues.min() > -1e-12, "{form:?}");
+    }
+}
