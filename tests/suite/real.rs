@@ -19,8 +19,8 @@ fn data() -> Option<PathBuf> {
     found
 }
 
-/// Runs `configs/real/NAME.toml` with a variant and overrides; `None` without the data.
-fn real(name: &str, variant: Option<&str>, sets: &[&str]) -> Option<Summary> {
+/// Runs `configs/real/NAME.toml` with variants and overrides; `None` without the data.
+fn real(name: &str, variants: &[&str], sets: &[&str]) -> Option<Summary> {
     let base = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/real");
     let options = Options {
         data: Some(data()?),
@@ -30,7 +30,7 @@ fn real(name: &str, variant: Option<&str>, sets: &[&str]) -> Option<Summary> {
     let file = base.join(format!("{name}.toml"));
     let (mut document, mistakes) = Document::parse(name, &std::fs::read_to_string(file).unwrap());
     assert!(mistakes.is_empty());
-    if let Some(variant) = variant {
+    for variant in variants {
         document.overlay(&format!("variant.{variant}")).unwrap();
     }
     sets.iter().for_each(|set| document.set(set).unwrap());
@@ -44,7 +44,7 @@ fn outages(name: &str, starts: &[u32], seconds: u32, every: u32) -> Option<Vec<f
     for start in starts {
         let window =
             format!("source.gnss.fault.outage.window={{ from = \"{start} s\", duration = \"{seconds} s\", every = \"{every} s\" }}");
-        let score = real(name, Some("outages"), &[&window])?.score.unwrap();
+        let score = real(name, &["outages"], &[&window])?.score.unwrap();
         drifts.extend(score.drift.iter().map(|d| d.max_horizontal));
     }
     drifts.sort_by(f64::total_cmp);
@@ -57,7 +57,7 @@ fn rms(values: &[f64]) -> f64 {
 
 #[test]
 fn the_car_with_single_point_gnss_is_within_its_bounds() {
-    let Some(summary) = real("pntos-car", None, &[]) else { return };
+    let Some(summary) = real("pntos-car", &[], &[]) else { return };
     let score = summary.score.unwrap();
     // Bounds of the specification; a prototype reached 1.41 m, 0.07 deg, 0.37 deg.
     assert!(score.horizontal_rms <= 1.60, "{}", score.horizontal_rms);
@@ -91,7 +91,7 @@ fn the_car_drifts_little_in_a_minute_without_gnss() {
 
 #[test]
 fn the_drive_with_rtk_is_within_centimetres_between_its_fixes() {
-    let Some(summary) = real("rtklib-drive", None, &[]) else { return };
+    let Some(summary) = real("rtklib-drive", &[], &[]) else { return };
     let score = summary.score.unwrap();
     assert!(
         score.epochs > 1300 && score.horizontal_rms <= 0.08,
@@ -116,7 +116,7 @@ fn the_drive_drifts_little_in_half_a_minute_without_gnss() {
 
 #[test]
 fn the_robot_is_consistent_in_every_sensor() {
-    let Some(summary) = real("husky", None, &[]) else { return };
+    let Some(summary) = real("husky", &[], &[]) else { return };
     for sensor in &summary.sensors {
         let nis = sensor.nis.as_ref().unwrap();
         assert!(nis.count > 900 && nis.is_consistent(), "{}: {nis:?}", sensor.name);
@@ -127,7 +127,7 @@ fn the_robot_is_consistent_in_every_sensor() {
 fn the_hand_held_unit_is_consistent_with_motion_capture() {
     let mut means = Vec::new();
     for seed in ["run.seed=2", "run.seed=3", "run.seed=4", "run.seed=5"] {
-        let Some(summary) = real("tumvi", None, &[seed]) else { return };
+        let Some(summary) = real("tumvi", &[], &[seed]) else { return };
         let score = summary.score.unwrap();
         let (p, v) = (score.nees_position.unwrap(), score.nees_velocity.unwrap());
         assert!(p.is_consistent() && v.is_consistent(), "{seed}: {p:?} {v:?}");
@@ -146,16 +146,16 @@ fn every_backend_gives_the_same_run_to_linearisation_error() {
     // The charts differ at second order in the correction: a few per cent of a σ, where one
     // correction is a few degrees; on a running filter below a per mille of the error.
     for (name, tolerance) in [("rtklib-drive", 2e-3), ("tumvi", 2e-2)] {
-        let Some(body) = real(name, None, &[]) else { return };
+        let Some(body) = real(name, &[], &[]) else { return };
         let body = body.score.unwrap().horizontal_rms;
         for backend in ["ekf", "error_state"] {
             let set = format!("filter.backend={backend}");
-            let other = real(name, None, &[&set]).unwrap().score.unwrap().horizontal_rms;
+            let other = real(name, &[], &[&set]).unwrap().score.unwrap().horizontal_rms;
             assert!((other / body - 1.0).abs() < tolerance, "{name} {backend}: {other} {body}");
         }
         for chart in ["navigation", "additive_euler", "additive_quaternion", "body"] {
             let set = format!("filter.chart={chart}");
-            let other = real(name, None, &[&set]).unwrap().score.unwrap().horizontal_rms;
+            let other = real(name, &[], &[&set]).unwrap().score.unwrap().horizontal_rms;
             assert!((other / body - 1.0).abs() < tolerance, "{name} {chart}: {other} {body}");
         }
     }
@@ -163,12 +163,27 @@ fn every_backend_gives_the_same_run_to_linearisation_error() {
 
 #[test]
 fn both_covariance_forms_give_the_same_run_to_rounding() {
-    let joseph = real("rtklib-drive", None, &["filter.form=joseph"]);
-    let standard = real("rtklib-drive", None, &["filter.form=standard"]);
+    let joseph = real("rtklib-drive", &[], &["filter.form=joseph"]);
+    let standard = real("rtklib-drive", &[], &["filter.form=standard"]);
     let (Some(joseph), Some(standard)) = (joseph, standard) else {
         return;
     };
     let (joseph, standard) = (joseph.score.unwrap().horizontal_rms, standard.score.unwrap().horizontal_rms);
     // 50,000 steps of rounding at 1e-16, amplified by the conditioning of P.
     assert!((joseph - standard).abs() < 1e-9, "{joseph} {standard}");
+}
+
+#[test]
+fn the_two_condition_gate_bears_outliers_and_a_false_track() {
+    // Bounds of the specification: 1.02 and 1.35 times the clean run.
+    for (name, bound) in [("pntos-car", 1.02), ("rtklib-drive", 1.35)] {
+        let horizontal = |variants: &[&str], seed: &str| Some(real(name, variants, &[seed])?.score.unwrap().horizontal_rms);
+        let Some(clean) = horizontal(&[], "run.seed=1") else { return };
+        for seed in ["run.seed=1", "run.seed=2", "run.seed=3"] {
+            let gated = horizontal(&["outliers", "gated"], seed).unwrap();
+            assert!(gated <= bound * clean, "{name} {seed}: {gated} of {clean}");
+        }
+        let open = horizontal(&["outliers"], "run.seed=1").unwrap();
+        assert!(open > 1.5 * clean, "{name}: without the gate {open} of {clean}");
+    }
 }
