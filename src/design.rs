@@ -404,6 +404,14 @@ impl Design {
 
     /// Streams must have unique names: sources and stages share one space. What is simulated is a sensor.
     fn check_names(&self, d: &mut Diagnostics) {
+        if self.run.origin.is_some_and(|o| o.latitude.si().abs() > std::f64::consts::FRAC_PI_2) {
+            let place = self.document.root().place_of("run.origin.latitude");
+            d.push(
+                Diagnostic::error("a latitude lies between -90 and 90 degrees")
+                    .at(place)
+                    .help("a bare number is in radians: write \"47 deg\""),
+            );
+        }
         for stage in &self.stages {
             if self.sources.iter().any(|s| s.name == stage.name) {
                 let message = format!("`{}` is the name of a source and of a stage", stage.name);

@@ -9,7 +9,7 @@ use crate::time::Time;
 use core::fmt::Debug;
 use std::sync::Arc;
 
-/// The number of a stream, as given by [`Runner::add_stream`].
+/// The number of a stream, as given by [`Runner::add_stream`](super::Runner::add_stream).
 pub type StreamId = usize;
 
 /// Which numbers of a stream's rows a consumer takes, in its own order.
