@@ -2,7 +2,7 @@
 //!
 //! A binary of its own: the allocator that counts is the program's.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests are tests")]
+#![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
 #![expect(
     unsafe_code,
     reason = "an allocator can be written in no other way; this one forwards to the system's"

@@ -1,6 +1,6 @@
 //! The integration tests, one binary: this page is their table of contents.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests are tests")]
+#![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
 /// The built command: help, results, exit codes, files.
 #[path = "suite/command.rs"]
