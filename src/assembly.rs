@@ -2,7 +2,7 @@
 
 use crate::config::{Diagnostic, Diagnostics, Node};
 use crate::design::{Design, Named, SensorDesign};
-use crate::world::{REFERENCE, simulated};
+use crate::world::{REFERENCE, imu_stream, simulated};
 use fusion_core::filter::{Estimator, Filter};
 use fusion_core::gate::Open;
 use fusion_core::geometry::wgs84::Geodetic;
@@ -14,6 +14,7 @@ use fusion_core::time::nanos;
 use fusion_models::block::{Build, BuildError, Channel, Listen, Reading, Shape};
 use fusion_models::earth::Gravity;
 use fusion_models::fault::ProvidedChannel;
+use fusion_models::sim::imu_channels;
 use fusion_models::units::{Dimension, Dimensional, dim};
 use std::sync::Arc;
 
@@ -111,9 +112,8 @@ pub fn declared_streams(design: &Design) -> Result<Vec<StreamLayout>, Diagnostic
     let mut d = Diagnostics::new();
     let mut streams = Vec::new();
     if let Some(simulation) = &design.simulation {
-        let process = &design.process.block;
-        if let Some(source) = &process.source {
-            streams.push(StreamLayout::of(source, None, &process.model.input()));
+        if simulation.block.world.imu.is_some() {
+            streams.push(StreamLayout::of(imu_stream(design), None, &imu_channels()));
         }
         for (sensor, source, channel) in simulated(design, &simulation.block) {
             streams.push(StreamLayout::of(sensor, Some(source), &[channel]));
@@ -330,7 +330,9 @@ impl Assembler<'_> {
             });
             return Some(self.streams.len() - 1);
         }
-        let names: Vec<&str> = self.streams.iter().map(|s| s.alias.as_deref().unwrap_or(&s.name)).collect();
+        let mut names: Vec<&str> = self.streams.iter().map(|s| s.alias.as_deref().unwrap_or(&s.name)).collect();
+        names.sort_unstable();
+        names.dedup();
         let mut diagnostic = Diagnostic::error(format!("no source or stage is called `{name}`")).at(place.place_of(key));
         if let Some(meant) = crate::config::did_you_mean(name, &names) {
             diagnostic = diagnostic.label(format!("did you mean `{meant}`?"));

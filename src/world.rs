@@ -16,6 +16,13 @@ pub const REFERENCE: &str = "reference";
 /// What the simulator calls the process input.
 const INPUT: &str = "imu";
 
+/// The name of the simulated inertial unit's stream: what the process reads, or `imu` where the
+/// process reads a stage.
+pub fn imu_stream(design: &Design) -> &str {
+    let read = design.process.block.source.as_deref();
+    read.filter(|name| design.stages.iter().all(|stage| stage.name != *name)).unwrap_or(INPUT)
+}
+
 /// Rows of a simulated world.
 #[derive(Debug)]
 pub struct SimulatedRows {
@@ -81,7 +88,7 @@ impl SimulatedRows {
             simulator,
         };
         let mut d = Diagnostics::new();
-        let input_stream = design.process.block.source.as_deref().unwrap_or(INPUT);
+        let input_stream = imu_stream(design);
         for stream in rows.simulator.streams() {
             let name = if stream.name == INPUT { input_stream } else { &stream.name };
             rows.ids

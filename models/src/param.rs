@@ -153,17 +153,19 @@ impl<V: ParamValue> Estimated<V> {
     /// Its own dynamics, or the key and reason of what does not fit.
     pub(crate) fn dynamics(&self) -> Result<Dynamics, (&'static str, String)> {
         let sigma = V::axes(&self.sigma);
-        match (&self.random_walk, &self.correlation_time) {
-            (None, None) => Ok(Dynamics::Constant),
-            (None, Some(tau)) => Ok(Dynamics::GaussMarkov { sigma, tau: tau.si() }),
-            (Some(walk), None) => {
-                let wanted = per_root_second(V::KIND.dimension);
-                let walk = walk.expect(wanted).map_err(|e| ("random_walk", e.to_string()))?;
-                Ok(Dynamics::RandomWalk {
-                    psd: vec![walk * walk; sigma.len()],
-                })
-            }
-            (Some(_), Some(_)) => Err(("random_walk", "a block is a random walk or Gauss-Markov, not both".to_owned())),
+        let walk = match &self.random_walk {
+            Some(walk) => walk
+                .expect(per_root_second(V::KIND.dimension))
+                .map_err(|e| ("random_walk", e.to_string()))?,
+            None => 0.0,
+        };
+        match (walk != 0.0, &self.correlation_time) {
+            (false, None) => Ok(Dynamics::Constant),
+            (false, Some(tau)) => Ok(Dynamics::GaussMarkov { sigma, tau: tau.si() }),
+            (true, None) => Ok(Dynamics::RandomWalk {
+                psd: vec![walk * walk; sigma.len()],
+            }),
+            (true, Some(_)) => Err(("random_walk", "a block is a random walk or Gauss-Markov, not both".to_owned())),
         }
     }
 }
@@ -186,7 +188,7 @@ struct Table<V: ParamValue> {
     initial: Option<V>,
     /// Initial 1σ; with `correlation_time` also the stationary 1σ.
     sigma: Option<V::Sigma>,
-    /// Makes the state a random walk of this density: the unit of the parameter per sqrt(s).
+    /// Makes the state a random walk of this density: the unit of the parameter per sqrt(s); 0 is none.
     random_walk: Option<AnyQuantity>,
     /// Makes the state first-order Gauss-Markov with this correlation time.
     correlation_time: Option<Positive<dim::Duration>>,
@@ -273,5 +275,36 @@ impl<V: ParamValue> JsonSchema for ParamSpec<V> {
         let fixed = generator.subschema_for::<V>();
         let table = Table::<V>::json_schema(generator);
         json_schema!({ "anyOf": [fixed, table] })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Deserialize)]
+    struct Holder {
+        bias: VectorParam<dim::Length>,
+    }
+
+    fn dynamics(text: &str) -> Result<Dynamics, String> {
+        let holder: Holder = toml::from_str(&format!("bias = {{ estimate = true, initial = [0, 0, 0], sigma = 2{text} }}")).unwrap();
+        let ParamSpec::Estimated(estimated) = holder.bias else {
+            return Err("it is no state".to_owned());
+        };
+        estimated.dynamics().map_err(|(key, why)| format!("{key}: {why}"))
+    }
+
+    #[test]
+    fn a_walk_of_nothing_is_none_so_that_a_variant_can_take_it_away() {
+        assert_eq!(dynamics(""), Ok(Dynamics::Constant));
+        assert_eq!(dynamics(", random_walk = 0"), Ok(Dynamics::Constant));
+        let markov = Dynamics::GaussMarkov {
+            sigma: vec![2.0; 3],
+            tau: 60.0,
+        };
+        assert_eq!(dynamics(", random_walk = 0, correlation_time = '60 s'"), Ok(markov));
+        assert_eq!(dynamics(", random_walk = 3"), Ok(Dynamics::RandomWalk { psd: vec![9.0; 3] }));
+        assert!(dynamics(", random_walk = 3, correlation_time = '60 s'").unwrap_err().contains("not both"));
     }
 }

@@ -16,7 +16,8 @@ const BASE: &str = "base";
 pub(super) struct CompareArgs {
     /// The designs; without one, the built-in one.
     configs: Vec<PathBuf>,
-    /// Variants of each design to run, by commas; `base` is the design as it stands.
+    /// Variants of each design to run, by commas; `base` is the design as it stands, `A+B` lays B
+    /// over A.
     #[arg(long, value_name = "A,B,C", value_delimiter = ',', default_value = BASE, hide_default_value = true)]
     variant: Vec<String>,
     /// Replaces one value in every run, after the variant.
@@ -46,7 +47,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         for variant in &args.variant {
             let named = DesignArgs {
                 config: config.clone(),
-                variant: if variant == BASE { Vec::new() } else { vec![variant.clone()] },
+                variant: variant.split('+').filter(|v| *v != BASE).map(str::to_owned).collect(),
                 set: args.set.clone(),
                 data: args.data.clone(),
             };

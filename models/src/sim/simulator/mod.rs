@@ -432,7 +432,9 @@ impl Simulator {
     }
 }
 
-fn imu_channels() -> Vec<Channel> {
+/// What a row of the simulated inertial unit consists of.
+#[must_use]
+pub fn imu_channels() -> Vec<Channel> {
     vec![
         Channel::vector("angular_rate", 3, dim::AngularRate::KIND.dimension),
         Channel::vector("specific_force", 3, dim::Acceleration::KIND.dimension),

@@ -34,6 +34,8 @@ pub(super) struct TrueState {
 enum InputPart {
     Rate,
     Force,
+    /// Of a reference whose rows a stage makes.
+    Attitude,
 }
 
 /// A block that the world knows the value of.
@@ -110,6 +112,7 @@ impl TrueState {
         let part = |channel: &Channel| match channel.name.as_ref() {
             "angular_rate" => Ok(InputPart::Rate),
             "specific_force" => Ok(InputPart::Force),
+            "attitude" => Ok(InputPart::Attitude),
             other => Err(BuildError::at(
                 "imu",
                 format!("the process is driven by `{other}`, which no simulated unit measures"),
@@ -181,6 +184,12 @@ impl TrueState {
             let true_part = match part {
                 InputPart::Rate => truth.imu.rate + rate_offset,
                 InputPart::Force => truth.imu.force + force_offset,
+                InputPart::Attitude => {
+                    let at = self.sample.len();
+                    self.sample.resize(at + <Attitude as Manifold>::KIND.storage(), 0.0);
+                    Attitude::write(&nav.q_nb, &mut self.sample[at..]);
+                    continue;
+                }
             };
             self.sample.extend_from_slice(true_part.as_slice());
         }
