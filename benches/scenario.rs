@@ -62,9 +62,9 @@ fn rows(design: &Design) -> Vec<Row> {
     let mut merged = Merged::new(sources);
     let start = design.run.start.map_or(Time::MIN, |t| Time::from_seconds(t.si()));
     let mut rows = Vec::new();
-    while let Some((source, time, row)) = merged.next().unwrap() {
-        if time >= start {
-            rows.push((streams[source], time, row.to_vec()));
+    while let Some(lent) = merged.next().unwrap() {
+        if lent.time >= start {
+            rows.push((streams[lent.from], lent.time, lent.row.to_vec()));
         }
     }
     rows

@@ -171,6 +171,8 @@ pub struct SensorInfo {
     pub delay: f64,
     /// Declared 1σ per residual row; empty where only the source reports it.
     pub sigma: Vec<f64>,
+    /// Dimension of each residual row.
+    pub rows: Vec<Dimension>,
 }
 
 /// Builds `design` over streams whose channels are known; streams nobody declares take the
@@ -523,6 +525,7 @@ impl Assembler<'_> {
             channel,
             delay: port.delay as f64 * 1e-9,
             sigma,
+            rows,
         };
         Some((
             Sensor {

@@ -2,9 +2,10 @@
 
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
-use crate::run::{Options, SensorTally, Summary, run};
+use crate::run::{Options, Summary, run};
 use crate::score::Consistency;
-use crate::table::{Table, number};
+use crate::table::{Table, count_cell, number, residual_rows};
+use crate::tally::{Count, Innovations, SensorTally, counts};
 use fusion_core::consistency::mean_band;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -19,19 +20,13 @@ pub struct Comparison {
     pub runs: Vec<(String, Summary)>,
 }
 
-/// RMS and maximum per axis, drift, rejections, consistency and time per epoch.
+/// RMS and maximum per axis, drift, what the gates did, consistency and time per epoch.
 impl fmt::Display for Comparison {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut errors = Table::new(&["", ">RMS N [m]", ">E", ">D", ">max N [m]", ">E", ">D", ">drift [m]"]);
-        let mut health = Table::new(&[
-            "",
-            ">accepted",
-            ">rejected",
-            ">readopted",
-            ">NEES position",
-            ">velocity",
-            ">ns per epoch",
-        ]);
+        let counts = counts(self.runs.iter().flat_map(|(_, summary)| &summary.sensors));
+        let mut measurements = count_table(&counts, &[]);
+        let mut health = Table::new(&["", ">NEES position", ">velocity", ">ns per epoch"]);
         for (name, summary) in &self.runs {
             let score = summary.score.clone().unwrap_or_default();
             let axes = score.position.unwrap_or_default();
@@ -39,21 +34,32 @@ impl fmt::Display for Comparison {
             row.extend(axes.rms.iter().chain(&axes.max).map(|v| number(*v)));
             row.push(score.drift_rms.map_or_else(String::new, number));
             errors.row(row);
-            let sum = |count: fn(&SensorTally) -> u64| summary.sensors.iter().map(count).sum::<u64>().to_string();
+            let sums = counts.iter().map(|(_, count)| sum(&summary.sensors, *count));
+            measurements.row([name.clone()].into_iter().chain(sums));
             let nees = |c: Option<Consistency>| c.map_or_else(String::new, |c| format!("{} {}", number(c.mean), c.word()));
             health.row([
                 name.clone(),
-                sum(|s| s.accepted),
-                sum(|s| s.rejected),
-                sum(|s| s.readopted),
                 nees(score.nees_position),
                 nees(score.nees_velocity),
                 format!("{:.0}", summary.filter_ns_per_epoch),
             ]);
         }
         writeln!(f, "Errors against the reference; drift is the RMS over declared outages\n{errors}")?;
-        writeln!(f, "Measurements, consistency (3 is expected), time\n{health}")
+        writeln!(f, "Measurements of all sensors\n{measurements}")?;
+        writeln!(f, "Consistency (3 is expected), time\n{health}")
     }
+}
+
+/// A table of counts, with `further` columns after them.
+fn count_table(counts: &[(&str, Count)], further: &[&str]) -> Table {
+    let counts: Vec<String> = counts.iter().map(|(title, _)| format!(">{title}")).collect();
+    let titles = [""].into_iter().chain(counts.iter().map(String::as_str));
+    Table::new(&titles.chain(further.iter().copied()).collect::<Vec<_>>())
+}
+
+/// The sum over `sensors`, empty where it is known of none of them.
+fn sum<'a>(sensors: impl IntoIterator<Item = &'a SensorTally>, count: Count) -> String {
+    count_cell(sensors.into_iter().filter_map(count).reduce(|a, b| a + b))
 }
 
 /// What is kept of one Monte Carlo run. No timing, so that it is a function of its seed.
@@ -73,8 +79,8 @@ pub struct RunRow {
     pub attitude_rms: [f64; 3],
     /// Mean NEES of position, velocity, attitude.
     pub nees: [f64; 3],
-    /// Per sensor: mean NIS, accepted, rejected, readopted.
-    pub sensors: Vec<(f64, u64, u64, u64)>,
+    /// What became of the measurements of each sensor.
+    pub sensors: Vec<SensorTally>,
 }
 
 impl RunRow {
@@ -90,11 +96,7 @@ impl RunRow {
             velocity_rms: axes(score.velocity).rms,
             attitude_rms: axes(score.attitude_deg).rms,
             nees: [mean(&score.nees_position), mean(&score.nees_velocity), mean(&score.nees_attitude)],
-            sensors: summary
-                .sensors
-                .iter()
-                .map(|s| (mean(&s.nis), s.accepted, s.rejected, s.readopted))
-                .collect(),
+            sensors: summary.sensors.clone(),
         }
     }
 }
@@ -102,10 +104,8 @@ impl RunRow {
 /// The result of a Monte Carlo campaign.
 #[derive(Clone, Debug)]
 pub struct Campaign {
-    /// One row per run, in order of their numbers.
+    /// One row per run, in order of their numbers; all of them have the same sensors.
     pub rows: Vec<RunRow>,
-    /// Names of the sensors, and the dimensions of their residuals.
-    pub sensors: Vec<(String, usize)>,
 }
 
 /// The seed of run number `run`: it depends on nothing else.
@@ -130,7 +130,7 @@ pub fn monte_carlo(
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|e| Diagnostics::from(Diagnostic::error(format!("no threads to run on: {e}"))))?;
     let done = AtomicUsize::new(0);
-    let one = |number: u64| -> Result<(RunRow, Vec<(String, usize)>), Diagnostics> {
+    let one = |number: u64| -> Result<RunRow, Diagnostics> {
         let seed = seed_of(seed, number);
         let options = Options {
             seed: Some(seed),
@@ -140,20 +140,10 @@ pub fn monte_carlo(
         };
         let summary = run(design, &options, &mut |_| {})?;
         progress(done.fetch_add(1, Ordering::Relaxed) + 1);
-        let sensors = summary
-            .sensors
-            .iter()
-            .map(|s| (s.name.clone(), s.nis.map_or(0, |n| n.dof)))
-            .collect();
-        Ok((RunRow::new(number, seed, &summary), sensors))
+        Ok(RunRow::new(number, seed, &summary))
     };
-    let results: Result<Vec<_>, Diagnostics> = pool.install(|| (0..count).into_par_iter().map(one).collect());
-    let results = results?;
-    let sensors = results.first().map(|(_, s)| s.clone()).unwrap_or_default();
-    Ok(Campaign {
-        rows: results.into_iter().map(|(row, _)| row).collect(),
-        sensors,
-    })
+    let rows: Result<Vec<RunRow>, Diagnostics> = pool.install(|| (0..count).into_par_iter().map(one).collect());
+    Ok(Campaign { rows: rows? })
 }
 
 /// Whether a mean statistic is what its covariance promised.
@@ -250,7 +240,15 @@ impl Campaign {
         })
     }
 
+    /// The sensors of every run, as the first one has them.
+    fn sensors(&self) -> &[SensorTally] {
+        self.rows.first().map_or(&[], |row| &row.sensors)
+    }
+
     /// Writes runs.csv: one row per run and no timing, the same file for any number of threads.
+    ///
+    /// Innovations are in SI units, per residual row from 1. A cell is empty where there is
+    /// nothing to say: `missed` and `false` of a sensor that no declared fault disturbs, say.
     ///
     /// # Errors
     /// What the writer reports.
@@ -258,36 +256,57 @@ impl Campaign {
         write!(out, "run,seed,rms_n_m,rms_e_m,rms_d_m,max_n_m,max_e_m,max_d_m")?;
         write!(out, ",rms_vn_mps,rms_ve_mps,rms_vd_mps,rms_roll_deg,rms_pitch_deg,rms_yaw_deg")?;
         write!(out, ",nees_position,nees_velocity,nees_attitude")?;
-        for (name, _) in &self.sensors {
-            write!(out, ",{name}_nis,{name}_accepted,{name}_rejected,{name}_readopted")?;
+        for SensorTally { name, innovations, .. } in self.sensors() {
+            write!(
+                out,
+                ",{name}_nis,{name}_accepted,{name}_rejected,{name}_readopted,{name}_missed,{name}_false"
+            )?;
+            write!(out, ",{name}_longest_refusal,{name}_longest_refusal_s,{name}_ends_denied")?;
+            for what in ["rms", "max"] {
+                for k in 1..=innovations.unit.len() {
+                    write!(out, ",{name}_innovation_{what}_{k}")?;
+                }
+            }
         }
         writeln!(out)?;
         for row in &self.rows {
             write!(out, "{},{}", row.run, row.seed)?;
             for values in [row.rms, row.max, row.velocity_rms, row.attitude_rms, row.nees] {
-                for value in values {
-                    if value.is_finite() {
-                        write!(out, ",{value:.9e}")?
-                    } else {
-                        write!(out, ",")?
-                    }
-                }
+                values.into_iter().try_for_each(|value| real(&mut out, value))?;
             }
-            for (nis, accepted, rejected, readopted) in &row.sensors {
-                if nis.is_finite() {
-                    write!(out, ",{nis:.9e}")?
-                } else {
-                    write!(out, ",")?
-                }
-                write!(out, ",{accepted},{rejected},{readopted}")?;
-            }
+            row.sensors.iter().try_for_each(|sensor| sensor_cells(&mut out, sensor))?;
             writeln!(out)?;
         }
         out.flush()
     }
 }
 
-/// The campaign as tables: spreads per axis, consistency with its verdict, what the gates did.
+/// A number, or an empty cell where there is none.
+fn real(out: &mut impl Write, value: f64) -> io::Result<()> {
+    if value.is_finite() {
+        write!(out, ",{value:.9e}")
+    } else {
+        write!(out, ",")
+    }
+}
+
+/// The cells of a sensor in runs.csv.
+fn sensor_cells(out: &mut impl Write, s: &SensorTally) -> io::Result<()> {
+    real(out, s.nis.map_or(f64::NAN, |nis| nis.mean))?;
+    write!(out, ",{},{},{}", s.accepted, s.rejected, s.readopted)?;
+    let [missed, wrong] = [s.disturbed.map(|d| d.missed), s.disturbed.map(|d| d.false_rejections)].map(count_cell);
+    let (measurements, seconds) = s.longest_refusal.map_or((0, 0.0), |r| (r.measurements, r.seconds));
+    write!(out, ",{missed},{wrong},{measurements}")?;
+    real(out, seconds)?;
+    write!(out, ",{}", u8::from(s.ends_denied))?;
+    let innovations = &s.innovations;
+    let known = |value: f64| if innovations.count > 0 { value } else { f64::NAN };
+    let mut values = innovations.rms.iter().chain(&innovations.max);
+    values.try_for_each(|value| real(out, known(*value)))
+}
+
+/// The campaign as tables: spreads per axis, consistency with its verdict, what the gates did,
+/// innovations.
 impl fmt::Display for Campaign {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         type Figure = fn(&RunRow) -> [f64; 3];
@@ -317,11 +336,10 @@ impl fmt::Display for Campaign {
             .iter()
             .enumerate()
             .map(|(i, s)| (format!("NEES {s}"), self.judge(3, |r| r.nees[i])));
-        let nis = self
-            .sensors
-            .iter()
-            .enumerate()
-            .map(|(i, (s, dof))| (format!("NIS {s}"), self.judge(*dof, |r| r.sensors[i].0)));
+        let nis = self.sensors().iter().enumerate().map(|(i, s)| {
+            let mean = |r: &RunRow| r.sensors[i].nis.map_or(f64::NAN, |nis| nis.mean);
+            (format!("NIS {}", s.name), self.judge(s.innovations.unit.len(), mean))
+        });
         for (name, judged) in nees.chain(nis) {
             if let Some(j) = judged {
                 let by = match j.honesty {
@@ -332,12 +350,58 @@ impl fmt::Display for Campaign {
                 consistency.row([name, number(j.mean), j.dof.to_string(), band, format!("{}{by}", j.honesty)]);
             }
         }
-        let mut gates = Table::new(&["", ">accepted", ">rejected", ">readopted"]);
-        for (i, (name, _)) in self.sensors.iter().enumerate() {
-            let sum = |g: fn(&(f64, u64, u64, u64)) -> u64| self.rows.iter().map(|r| g(&r.sensors[i])).sum::<u64>().to_string();
-            gates.row([name.clone(), sum(|s| s.1), sum(|s| s.2), sum(|s| s.3)]);
-        }
         writeln!(f, "{} runs\n\nErrors over the runs\n{errors}", self.rows.len())?;
-        writeln!(f, "Consistency\n{consistency}\nSensors\n{gates}")
+        writeln!(f, "Consistency\n{consistency}\nSensors\n{}", self.gates())?;
+        let innovations = self.innovations();
+        if innovations.is_empty() {
+            return Ok(());
+        }
+        writeln!(f, "Innovations of accepted measurements, over the runs\n{innovations}")
+    }
+}
+
+impl Campaign {
+    /// Counts summed over the runs, and the longest refusals.
+    fn gates(&self) -> Table {
+        let counts = counts(self.rows.iter().flat_map(|row| &row.sensors));
+        let refusals = [">longest refusal", ">[s]", ">runs that end denied"];
+        let has_refusals = self.rows.iter().flat_map(|row| &row.sensors).any(|s| s.longest_refusal.is_some());
+        let mut table = count_table(&counts, if has_refusals { &refusals } else { &[] });
+        for (i, sensor) in self.sensors().iter().enumerate() {
+            let runs = self.rows.iter().map(|row| &row.sensors[i]);
+            let mut cells = vec![sensor.name.clone()];
+            cells.extend(counts.iter().map(|(_, count)| sum(runs.clone(), *count)));
+            let refusals = runs.clone().filter_map(|s| s.longest_refusal);
+            if let Some(most) = refusals.clone().map(|r| r.measurements).max() {
+                let longest = refusals.map(|r| r.seconds).fold(0.0, f64::max);
+                let denied = runs.filter(|s| s.ends_denied).count();
+                cells.extend([most.to_string(), format!("{longest:.1}"), denied.to_string()]);
+            }
+            table.row(cells);
+        }
+        table
+    }
+
+    /// RMS and maximum of the innovations, over the runs that have any.
+    fn innovations(&self) -> Table {
+        let mut table = Table::new(&["", ">mean RMS", ">mean max", ">largest max"]);
+        for (i, sensor) in self.sensors().iter().enumerate() {
+            for (k, (label, factor)) in residual_rows(sensor).into_iter().enumerate() {
+                let of = |values: fn(&Innovations) -> &[f64]| {
+                    self.spread(|run| {
+                        let innovations = &run.sensors[i].innovations;
+                        if innovations.count > 0 {
+                            values(innovations)[k] * factor
+                        } else {
+                            f64::NAN
+                        }
+                    })
+                };
+                if let (Some(rms), Some(max)) = (of(|n| &n.rms), of(|n| &n.max)) {
+                    table.row([label, number(rms.mean), number(max.mean), number(max.max)]);
+                }
+            }
+        }
+        table
     }
 }

@@ -156,7 +156,7 @@ impl FilterSpec {
 pub struct ReferenceSpec {
     /// The source with a `position` channel and, where it has them, `velocity` and `attitude`.
     pub source: String,
-    /// Errors count from this time on.
+    /// Errors and innovations count from this time on.
     #[serde(default)]
     pub from: Option<Duration>,
     /// The reference's point in body axes, from the body origin: the estimate is moved there.

@@ -18,6 +18,7 @@ pub mod config;
 pub mod design;
 mod navigator;
 pub mod output;
+mod recorder;
 pub mod report;
 pub mod run;
 pub mod schema;
@@ -25,6 +26,7 @@ pub mod score;
 pub mod solution;
 pub mod source;
 pub mod table;
+pub mod tally;
 pub mod world;
 
 pub use fusion_core as core;

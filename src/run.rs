@@ -1,20 +1,19 @@
-//! Running a design over its data: feed, record, score.
+//! Running a design over its data.
 
 use crate::assembly::{Assembly, StreamLayout, assemble, declared_streams};
 use crate::config::{Diagnostic, Diagnostics, did_you_mean};
 use crate::design::{Design, Named, ReferenceSpec};
-use crate::output::{EstimateWriter, UpdateWriter};
+use crate::recorder::Recorder;
 use crate::report::Recording;
-use crate::score::{Consistency, ReferenceEpoch, Rules, Score, Scorer, differentiate};
-use crate::solution::SolutionReader;
-use crate::source::{Faulted, Merged, OpenContext, Source, SourceReport, outages};
+use crate::score::{ReferenceEpoch, Rules, Score, Scorer, differentiate};
+use crate::source::{Faulted, Lent, Merged, OpenContext, Source, SourceReport, outages};
+use crate::tally::SensorTally;
 use crate::world::SimulatedRows;
-use fusion_core::filter::Verdict;
+use core::ops::Range;
 use fusion_core::geometry::wgs84::Geodetic;
-use fusion_core::runner::{Event, Observer};
+use fusion_core::runner::StreamId;
 use fusion_core::state::{Attitude, Manifold};
-use fusion_core::time::{Time, nanos};
-use fusion_models::earth::LocalFrame;
+use fusion_core::time::Time;
 use nalgebra::Vector3;
 use serde::Serialize;
 use std::fs::File;
@@ -36,27 +35,6 @@ pub struct Options {
     pub out: Option<PathBuf>,
     /// The seed of simulated data and random faults, instead of the design's.
     pub seed: Option<u64>,
-}
-
-/// What became of a sensor's measurements.
-#[derive(Clone, Debug, Default, Serialize)]
-pub struct SensorTally {
-    /// The sensor.
-    pub name: String,
-    /// Measurements that corrected the estimate.
-    pub accepted: u64,
-    /// Those its gate rejected.
-    pub rejected: u64,
-    /// Those its gate believed against the estimate.
-    pub readopted: u64,
-    /// Those without a value at the estimate, or that could not be used.
-    pub unusable: u64,
-    /// Mean NIS of those judged, with its band.
-    pub nis: Option<Consistency>,
-    #[serde(skip)]
-    series: Vec<f64>,
-    #[serde(skip)]
-    dof: usize,
 }
 
 /// The state of one parameter at the end of a run.
@@ -146,7 +124,7 @@ fn run_with(
     let streams = declared_streams(design)?;
     let assembly = assemble(design, streams)?;
     let mut feed = Feed::open(design, &assembly, options)?;
-    let mut recorder = Recorder::new(design, &assembly, &feed, options)?;
+    let mut recorder = Recorder::new(design, &assembly, feed.scorer(design), &feed.disturbable(), options)?;
     if record {
         let mut recording = Recording::of(design, &assembly);
         feed.epochs.iter().for_each(|epoch| recording.reference(epoch));
@@ -158,7 +136,8 @@ fn run_with(
     let mut in_feed = Duration::ZERO;
     let (mut count, mut fed, mut timed) = (0_u32, 0_u32, 0_u32);
     let (reference, reference_layout) = (feed.reference, feed.reference_layout.clone());
-    while let Some((stream, time, row)) = feed.next(design)? {
+    while let Some(lent) = feed.next(design)? {
+        let (stream, time, row) = (lent.from, lent.time, lent.row);
         if time < start || time > stop {
             continue;
         }
@@ -167,9 +146,12 @@ fn run_with(
             progress(time);
         }
         if stream == reference {
-            recorder.reference(time, row, &reference_layout);
+            epochs(time, row, &reference_layout)
+                .into_iter()
+                .for_each(|epoch| recorder.reference(epoch));
             continue;
         }
+        recorder.disturbed(stream, time, lent.disturbed);
         if let Some(recording) = &mut recorder.recording {
             recording.row(stream, time, row);
         }
@@ -191,7 +173,7 @@ fn run_with(
     let sources = feed.reports();
     let in_filter = in_feed.saturating_sub(recorder.spent);
     let recording = recorder.recording.take();
-    let mut summary = recorder.finish(design, &runner.belief().clone())?;
+    let mut summary = recorder.finish(design, runner.belief())?;
     summary.waiting = waiting;
     summary.sources = sources;
     summary.wall_seconds = begun.elapsed().as_secs_f64();
@@ -217,12 +199,9 @@ pub fn unknown_reference(design: &Design, reference: &Named<ReferenceSpec>) -> D
     diagnostic.help(format!("there are: `{}`", names.join("`, `")))
 }
 
-fn unwritable(path: &Path, error: &std::io::Error) -> Diagnostics {
+pub(crate) fn unwritable(path: &Path, error: &std::io::Error) -> Diagnostics {
     Diagnostic::error(format!("cannot write {}: {error}", path.display())).into()
 }
-
-/// A row: its stream, its stamp, its numbers.
-type StreamRow<'a> = (usize, Time, &'a [f64]);
 
 /// Rows from recorded sources or from a simulated world.
 #[derive(Debug)]
@@ -368,11 +347,42 @@ impl Feed {
         Ok(())
     }
 
-    fn next(&mut self, design: &Design) -> Result<Option<StreamRow<'_>>, Diagnostics> {
+    /// Scores against the reference, if there is one.
+    fn scorer(&self, design: &Design) -> Option<Scorer> {
+        let has_reference = self.reference != usize::MAX || !self.epochs.is_empty();
+        has_reference.then(|| {
+            let spec = design.reference.as_ref().map(|r| &r.block);
+            let rules = Rules {
+                from: spec.and_then(|s| s.from).map(|t| Time::from_seconds(t.si())),
+                lever_arm: spec.map_or_else(Vector3::zeros, |s| s.lever_arm.si().into()),
+                remove_mean_mounting: spec.is_some_and(|s| s.remove_mean_mounting),
+                windows: self.windows.clone(),
+            };
+            Scorer::new(rules, self.epochs.clone())
+        })
+    }
+
+    /// Which numbers of which streams declared faults may change.
+    fn disturbable(&self) -> Vec<(StreamId, Range<usize>)> {
+        match &self.rows {
+            Rows::Simulated(rows) => rows.disturbable().collect(),
+            Rows::Recorded(merged) => {
+                let sources = self.ids.iter().zip(merged.sources());
+                let columns = sources.flat_map(|(id, source)| source.disturbable().into_iter().map(|c| (*id, c)));
+                columns.collect()
+            }
+        }
+    }
+
+    /// The next row, of a stream of the assembly.
+    fn next(&mut self, design: &Design) -> Result<Option<Lent<'_>>, Diagnostics> {
         match &mut self.rows {
             Rows::Simulated(rows) => Ok(rows.next()),
             Rows::Recorded(merged) => match merged.next() {
-                Ok(next) => Ok(next.map(|(source, time, row)| (self.ids[source], time, row))),
+                Ok(next) => Ok(next.map(|lent| Lent {
+                    from: self.ids[lent.from],
+                    ..lent
+                })),
                 Err(failed) => {
                     let node = design.sources.iter().find(|s| s.name == self.names[failed.index]).map(|s| &s.node);
                     let mut d = Diagnostics::new();
@@ -440,191 +450,4 @@ fn epochs(time: Time, row: &[f64], layout: &StreamLayout) -> Vec<ReferenceEpoch>
     }
     epochs.retain(|e| e.position.is_some() || e.velocity.is_some() || e.attitude.is_some());
     epochs
-}
-
-/// Hears the runner's events: writes, counts, scores.
-#[derive(Debug)]
-struct Recorder {
-    reader: SolutionReader,
-    scorer: Option<Scorer>,
-    estimates: Option<EstimateWriter<BufWriter<File>>>,
-    updates: Option<UpdateWriter<BufWriter<File>>>,
-    recording: Option<Recording>,
-    tallies: Vec<SensorTally>,
-    unused: Vec<(String, u64)>,
-    failures: Vec<String>,
-    started: Option<f64>,
-    epochs: u64,
-    output_period: i64,
-    next_output: Time,
-    broken: Option<std::io::Error>,
-    /// Whether the row that is being fed is timed, and what this took of the time.
-    timed: bool,
-    spent: Duration,
-}
-
-impl Recorder {
-    fn new(design: &Design, assembly: &Assembly, feed: &Feed, options: &Options) -> Result<Self, Diagnostics> {
-        let mut estimates = None;
-        let mut updates = None;
-        if let Some(out) = &options.out {
-            let create = |name: &str| {
-                let path = out.join(name);
-                File::create(&path).map(BufWriter::new).map_err(|e| unwritable(&path, &e))
-            };
-            std::fs::create_dir_all(out).map_err(|e| unwritable(out, &e))?;
-            let origin = design.run.origin.map(|o| LocalFrame::new(o.into()));
-            let file = create("estimates.csv")?;
-            estimates = Some(EstimateWriter::new(file, &assembly.layout, origin).map_err(|e| unwritable(out, &e))?);
-            let rows = assembly.sensors.iter().map(|s| s.model.size().residual).max().unwrap_or(0);
-            updates = Some(UpdateWriter::new(create("updates.csv")?, rows).map_err(|e| unwritable(out, &e))?);
-        }
-        let has_reference = feed.reference != usize::MAX || !feed.epochs.is_empty();
-        let scorer = has_reference.then(|| {
-            let spec = design.reference.as_ref().map(|r| &r.block);
-            let rules = Rules {
-                from: spec.and_then(|s| s.from).map(|t| Time::from_seconds(t.si())),
-                lever_arm: spec.map_or_else(Vector3::zeros, |s| s.lever_arm.si().into()),
-                remove_mean_mounting: spec.is_some_and(|s| s.remove_mean_mounting),
-                windows: feed.windows.clone(),
-            };
-            Scorer::new(rules, feed.epochs.clone())
-        });
-        let tallies = assembly.sensors.iter().map(|s| SensorTally {
-            name: s.name.clone(),
-            dof: s.model.size().residual,
-            ..SensorTally::default()
-        });
-        Ok(Self {
-            reader: SolutionReader::new(&assembly.layout, assembly.process.clone()),
-            scorer,
-            estimates,
-            updates,
-            recording: None,
-            tallies: tallies.collect(),
-            unused: Vec::new(),
-            failures: Vec::new(),
-            started: None,
-            epochs: 0,
-            output_period: design.run.output_rate.map_or(0, |r| nanos(1.0 / r.si())),
-            next_output: Time::MIN,
-            broken: None,
-            timed: false,
-            spent: Duration::ZERO,
-        })
-    }
-
-    fn reference(&mut self, time: Time, row: &[f64], layout: &StreamLayout) {
-        for epoch in epochs(time, row, layout) {
-            if let Some(recording) = &mut self.recording {
-                recording.reference(&epoch);
-            }
-            if let Some(scorer) = &mut self.scorer {
-                scorer.push(epoch);
-            }
-        }
-    }
-
-    fn not_used(&mut self, consumer: &str) {
-        match self.unused.iter_mut().find(|(name, _)| name == consumer) {
-            Some((_, count)) => *count += 1,
-            None => self.unused.push((consumer.to_owned(), 1)),
-        }
-    }
-
-    fn finish(mut self, design: &Design, last: &fusion_core::state::Belief) -> Result<Summary, Diagnostics> {
-        if let Some(w) = self.estimates.take() {
-            self.broken = self.broken.or(w.finish().err());
-        }
-        if let Some(w) = self.updates.take() {
-            self.broken = self.broken.or(w.finish().err());
-        }
-        if let Some(error) = self.broken {
-            return Err(Diagnostic::error(format!("cannot write the results: {error}")).into());
-        }
-        for tally in &mut self.tallies {
-            tally.nis = Consistency::of(&tally.series, tally.dof);
-        }
-        let b = design.filter.backend();
-        let layout = self.reader.layout();
-        let shown = ["position", "velocity", "attitude", "local_position", "heading", "speed", "yaw_rate"];
-        let parameters = layout
-            .blocks()
-            .iter()
-            .filter(|b| !shown.contains(&b.name.as_str()))
-            .map(|b| FinalState {
-                name: b.name.clone(),
-                value: last.x[b.storage_range()].to_vec(),
-                sigma: b.tangent_range().map(|i| last.covariance.sigma(i)).collect(),
-                unit: b.unit,
-            });
-        Ok(Summary {
-            description: design.run.description.clone(),
-            backend: crate::table::backend_name(&b),
-            started: self.started,
-            waiting: Vec::new(),
-            epochs: self.epochs,
-            parameters: if self.started.is_some() { parameters.collect() } else { Vec::new() },
-            score: self.scorer.map(Scorer::finish),
-            sensors: self.tallies,
-            sources: Vec::new(),
-            unused_rows: self.unused,
-            failures: self.failures,
-            wall_seconds: 0.0,
-            filter_ns_per_epoch: 0.0,
-        })
-    }
-}
-
-impl Observer for Recorder {
-    fn on(&mut self, event: &Event<'_>) {
-        let clock = self.timed.then(Instant::now);
-        match event {
-            Event::Started { belief } => self.started = Some(belief.time.seconds()),
-            Event::Predicted { belief } => {
-                self.epochs += 1;
-                let write = self.estimates.is_some() && belief.time >= self.next_output;
-                if write || self.scorer.is_some() || self.recording.is_some() {
-                    let solution = self.reader.read(belief);
-                    if let Some(recording) = &mut self.recording {
-                        recording.estimate(&solution);
-                    }
-                    if let Some(scorer) = &mut self.scorer {
-                        scorer.observe(&solution);
-                    }
-                    if let (true, Some(out)) = (write, &mut self.estimates) {
-                        if self.output_period > 0 {
-                            let slot = belief.time.nanos().div_euclid(self.output_period) + 1;
-                            self.next_output = Time::from_nanos(slot.saturating_mul(self.output_period));
-                        }
-                        self.broken = self.broken.take().or(out.write(&solution, belief).err());
-                    }
-                }
-            }
-            Event::Updated { sensor, update, time } => {
-                let tally = &mut self.tallies[*sensor];
-                match update.verdict {
-                    Verdict::Accepted => tally.accepted += 1,
-                    Verdict::Rejected => tally.rejected += 1,
-                    Verdict::Readopted => tally.readopted += 1,
-                    Verdict::Undefined(_) | Verdict::Unusable => tally.unusable += 1,
-                }
-                if let Some(recording) = &mut self.recording {
-                    recording.updated(*sensor, *time, update);
-                }
-                if update.nis.is_finite() {
-                    tally.series.push(update.nis);
-                }
-                if let Some(out) = &mut self.updates {
-                    self.broken = self.broken.take().or(out.write(*time, &tally.name, update).err());
-                }
-            }
-            Event::Late { consumer, .. } | Event::NotFinite { consumer, .. } => self.not_used(consumer),
-            Event::Failed { error } if self.failures.len() < 10 => self.failures.push(error.to_string()),
-            _ => {}
-        }
-        if let Some(clock) = clock {
-            self.spent += clock.elapsed();
-        }
-    }
 }

@@ -1,7 +1,8 @@
 //! What a run prints: aligned columns of at most [`WIDTH`] characters, and the summary made of them.
 
-use crate::run::{FinalState, SensorTally, Summary};
+use crate::run::{FinalState, Summary};
 use crate::score::{Axes, Consistency, Drift, Score};
+use crate::tally::{SensorTally, counts};
 use fusion_core::filter::Backend;
 use fusion_core::geometry::so3;
 use fusion_core::state::{Attitude, Manifold};
@@ -317,6 +318,8 @@ impl fmt::Display for Summary {
         }
         section(f, "Sources", &sources)?;
         sensors(f, &self.sensors)?;
+        refusals(f, &self.sensors)?;
+        innovations(f, &self.sensors)?;
         if let Some(score) = &self.score {
             errors(f, score)?;
             drifts(f, score)?;
@@ -338,31 +341,61 @@ fn band(c: &Consistency) -> String {
 }
 
 fn sensors(f: &mut fmt::Formatter<'_>, tallies: &[SensorTally]) -> fmt::Result {
-    let mut t = Table::new(&[
-        "",
-        ">accepted",
-        ">rejected",
-        ">readopted",
-        ">unusable",
-        ">mean NIS",
-        ">dof",
-        ">95 % band",
-        "",
-    ]);
+    let counts = counts(tallies);
+    let titles: Vec<String> = counts.iter().map(|(title, _)| format!(">{title}")).collect();
+    let titles = [""]
+        .into_iter()
+        .chain(titles.iter().map(String::as_str))
+        .chain([">mean NIS", ">dof", ">95 % band", ""]);
+    let mut t = Table::new(&titles.collect::<Vec<_>>());
     for s in tallies {
-        let mut cells = vec![
-            s.name.clone(),
-            s.accepted.to_string(),
-            s.rejected.to_string(),
-            s.readopted.to_string(),
-            s.unusable.to_string(),
-        ];
+        let mut cells = vec![s.name.clone()];
+        cells.extend(counts.iter().map(|(_, count)| count_cell(count(s))));
         if let Some(c) = &s.nis {
             cells.extend([number(c.mean), c.dof.to_string(), band(c), c.word().to_owned()]);
         }
         t.row(cells);
     }
     section(f, "Sensors", &t)
+}
+
+/// A count, or an empty cell where it is not known.
+pub(crate) fn count_cell(count: Option<u64>) -> String {
+    count.map_or_else(String::new, |n| n.to_string())
+}
+
+fn refusals(f: &mut fmt::Formatter<'_>, tallies: &[SensorTally]) -> fmt::Result {
+    let mut t = Table::new(&["", ">rejected in a row", ">from [s]", ">for [s]", ""]);
+    for s in tallies {
+        if let Some(r) = &s.longest_refusal {
+            let end = if s.ends_denied { "denied at the end" } else { "" };
+            let [from, seconds] = [r.from, r.seconds].map(|v| format!("{v:.1}"));
+            t.row([s.name.clone(), r.measurements.to_string(), from, seconds, end.to_owned()]);
+        }
+    }
+    section(f, "Longest refusals", &t)
+}
+
+fn innovations(f: &mut fmt::Formatter<'_>, tallies: &[SensorTally]) -> fmt::Result {
+    let mut t = Table::new(&["", ">RMS", ">max"]);
+    for s in tallies.iter().filter(|s| s.innovations.count > 0) {
+        for (k, (label, factor)) in residual_rows(s).into_iter().enumerate() {
+            let (rms, max) = (s.innovations.rms[k] * factor, s.innovations.max[k] * factor);
+            t.row([label, number(rms), number(max)]);
+        }
+    }
+    section(f, "Innovations of accepted measurements", &t)
+}
+
+/// Name with unit of each residual row of a sensor, and the factor from SI to that unit.
+pub(crate) fn residual_rows(s: &SensorTally) -> Vec<(String, f64)> {
+    let units = &s.innovations.unit;
+    let label = |(k, unit): (usize, &String)| {
+        let (factor, unit) = readable(unit);
+        let row = if units.len() > 1 { format!(" {}", k + 1) } else { String::new() };
+        (format!("{}{row} [{unit}]", s.name), factor)
+    };
+    units.iter().enumerate().map(label).collect()
 }
 
 fn errors(f: &mut fmt::Formatter<'_>, score: &Score) -> fmt::Result {

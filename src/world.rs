@@ -4,11 +4,12 @@ use crate::assembly::Assembly;
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::{Design, Named, SimulationDesign};
 use crate::run::{HORIZON, SourceTally};
-use crate::source::outages;
+use crate::source::{Chain, Lent, outages};
+use core::ops::Range;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::time::Time;
 use fusion_models::block::Reading;
-use fusion_models::fault::{Fault, FaultContext, Outcome, ProvidedChannel, derive_seed};
+use fusion_models::fault::{FaultContext, ProvidedChannel, derive_seed};
 use fusion_models::sim::{Setup, SimulatedSensor, Simulator};
 
 /// The stream that carries the truth.
@@ -29,7 +30,7 @@ pub struct SimulatedRows {
     simulator: Simulator,
     /// The assembly's stream of each of the simulator's.
     ids: Vec<usize>,
-    faults: Vec<Vec<Box<dyn Fault>>>,
+    faults: Vec<Chain>,
     outages: Vec<(Time, Time)>,
     counts: Vec<(u64, u64)>,
     row: Vec<f64>,
@@ -107,7 +108,7 @@ impl SimulatedRows {
                 })
                 .collect();
             let declared = faults.iter().find(|(sensor, _)| *sensor == stream.name).map_or(&[][..], |(_, f)| f);
-            let mut built = Vec::new();
+            let mut chain = Chain::default();
             for (_, windows) in outages(declared) {
                 let within = windows.within(Time::default(), HORIZON);
                 rows.outages.extend(within.into_iter().map(|w| (w.from, w.to)));
@@ -118,14 +119,14 @@ impl SimulatedRows {
                     seed: derive_seed(seed, &[&stream.name, name]),
                 };
                 match fault.build(&context) {
-                    Ok(fault) => built.push(fault),
+                    Ok(fault) => chain.push(name, fault),
                     Err(e) => {
                         let path = format!("sensor.{}.fault.{name}.{}", stream.name, e.field);
                         d.push(Diagnostic::error(e.message).at(simulation.node.place_of(path.trim_end_matches('.'))));
                     }
                 }
             }
-            rows.faults.push(built);
+            rows.faults.push(chain);
         }
         rows.outages.sort_unstable();
         rows.outages.dedup();
@@ -138,18 +139,28 @@ impl SimulatedRows {
         self.outages.clone()
     }
 
-    /// The next row: the assembly's stream, stamp, numbers.
+    /// Which numbers of the assembly's streams declared faults may change.
+    pub fn disturbable(&self) -> impl Iterator<Item = (usize, Range<usize>)> {
+        let faults = self.ids.iter().zip(&self.faults);
+        faults.flat_map(|(id, chain)| chain.disturbable().map(|columns| (*id, columns)))
+    }
+
+    /// The next row, of a stream of the assembly.
     #[expect(clippy::should_implement_trait, reason = "a row is lent, which an iterator cannot do")]
-    pub fn next(&mut self) -> Option<(usize, Time, &[f64])> {
+    pub fn next(&mut self) -> Option<Lent<'_>> {
         loop {
             let (stream, time) = self.simulator.next_row(&mut self.row)?;
             let id = self.ids[stream];
             self.counts[stream].0 += 1;
-            let row = &mut self.row;
-            let withheld = self.faults[stream].iter_mut().any(|f| f.apply(time, row) == Outcome::Withheld);
+            let withheld = self.faults[stream].apply(time, &mut self.row, |_| {}).is_some();
             if !withheld && id != usize::MAX {
                 self.counts[stream].1 += 1;
-                return Some((id, time, &self.row));
+                return Some(Lent {
+                    from: id,
+                    time,
+                    row: &self.row,
+                    disturbed: self.faults[stream].disturbed(),
+                });
             }
         }
     }

@@ -5,6 +5,9 @@
 /// The built command: help, results, exit codes, files.
 #[path = "suite/command.rs"]
 mod command;
+/// What gates did to rows that are known to be wrong, and the innovations.
+#[path = "suite/gates.rs"]
+mod gates;
 /// What a user is told about every kind of mistake, word for word.
 #[path = "suite/mistakes.rs"]
 mod mistakes;

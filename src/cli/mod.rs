@@ -42,6 +42,11 @@ enum Command {
     /// Prints sources, sensors, errors against the reference, drift in declared outages and
     /// estimated parameters. A filter that never started is a warning, and the exit code is 0:
     /// the run itself went well.
+    ///
+    /// Where a declared fault disturbs what a sensor reads, `missed` counts the disturbed rows that
+    /// were used and `false` the others that were rejected. Innovations are sensor minus navigation,
+    /// before the measurement was used: of accepted measurements, from `[reference] from` on. All
+    /// other counts are of the whole run.
     #[command(after_long_help = "\
 Examples:
   fusion run                                     the built-in design, simulated
@@ -80,6 +85,10 @@ Examples:
     ///
     /// Runs in parallel; every run is a function of the campaign's seed and its own number, so
     /// that runs.csv is the same file for any number of threads.
+    ///
+    /// Counts are sums over the runs; `longest refusal` is the most measurements rejected in a row
+    /// and the longest time without one that was used, each the largest of all runs. Innovations in
+    /// runs.csv are in SI units.
     #[command(
         after_long_help = "\
 Examples:

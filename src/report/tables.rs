@@ -1,8 +1,9 @@
 //! The numbers of a report, as tables that read without a script.
 
 use super::page::{Run, escape};
-use crate::run::SensorTally;
 use crate::score::{Axes, Consistency, Score};
+use crate::table::residual_rows;
+use crate::tally::{Count, SensorTally, counts};
 use std::fmt::Write as _;
 
 /// Below this share of errors inside 3σ (0.997 for a consistent filter) the cell is marked.
@@ -167,23 +168,20 @@ pub(super) fn details(runs: &[Run<'_>]) -> String {
             out.push_str(&drift(score));
         }
         if !s.sensors.is_empty() {
-            let rows: Vec<_> = s.sensors.iter().map(sensor).collect();
-            let head = [
-                "Sensor",
-                "accepted",
-                "rejected",
-                "readopted",
-                "unusable",
-                "expected NIS",
-                "mean NIS",
-                "95 % band",
-                "verdict",
-            ];
+            let counts = counts(&s.sensors);
+            let rows: Vec<_> = s.sensors.iter().map(|t| sensor(t, &counts)).collect();
+            let head: Vec<&str> = ["Sensor"]
+                .into_iter()
+                .chain(counts.iter().map(|(title, _)| *title))
+                .chain(["expected NIS", "mean NIS", "95 % band", "verdict"])
+                .collect();
             out.push_str(&table(
                 "Measurements; a mean NIS above its band says that the filter trusts itself too much",
                 &head,
                 &rows,
             ));
+            out.push_str(&refusals(&s.sensors));
+            out.push_str(&innovations(&s.sensors));
         }
         if !s.parameters.is_empty() {
             let list = |v: &[f64]| v.iter().map(|v| number(*v)).collect::<Vec<_>>().join(", ");
@@ -288,14 +286,50 @@ fn number_of_time(t: f64) -> String {
     format!("{:.1}", t)
 }
 
-fn sensor(t: &SensorTally) -> Vec<String> {
+fn sensor(t: &SensorTally, counts: &[(&str, Count)]) -> Vec<String> {
     let mut row = vec![escape(&t.name)];
-    row.extend([t.accepted, t.rejected, t.readopted, t.unusable].map(count));
+    row.extend(counts.iter().map(|(_, of)| of(t).map_or_else(|| "–".to_owned(), count)));
     match &t.nis {
         Some(c) => row.extend([c.dof.to_string(), number(c.mean), band(c), verdict(c)]),
         None => row.extend(std::iter::repeat_n("–".to_owned(), 4)),
     }
     row
+}
+
+fn refusals(sensors: &[SensorTally]) -> String {
+    let row = |t: &SensorTally| {
+        let r = t.longest_refusal?;
+        let end = if t.ends_denied { "denied" } else { "" };
+        let times = [r.from, r.seconds].map(number_of_time);
+        Some(
+            [escape(&t.name), count(r.measurements)]
+                .into_iter()
+                .chain(times)
+                .chain([end.to_owned()])
+                .collect(),
+        )
+    };
+    let rows: Vec<Vec<String>> = sensors.iter().filter_map(row).collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    let head = ["Sensor", "rejected in a row", "from [s]", "for [s]", "at the end"];
+    table("Longest refusals", &head, &rows)
+}
+
+fn innovations(sensors: &[SensorTally]) -> String {
+    let mut rows = Vec::new();
+    for t in sensors.iter().filter(|t| t.innovations.count > 0) {
+        for (k, (label, factor)) in residual_rows(t).into_iter().enumerate() {
+            let (rms, max) = (t.innovations.rms[k] * factor, t.innovations.max[k] * factor);
+            rows.push(vec![escape(&label), number(rms), number(max)]);
+        }
+    }
+    if rows.is_empty() {
+        return String::new();
+    }
+    let caption = "Innovations of accepted measurements: sensor minus navigation, before each was used";
+    table(caption, &["Residual", "RMS", "max"], &rows)
 }
 
 fn band(c: &Consistency) -> String {

@@ -137,9 +137,10 @@ fn names_cannot_break_out_of_the_page() {
     s.description = format!("{EVIL} described");
     s.failures = vec![EVIL.to_owned()];
     s.backend = EVIL.to_owned();
-    let mut tally = crate::run::SensorTally::default();
-    tally.name = EVIL.to_owned();
-    s.sensors = vec![tally];
+    s.sensors = vec![crate::tally::SensorTally {
+        name: EVIL.to_owned(),
+        ..Default::default()
+    }];
     let page = render(
         EVIL,
         &[Run {

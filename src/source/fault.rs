@@ -2,15 +2,57 @@
 
 use super::report::Tally;
 use super::{OpenContext, ProvidedChannel, Source, SourceError, SourceReport};
+use core::ops::Range;
 use fusion_core::time::Time;
 use fusion_models::block::BuildError;
 use fusion_models::fault::{Fault, FaultContext, FaultSpec, Outcome, Windows};
+
+/// Faults at work on one source, in the order in which they are declared.
+#[derive(Debug, Default)]
+pub(crate) struct Chain {
+    faults: Vec<(String, Box<dyn Fault>)>,
+    disturbed: Vec<Range<usize>>,
+}
+
+impl Chain {
+    /// Adds a fault after the others.
+    pub(crate) fn push(&mut self, name: &str, fault: Box<dyn Fault>) {
+        self.faults.push((name.to_owned(), fault));
+    }
+
+    /// Sends a row through the faults and tells the name of each that disturbs it. Returns the
+    /// name of the one that withholds it, if any: those after it do not see the row.
+    pub(crate) fn apply(&mut self, time: Time, row: &mut [f64], mut disturbs: impl FnMut(&str)) -> Option<&str> {
+        self.disturbed.clear();
+        for (name, fault) in &mut self.faults {
+            match fault.apply(time, row) {
+                Outcome::Untouched => {}
+                Outcome::Disturbed => {
+                    self.disturbed.push(fault.columns());
+                    disturbs(name);
+                }
+                Outcome::Withheld => return Some(name.as_str()),
+            }
+        }
+        None
+    }
+
+    /// The numbers of the last row that were disturbed.
+    pub(crate) fn disturbed(&self) -> &[Range<usize>] {
+        &self.disturbed
+    }
+
+    /// The numbers that its faults may disturb.
+    pub(crate) fn disturbable(&self) -> impl Iterator<Item = Range<usize>> {
+        self.faults.iter().map(|(_, fault)| fault.columns()).filter(|c| !c.is_empty())
+    }
+}
 
 /// A source whose rows go through faults.
 #[derive(Debug)]
 pub struct Faulted {
     source: Box<dyn Source>,
-    faults: Vec<(String, Box<dyn Fault>)>,
+    faults: Chain,
     tally: Tally,
 }
 
@@ -20,14 +62,14 @@ impl Faulted {
     /// # Errors
     /// All mistakes of the faults, the fields named `fault.<name>.<field>`.
     pub fn new(source: Box<dyn Source>, declared: &[(String, Box<dyn FaultSpec>)], context: &OpenContext) -> Result<Self, Vec<BuildError>> {
-        let (mut faults, mut errors) = (Vec::new(), Vec::new());
+        let (mut faults, mut errors) = (Chain::default(), Vec::new());
         for (name, spec) in declared {
             let seed = context.seed_of(&format!("fault.{name}"));
             match spec.build(&FaultContext {
                 channels: source.channels(),
                 seed,
             }) {
-                Ok(fault) => faults.push((name.clone(), fault)),
+                Ok(fault) => faults.push(name, fault),
                 Err(error) => {
                     let dot = if error.field.is_empty() { "" } else { "." };
                     errors.push(BuildError {
@@ -56,19 +98,8 @@ impl Source for Faulted {
 
     fn next(&mut self, row: &mut Vec<f64>) -> Result<Option<Time>, SourceError> {
         while let Some(time) = self.source.next(row)? {
-            let mut withheld = None;
-            for (name, fault) in &mut self.faults {
-                // The faults after one that withholds a row do not see it.
-                match fault.apply(time, row) {
-                    Outcome::Untouched => {}
-                    Outcome::Disturbed => self.tally.disturbed(name),
-                    Outcome::Withheld => {
-                        withheld = Some(&*name);
-                        break;
-                    }
-                }
-            }
-            match withheld {
+            let tally = &mut self.tally;
+            match self.faults.apply(time, row, |name| tally.disturbed(name)) {
                 Some(name) => self.tally.skipped(&format!("withheld by fault {name}"), None),
                 None => {
                     self.tally.used(time);
@@ -77,6 +108,14 @@ impl Source for Faulted {
             }
         }
         Ok(None)
+    }
+
+    fn disturbed(&self) -> &[Range<usize>] {
+        self.faults.disturbed()
+    }
+
+    fn disturbable(&self) -> Vec<Range<usize>> {
+        self.faults.disturbable().collect()
     }
 
     /// Rows, stamps and gaps as delivered; what the source itself left out comes first.

@@ -1,6 +1,7 @@
 //! The rows of several sources in order of their stamps.
 
 use super::{Source, SourceError};
+use core::ops::Range;
 use fusion_core::time::Time;
 use thiserror::Error;
 
@@ -14,8 +15,19 @@ pub struct Failed {
     pub error: SourceError,
 }
 
-/// A row on loan: its source's number, its stamp and its numbers.
-pub type Lent<'a> = (usize, Time, &'a [f64]);
+/// A row on loan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lent<'a> {
+    /// Where it comes from: the number of a source among the merged ones, of a stream in an
+    /// assembly.
+    pub from: usize,
+    /// Its stamp.
+    pub time: Time,
+    /// Its numbers.
+    pub row: &'a [f64],
+    /// Which of them a fault changed.
+    pub disturbed: &'a [Range<usize>],
+}
 
 #[derive(Debug)]
 struct Head {
@@ -52,7 +64,7 @@ impl Merged {
         }
     }
 
-    /// The next row: its source's number, its stamp and its numbers.
+    /// The next row.
     ///
     /// # Errors
     /// Where a source fails; the others can be read on.
@@ -68,7 +80,13 @@ impl Merged {
         let first = heads.filter_map(|(i, head)| Some((head.time?, i))).min();
         let Some((time, source)) = first else { return Ok(None) };
         self.stale = source..source + 1;
-        Ok(Some((source, time, &self.heads[source].row)))
+        let head = &self.heads[source];
+        Ok(Some(Lent {
+            from: source,
+            time,
+            row: &head.row,
+            disturbed: head.source.disturbed(),
+        }))
     }
 
     /// The sources, for their reports.
@@ -86,7 +104,7 @@ mod tests {
         let mut seen = Vec::new();
         loop {
             match merged.next() {
-                Ok(Some((source, _, row))) => seen.push(Ok((source, row[0]))),
+                Ok(Some(lent)) => seen.push(Ok((lent.from, lent.row[0]))),
                 Ok(None) => return seen,
                 Err(failed) => seen.push(Err(failed.index)),
             }

@@ -16,12 +16,14 @@ mod report;
 
 pub use self::csv::CsvSpec;
 pub use error::{DataError, SourceError};
+pub(crate) use fault::Chain;
 pub use fault::{Faulted, outages};
 pub use fusion_models::fault::ProvidedChannel;
 pub use merge::{Failed, Lent, Merged};
 pub use report::{Example, Skipped, SourceReport};
 
 use core::fmt::Debug;
+use core::ops::Range;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::time::Time;
 use fusion_models::block::BuildError;
@@ -84,6 +86,16 @@ pub trait Source: Debug + Send {
     /// # Errors
     /// What is wrong with the data; the source has ended then.
     fn next(&mut self, row: &mut Vec<f64>) -> Result<Option<Time>, SourceError>;
+
+    /// The numbers of the last row that a fault changed.
+    fn disturbed(&self) -> &[Range<usize>] {
+        &[]
+    }
+
+    /// The numbers of its rows that declared faults may change.
+    fn disturbable(&self) -> Vec<Range<usize>> {
+        Vec::new()
+    }
 
     /// What has been read so far.
     fn report(&self) -> SourceReport;

@@ -92,8 +92,8 @@ fn rows() -> Vec<(usize, Time, Vec<f64>)> {
     let assembly = assemble(&design, declared_streams(&design).unwrap()).unwrap();
     let mut world = SimulatedRows::new(&design, design.simulation.as_ref().unwrap(), &assembly, Some(7)).unwrap();
     let mut rows = Vec::new();
-    while let Some((stream, time, row)) = world.next() {
-        rows.push((stream, time, row.to_vec()));
+    while let Some(lent) = world.next() {
+        rows.push((lent.from, lent.time, lent.row.to_vec()));
     }
     rows
 }

@@ -3,6 +3,7 @@
 use super::target::Target;
 use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
 use crate::block::BuildError;
+use core::ops::Range;
 use fusion_core::time::Time;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -29,9 +30,12 @@ window = { from = "200 s", to = "210 s" }
 #[typetag::deserialize(name = "frozen")]
 impl FaultSpec for FrozenSpec {
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
-        let target = self.channel.as_deref().map(|name| Target::find(context, Some(name))).transpose()?;
+        let columns = match self.channel.as_deref() {
+            Some(name) => Target::find(context, Some(name))?.columns(),
+            None => 0..context.channels.iter().map(|c| c.offset + c.channel.width).max().unwrap_or(0),
+        };
         Ok(Box::new(Frozen {
-            target,
+            columns,
             window: self.window.clone(),
             last: None,
         }))
@@ -40,17 +44,18 @@ impl FaultSpec for FrozenSpec {
 
 #[derive(Debug)]
 struct Frozen {
-    target: Option<Target>,
+    columns: Range<usize>,
     window: Windows,
     last: Option<Vec<f64>>,
 }
 
 impl Fault for Frozen {
+    fn columns(&self) -> Range<usize> {
+        self.columns.clone()
+    }
+
     fn apply(&mut self, time: Time, row: &mut [f64]) -> Outcome {
-        let value = match &self.target {
-            Some(target) => target.of_row(row),
-            None => row,
-        };
+        let value = &mut row[self.columns.clone()];
         match &mut self.last {
             Some(last) if self.window.contains(time) => {
                 value.copy_from_slice(last);

@@ -31,6 +31,7 @@ pub use window::{Window, Windows};
 
 use crate::block::{BuildError, Channel};
 use core::fmt::Debug;
+use core::ops::Range;
 use fusion_core::time::Time;
 
 /// A channel as a source provides it.
@@ -57,6 +58,9 @@ pub enum Outcome {
 
 /// A fault at work on one source.
 pub trait Fault: Debug + Send {
+    /// The numbers of a row that it may change; empty for one that only withholds rows.
+    fn columns(&self) -> Range<usize>;
+
     /// Sees the next row.
     fn apply(&mut self, time: Time, row: &mut [f64]) -> Outcome;
 }
@@ -131,5 +135,46 @@ mod testing {
             let help = e.help.map(|h| format!(" / {h}")).unwrap_or_default();
             format!("{}: {}{help}", e.field, e.message)
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::testing::{ROW, channels};
+    use super::*;
+    use crate::registry::{self, Role};
+
+    /// Statistics of a gate count a row as disturbed by this.
+    #[test]
+    fn a_fault_changes_only_the_columns_it_names_and_only_where_it_says_so() {
+        let channels = channels();
+        for r in registry::all().into_iter().filter(|r| r.role == Role::Fault) {
+            let fields: toml::Table = toml::from_str(r.example).unwrap();
+            let tagged = toml::Table::from_iter([(r.name.to_owned(), toml::Value::Table(fields))]);
+            let spec: Box<dyn FaultSpec> = tagged.try_into().unwrap();
+            let context = FaultContext {
+                channels: &channels,
+                seed: 4,
+            };
+            let mut fault = spec.build(&context).unwrap_or_else(|e| panic!("{}: {}", r.name, e.message));
+            let columns = fault.columns();
+            let mut outcomes = Vec::new();
+            for k in 0..400_u32 {
+                let clean = ROW.map(|x| x + 1e-3 * f64::from(k));
+                let mut row = clean;
+                let outcome = fault.apply(Time::from_seconds(f64::from(k)), &mut row);
+                let changed: Vec<usize> = (0..row.len()).filter(|i| row[*i] != clean[*i]).collect();
+                assert!(changed.iter().all(|i| columns.contains(i)), "{}: {changed:?}", r.name);
+                assert_eq!(!changed.is_empty(), outcome == Outcome::Disturbed, "{} at {k}", r.name);
+                outcomes.push(outcome);
+            }
+            // Each example is at work somewhere in these 400 s.
+            let at_work = if columns.is_empty() {
+                Outcome::Withheld
+            } else {
+                Outcome::Disturbed
+            };
+            assert!(outcomes.contains(&at_work), "{}", r.name);
+        }
     }
 }

@@ -4,6 +4,7 @@ use super::random::generator;
 use super::target::Target;
 use super::{Amounts, Fault, FaultContext, FaultSpec, Outcome, Windows};
 use crate::block::BuildError;
+use core::ops::Range;
 use fusion_core::time::Time;
 use rand::RngExt;
 use rand_distr::StandardNormal;
@@ -62,6 +63,10 @@ struct Noise {
 }
 
 impl Fault for Noise {
+    fn columns(&self) -> Range<usize> {
+        self.target.columns()
+    }
+
     fn apply(&mut self, time: Time, row: &mut [f64]) -> Outcome {
         if !self.window.contains(time) {
             return Outcome::Untouched;

@@ -4,6 +4,7 @@ use super::random::generator;
 use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
 use crate::block::BuildError;
 use crate::units::Probability;
+use core::ops::Range;
 use fusion_core::time::Time;
 use rand::RngExt;
 use schemars::JsonSchema;
@@ -45,6 +46,10 @@ struct Outage {
 }
 
 impl Fault for Outage {
+    fn columns(&self) -> Range<usize> {
+        0..0
+    }
+
     fn apply(&mut self, time: Time, _: &mut [f64]) -> Outcome {
         if self.window.contains(time) {
             Outcome::Withheld
@@ -93,6 +98,10 @@ struct Drop {
 }
 
 impl Fault for Drop {
+    fn columns(&self) -> Range<usize> {
+        0..0
+    }
+
     fn apply(&mut self, time: Time, _: &mut [f64]) -> Outcome {
         let is_lost = self.window.contains(time) && generator(self.seed, time).random::<f64>() < self.rate;
         if is_lost { Outcome::Withheld } else { Outcome::Untouched }

@@ -5,6 +5,7 @@ use super::target::Target;
 use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
 use crate::block::BuildError;
 use crate::units::{AnyQuantity, Probability};
+use core::ops::Range;
 use fusion_core::time::Time;
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
@@ -77,6 +78,10 @@ struct Outliers {
 }
 
 impl Fault for Outliers {
+    fn columns(&self) -> Range<usize> {
+        self.target.columns()
+    }
+
     fn apply(&mut self, time: Time, row: &mut [f64]) -> Outcome {
         let mut random = generator(self.seed, time);
         if !self.window.contains(time) || random.random::<f64>() >= self.rate {

@@ -5,6 +5,7 @@ use super::target::Target;
 use super::{Amounts, Fault, FaultContext, FaultSpec, Outcome, Windows};
 use crate::block::BuildError;
 use crate::units::Duration;
+use core::ops::Range;
 use fusion_core::time::Time;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -102,6 +103,10 @@ struct Shift {
 }
 
 impl Fault for Shift {
+    fn columns(&self) -> Range<usize> {
+        self.target.columns()
+    }
+
     fn apply(&mut self, time: Time, row: &mut [f64]) -> Outcome {
         let is_at_work = match &self.when {
             When::From(start) => time >= *start,

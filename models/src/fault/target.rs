@@ -3,6 +3,7 @@
 use super::{FaultContext, ProvidedChannel};
 use crate::block::{BuildError, Shape};
 use crate::units::{Dimension, Dimensional, dim};
+use core::ops::Range;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
 use nalgebra::{Vector3, Vector4};
@@ -77,15 +78,15 @@ impl Target {
     }
 
     /// Its numbers in a row.
-    pub(super) fn of_row<'r>(&self, row: &'r mut [f64]) -> &'r mut [f64] {
-        &mut row[self.offset..self.offset + self.width]
+    pub(super) const fn columns(&self) -> Range<usize> {
+        self.offset..self.offset + self.width
     }
 
     /// Adds a displacement; axes that it does not reach stay.
     pub(super) fn displace(&self, row: &mut [f64], by: &[f64]) {
         let axis = |i: usize| by.get(i).copied().unwrap_or(0.0);
         let by = Vector3::new(axis(0), axis(1), axis(2));
-        let z = self.of_row(row);
+        let z = &mut row[self.columns()];
         match self.shape {
             Shape::Geodetic => {
                 let moved = Geodetic {
