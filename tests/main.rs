@@ -11,6 +11,9 @@ mod gates;
 /// What a user is told about every kind of mistake, word for word.
 #[path = "suite/mistakes.rs"]
 mod mistakes;
+/// Closed forms of inertial navigation: drift, coning, clean data, the seam of the heading.
+#[path = "suite/oracles.rs"]
+mod oracles;
 /// Order of arrival against order of time.
 #[path = "suite/order.rs"]
 mod order;

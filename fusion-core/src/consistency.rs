@@ -25,11 +25,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn quantiles_match_printed_tables() {
-        // Tables give three decimals.
+    fn chi_square_quantiles_of_95_99_and_99_9_percent_match_the_printed_table() {
+        // 6e-4: tables give three decimals.
         for (dof, want) in [
             (1.0, [3.841, 6.635, 10.828]),
             (2.0, [5.991, 9.210, 13.816]),
+            (3.0, [7.815, 11.345, 16.266]),
+            (6.0, [12.592, 16.812, 22.458]),
+            (9.0, [16.919, 21.666, 27.877]),
             (15.0, [24.996, 30.578, 37.697]),
         ] {
             for (p, want) in [0.95, 0.99, 0.999].into_iter().zip(want) {
@@ -39,10 +42,16 @@ mod tests {
     }
 
     #[test]
-    fn mean_bands_match_bar_shalom() {
-        for (dof, n, lo, hi) in [(2, 50, 1.484, 2.591), (9, 50, 7.862, 10.213), (15, 100, 13.946, 16.092)] {
+    fn mean_nees_bounds_of_50_and_100_runs_match_bar_shalom() {
+        for (dof, n, lo, hi) in [
+            (2, 50, 1.484, 2.591),
+            (3, 50, 2.360, 3.716),
+            (9, 50, 7.862, 10.213),
+            (15, 50, 13.520, 16.556),
+            (15, 100, 13.946, 16.092),
+        ] {
             let (a, b) = mean_band(0.95, dof, n);
-            // Printed to three decimals.
+            // 6e-4: printed to three decimals.
             assert!((a - lo).abs() < 6e-4 && (b - hi).abs() < 6e-4, "{dof} {n}: {a} {b}");
         }
     }

@@ -346,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn from_rpy_matches_the_tabulated_quaternion_and_the_product_of_axis_turns() {
+    fn from_rpy_of_10_minus_5_and_30_deg_matches_the_tabulated_quaternion_and_the_product_of_axis_turns() {
         let q = from_rpy(10_f64.to_radians(), -5_f64.to_radians(), 30_f64.to_radians());
         let expected = Vector4::new(0.96035, 0.095352, -0.019437, 0.261261);
         assert!((to_scalar_first(&q) - expected).amax() < 5e-6); // digits of the table

@@ -146,7 +146,7 @@ mod tests {
     use core::f64::consts::{FRAC_PI_2, PI};
 
     #[test]
-    fn radii_match_the_tabulated_values() {
+    fn radii_of_curvature_match_the_wgs_84_table_from_equator_to_pole() {
         let table = [
             (0.0, 6_335_439.327_3, 6_378_137.0),
             (30.0, 6_351_377.103_7, 6_383_480.917_7),
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn metres_per_degree_match_the_tabulated_site() {
+    fn a_degree_at_the_site_is_110_960_8235_m_north_and_90_051_6848_m_east() {
         let (north, east) = Geodetic::new(36.098_277_778_f64.to_radians(), 2.26, 0.0).metres_per_radian();
         // 6e-5 m: the table has four decimals.
         assert!((north.to_radians() - 110_960.823_5).abs() < 6e-5);

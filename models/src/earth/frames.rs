@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn the_site_matches_the_tabulated_earth_fixed_point() {
+    fn the_site_lies_at_its_tabulated_earth_fixed_point() {
         let p = Geodetic::new(36.098_277_778_f64.to_radians(), 129.449_944_444_f64.to_radians(), -23.0);
         let expected = Vector3::new(-3_278_406.178_9, 3_984_111.217, 3_736_994.867_5);
         // 1e-4 m: four decimals of metres, and angles to 5e-10° = 6e-5 m.

@@ -140,7 +140,7 @@ mod tests {
     const SITE: f64 = 36.098_277_778;
 
     #[test]
-    fn somigliana_matches_the_tabulated_values() {
+    fn somigliana_matches_the_wgs_84_table_of_normal_gravity() {
         let table = [
             (0.0, 0.0, 9.780_325_335_9),
             (30.0, 0.0, 9.793_247_269_2),
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn the_other_models_match_the_tabulated_site() {
+    fn titterton_weston_and_noureldin_give_9_79826723_and_9_79827646_at_the_site() {
         let lat = SITE.to_radians();
         // 6e-9: the table has eight decimals.
         assert!((Gravity::TittertonWeston.magnitude(lat, 0.0) - 9.798_267_23).abs() < 6e-9);

@@ -241,30 +241,107 @@ impl Initialiser for Levelling {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fusion_core::testing::Lcg;
 
-    #[test]
-    fn exact_inputs_return_the_attitude() {
-        let (roll, pitch, yaw, lat) = (0.1, -0.2, 2.0, 0.63_f64);
-        let q = so3::from_rpy(roll, pitch, yaw);
-        let f = q.inverse() * Vector3::new(0.0, 0.0, -9.8);
-        let w = q.inverse() * Vector3::new(lat.cos(), 0.0, -lat.sin()) * wgs84::EARTH_RATE;
-        let (r, p) = level(&f);
-        // 1e-12: the arithmetic of a few trigonometric functions, as the specification asks.
-        assert!((r - roll).abs() < 1e-12 && (p - pitch).abs() < 1e-12);
-        assert!((gyrocompass(&w, r, p) - yaw).abs() < 1e-12);
+    type V = Vector3<f64>;
+
+    const G: f64 = 9.8;
+    const LAT: f64 = 36.1 * core::f64::consts::PI / 180.0;
+    const DEG_PER_HOUR: f64 = core::f64::consts::PI / 180.0 / 3600.0;
+
+    /// Rate and specific force of a body at rest.
+    fn at_rest(q: &UnitQuaternion<f64>, lat: f64) -> (V, V) {
+        let earth = V::new(lat.cos(), 0.0, -lat.sin()) * wgs84::EARTH_RATE;
+        (q.inverse() * earth, q.inverse() * V::new(0.0, 0.0, -G))
     }
 
     #[test]
-    fn sensitivities_match_titterton_and_weston() {
-        let lat = 36.1_f64.to_radians();
-        let per_hour = (1.0_f64 / 3600.0).to_radians();
-        let degrees = |gyro: f64, noise: f64, t: f64| predicted_heading_sigma(gyro, noise, 0.0, t, lat).to_degrees();
-        // Printed to two or three figures: 0.047° and 4.71°, and 3.2° of angle random walk.
-        assert!((degrees(0.01 * per_hour, 0.0, 120.0) - 0.047).abs() < 5e-4);
-        assert!((degrees(per_hour, 0.0, 120.0) - 4.71).abs() < 1e-2);
-        assert!((degrees(0.0, 0.125 * per_hour * 60.0, 120.0) - 3.2).abs() < 0.05);
-        // 1 mg of accelerometer bias levels to 0.057°.
-        let (_, pitch) = level(&Vector3::new(9.80665e-3, 0.0, -9.80665));
-        assert!((pitch.to_degrees() - 0.0573).abs() < 1e-4);
+    fn exact_inputs_return_roll_pitch_and_heading_to_1e_minus_12() {
+        for lat in [-1.2, -0.3, 0.0, LAT] {
+            for roll in [-3.0, -0.5, 0.0, 0.1, 2.0] {
+                for pitch in [-1.2, -0.2, 0.0, 0.7] {
+                    for yaw in [-3.1, -1.0, 0.0, 2.0] {
+                        let (w, f) = at_rest(&so3::from_rpy(roll, pitch, yaw), lat);
+                        let (r, p) = level(&f);
+                        // 1e-12: the arithmetic of a few trigonometric functions, divided by cos(1.2)² = 0.13.
+                        assert!((r - roll).abs() < 1e-12 && (p - pitch).abs() < 1e-12, "{roll} {pitch} {yaw}");
+                        assert!((gyrocompass(&w, r, p) - yaw).abs() < 1e-12, "{lat} {roll} {pitch} {yaw}");
+                    }
+                }
+            }
+        }
+    }
+
+    /// Roll, pitch and heading found at 36.1° north, level and heading north \[deg\], with these
+    /// errors of rate and force.
+    fn found(w_error: &V, f_error: &V) -> V {
+        let (w, f) = at_rest(&UnitQuaternion::identity(), LAT);
+        let (roll, pitch) = level(&(f + f_error));
+        V::new(roll, pitch, gyrocompass(&(w + w_error), roll, pitch)).map(f64::to_degrees)
+    }
+
+    #[test]
+    fn levelling_with_1_mg_errs_by_0_057_deg() {
+        let errors = found(&V::zeros(), &V::new(1e-3 * G, 1e-3 * G, 0.0));
+        // 5e-4: half of the last digit printed. δroll = −∇_y/g, δpitch = ∇_x/g.
+        assert!((errors.x + 0.057).abs() < 5e-4 && (errors.y - 0.057).abs() < 5e-4, "{errors}");
+    }
+
+    #[test]
+    fn gyrocompassing_errs_by_minus_the_east_gyro_bias_over_the_horizontal_earth_rate() {
+        let error = |deg_per_hour: f64| found(&V::new(0.0, deg_per_hour * DEG_PER_HOUR, 0.0), &V::zeros()).z;
+        // 5e-4: half of the last digit printed.
+        assert!((error(0.01) + 0.047).abs() < 5e-4, "{}", error(0.01));
+        // 0.011° below the linear 4.71°: the arctangent's third order, (ε/Ω cos φ)³/3.
+        assert!((error(1.0) + 4.71 - 0.011).abs() < 5e-3, "{}", error(1.0));
+        let predicted = |bias: f64| predicted_heading_sigma(bias * DEG_PER_HOUR, 0.0, 0.0, 120.0, LAT).to_degrees();
+        assert!((predicted(0.01) - 0.047).abs() < 5e-4 && (predicted(1.0) - 4.71).abs() < 5e-3);
+    }
+
+    #[test]
+    fn gyrocompassing_errs_by_the_east_accelerometer_bias_times_the_tangent_of_latitude() {
+        let error = found(&V::zeros(), &V::new(0.0, 1e-3 * G, 0.0)).z;
+        let linear = (1e-3 * LAT.tan()).to_degrees();
+        // 1e-6 of it: squares of 1e-3 rad.
+        assert!((error / linear - 1.0).abs() < 1e-5, "{error} {linear}");
+        // 0.1 %: the prediction takes 9.81 m/s² for g.
+        assert!((predicted_heading_sigma(0.0, 0.0, 1e-3 * G, 120.0, LAT).to_degrees() / linear - 1.0).abs() < 1.1e-3);
+    }
+
+    #[test]
+    fn gyrocompassing_with_0_125_deg_per_root_h_over_120_s_errs_by_3_2_deg() {
+        let noise = 0.125 * DEG_PER_HOUR * 60.0;
+        let predicted = predicted_heading_sigma(0.0, noise, 0.0, 120.0, LAT).to_degrees();
+        assert!((predicted - 3.2).abs() < 0.05, "{predicted}"); // half of the last digit
+        let still: StillSpec = toml::from_str("window = 2\naccel_std = 1\ngyro_std = 1").unwrap();
+        let (w, f) = at_rest(&UnitQuaternion::identity(), LAT);
+        let (runs, dt) = (400, 0.1_f64);
+        let square: f64 = (0..runs)
+            .map(|seed| {
+                let mut random = Lcg::new(seed);
+                let mut levelling = Levelling {
+                    test: StillTest::new(&still),
+                    duration: 120.0,
+                    tilt_sigma: 0.0,
+                    gyro_bias_sigma: None,
+                    compass: Some(Compass { sigma: 0.0, lat: LAT }),
+                    rest: Rest::default(),
+                    found: None,
+                    last: None,
+                };
+                let mut k = 0;
+                while levelling.found.is_none() {
+                    let white = V::from_fn(|_, _| random.normal()) * (noise / dt.sqrt());
+                    let w = w + white;
+                    levelling.row(0, Time::from_seconds(f64::from(k) * dt), &[w.x, w.y, w.z, f.x, f.y, f.z]);
+                    k += 1;
+                }
+                let (q, _) = levelling.found.unwrap();
+                so3::to_rpy(&q).z.to_degrees().powi(2)
+            })
+            .sum();
+        let sigma = (square / runs as f64).sqrt();
+        // 12 %: 1/√(2·400) = 3.5 % of 1σ, and 1.5 % of digits.
+        assert!((sigma / 3.2 - 1.0).abs() < 0.12, "{sigma}");
     }
 }

@@ -72,21 +72,25 @@ mod tests {
     }
 
     #[test]
-    fn gauss_markov_has_its_variance_and_its_correlation() {
+    fn gauss_markov_of_60_s_has_phi_0_98347_and_q_0_032784_of_its_variance_at_1_hz() {
         let (tau, dt, n) = (60.0, 1.0, 400_000);
         let mut x = Markov::new(vec![2.0], tau, Random::new(3, "markov"));
-        let (mut square, mut product, mut previous) = (0.0, 0.0, x.state()[0]);
+        let (mut square, mut product, mut fresh, mut previous) = (0.0, 0.0, 0.0, x.state()[0]);
         for _ in 0..n {
             x.advance(dt);
             let now = x.state()[0];
             square += now * now;
             product += now * previous;
+            fresh += (now - 0.983_47 * previous).powi(2);
             previous = now;
         }
         // 6 %: independent samples n/2τ = 3333, so √(2/3333) = 2.4 % of 1σ in the variance.
         assert!((square / f64::from(n) / 4.0 - 1.0).abs() < 0.06, "{}", square / f64::from(n));
         // 1.5e-3: √((1 − φ²)/n) = 2.9e-4 of 1σ; φ = 0.98347.
         assert!((product / square - 0.983_47).abs() < 1.5e-3, "{}", product / square);
+        // 1 %: √(2/n) = 0.22 % of 1σ.
+        let q = fresh / f64::from(n) / 4.0;
+        assert!((q / 0.032_784 - 1.0).abs() < 0.01, "{q}");
     }
 
     #[test]

@@ -123,46 +123,55 @@ mod tests {
         (error.x / 10.0).to_degrees() * 3600.0
     }
 
-    fn assert_within(got: f64, expected: f64, relative: f64, what: &str) {
-        assert!((got.abs() / expected - 1.0).abs() < relative, "{what}: {got} against {expected}");
+    /// 5 %: the closed forms are leading terms in x = ΩT = 0.31, the next is of order x².
+    fn assert_residual(got: f64, deg_per_hour: f64) {
+        assert!((got.abs() / deg_per_hour - 1.0).abs() < 0.05, "{got} against {deg_per_hour}");
+    }
+
+    /// Δθ of the part of the interval at `t` between these fractions.
+    fn part(t: f64, from: f64, to: f64) -> V {
+        coning_increment(t + from * T, t + to * T)
     }
 
     #[test]
-    fn coning_drift_matches_the_closed_form_of_each_classical_algorithm() {
-        let part = |t: f64, from: f64, to: f64| coning_increment(t + from * T, t + to * T);
-        let none = drift(|q, t| q * so3::exp(&part(t, 0.0, 1.0)));
-        let one = drift(|q, t| q * so3::exp(&rotation_vector_one_sample(&part(t, -1.0, 0.0), &part(t, 0.0, 1.0))));
-        let two = drift(|q, t| q * so3::exp(&rotation_vector_two_sample(&part(t, 0.0, 0.5), &part(t, 0.5, 1.0))));
-        let third = 1.0 / 3.0;
-        let three = drift(|q, t| {
-            let (a, b) = (part(t, 0.0, third), part(t, third, 2.0 * third));
-            q * so3::exp(&rotation_vector_three_sample(&a, &b, &part(t, 2.0 * third, 1.0)))
-        });
-        // 5 %: the closed forms are leading terms in x = ΩT = 0.31, the next is of order x².
-        assert_within(none, 16.15, 0.05, "no correction");
-        assert_within(one, 0.317, 0.05, "previous sample");
-        assert_within(two, 0.0200, 0.05, "two samples");
-        let x = OMEGA * T;
-        let expected = (ALPHA * ALPHA * OMEGA * x.powi(6) / 204_120.0).to_degrees() * 3600.0;
-        assert_within(three, expected, 0.05, "three samples");
+    fn coning_residual_without_correction_is_16_15_deg_per_h() {
+        assert_residual(drift(|q, t| q * so3::exp(&part(t, 0.0, 1.0))), 16.15);
     }
 
     #[test]
-    fn coning_drift_of_the_rate_form_matches_the_closed_form_in_both_modes() {
-        let mean = |from: f64, to: f64| coning_increment(from, to) / (to - from);
-        let previous = drift(|q, t| {
-            let w = mean(t, t + T);
-            q * so3::exp(&((w + coning_rate(&mean(t - T, t), &w, T)) * T))
+    fn coning_residual_of_previous_sample_is_0_317_deg_per_h() {
+        let increments = drift(|q, t| q * so3::exp(&rotation_vector_one_sample(&part(t, -1.0, 0.0), &part(t, 0.0, 1.0))));
+        assert_residual(increments, 0.317);
+        let rates = drift(|q, t| {
+            let w = part(t, 0.0, 1.0) / T;
+            q * so3::exp(&((w + coning_rate(&(part(t, -1.0, 0.0) / T), &w, T)) * T))
         });
+        assert_residual(rates, 0.317);
+    }
+
+    #[test]
+    fn coning_residual_of_two_samples_is_0_0200_deg_per_h() {
+        let increments = drift(|q, t| q * so3::exp(&rotation_vector_two_sample(&part(t, 0.0, 0.5), &part(t, 0.5, 1.0))));
+        assert_residual(increments, 0.0200);
         let h = T / 2.0;
-        let pairs = drift(|q, t| {
-            let (w1, w2) = (mean(t, t + h), mean(t + h, t + T));
+        let rates = drift(|q, t| {
+            let (w1, w2) = (part(t, 0.0, 0.5) / h, part(t, 0.5, 1.0) / h);
             let c = coning_rate(&w1, &w2, h);
             // The first sample is split unevenly: a split must not change the result.
             q * so3::exp(&((w1 + c) * (0.3 * h))) * so3::exp(&((w1 + c) * (0.7 * h))) * so3::exp(&((w2 + c) * h))
         });
-        assert_within(previous, 0.317, 0.05, "previous sample"); // 5 %: as above
-        assert_within(pairs, 0.0200, 0.05, "pairs");
+        assert_residual(rates, 0.0200);
+    }
+
+    #[test]
+    fn coning_residual_of_three_samples_is_that_of_miller() {
+        let third = 1.0 / 3.0;
+        let increments = drift(|q, t| {
+            let (a, b) = (part(t, 0.0, third), part(t, third, 2.0 * third));
+            q * so3::exp(&rotation_vector_three_sample(&a, &b, &part(t, 2.0 * third, 1.0)))
+        });
+        let x = OMEGA * T;
+        assert_residual(increments, (ALPHA * ALPHA * OMEGA * x.powi(6) / 204_120.0).to_degrees() * 3600.0);
     }
 
     /// Linear inputs `a + b t`: rate \[rad/s\] and specific force \[m/s²\].
