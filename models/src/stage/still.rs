@@ -101,8 +101,9 @@ impl StillTest {
         let (Some(first), Some(last)) = (self.samples.front(), self.samples.back()) else {
             return false;
         };
-        let full = last.0 - first.0 >= 0.9 * self.window && self.samples.len() >= 4;
         let n = self.samples.len() as f64;
+        // n samples cover n intervals, of which n − 1 lie between them.
+        let full = n >= 4.0 && (last.0 - first.0) * n / (n - 1.0) >= 0.9 * self.window;
         let within = |k: usize, limit: &Vector3<f64>| {
             let mean = self.sum[k] / n;
             let variance = self.squares[k] / n - mean.component_mul(&mean);
@@ -138,6 +139,16 @@ mod tests {
             t.push(k as f64 * 0.01, Vector3::zeros(), Vector3::new(0.0, 0.0, -9.8));
         }
         assert!(t.is_still(&Vector3::zeros()));
+    }
+
+    #[test]
+    fn a_full_window_of_few_samples_stays_full() {
+        let mut t = test();
+        for k in 0..100 {
+            // Ten samples in the window of a second; stamps rounded either way.
+            t.push(1e5 + f64::from(k) * 0.1, Vector3::zeros(), Vector3::new(0.0, 0.0, -9.8));
+            assert_eq!(t.is_still(&Vector3::zeros()), k >= 8, "{k}");
+        }
     }
 
     #[test]

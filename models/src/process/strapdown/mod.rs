@@ -295,10 +295,10 @@ impl Process for Strapdown {
             } else {
                 (w, f, w2, f2)
             };
-            // The intervals may differ; for linear rates this length is exact.
-            let both = input.interval + input.neighbour_interval;
-            let pair = if both > 0.0 {
-                2.0 * input.interval * input.interval / both
+            // The intervals may differ; for linear rates this length is exact. The first sample of a
+            // stream covers no time and corrects nothing.
+            let pair = if input.neighbour_interval > 0.0 {
+                2.0 * input.interval * input.interval / (input.interval + input.neighbour_interval)
             } else {
                 0.0
             };
