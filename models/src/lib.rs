@@ -14,6 +14,7 @@ pub mod loss;
 pub mod param;
 pub mod process;
 pub mod registry;
+mod seed;
 pub mod sensor;
 pub mod sim;
 pub mod stage;

@@ -25,9 +25,10 @@ pub use frozen::FrozenSpec;
 pub use noise::NoiseSpec;
 pub use outage::{DropSpec, OutageSpec};
 pub use outliers::OutliersSpec;
-pub use random::derive_seed;
 pub use shift::{BiasStepSpec, SpikeSpec};
 pub use window::{Window, Windows};
+
+pub use crate::seed::derive_seed;
 
 use crate::block::{BuildError, Channel};
 use core::fmt::Debug;

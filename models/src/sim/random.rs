@@ -1,6 +1,7 @@
 //! Randomness: one generator per purpose, seeded by the run's seed and the purpose's name, so
 //! that adding one purpose leaves all others as they were.
 
+use crate::seed::fnv1a;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -12,13 +13,9 @@ pub(super) struct Random(ChaCha8Rng);
 impl Random {
     /// The generator of `purpose` in the run of that `seed`.
     pub(super) fn new(seed: u64, purpose: &str) -> Self {
-        // FNV-1a, 64 bits: the same on every platform and in every version.
-        let hash = purpose
-            .bytes()
-            .fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3));
         let mut key = [0; 32];
         key[..8].copy_from_slice(&seed.to_le_bytes());
-        key[8..16].copy_from_slice(&hash.to_le_bytes());
+        key[8..16].copy_from_slice(&fnv1a(purpose.bytes()).to_le_bytes());
         Self(ChaCha8Rng::from_seed(key))
     }
 
