@@ -2,7 +2,6 @@
 
 use crate::config::{Diagnostic, Diagnostics, Node};
 use crate::design::{Design, Named, SensorDesign};
-use crate::world::{REFERENCE, imu_stream, simulated};
 use fusion_core::filter::{Estimator, Filter};
 use fusion_core::gate::Open;
 use fusion_core::geometry::wgs84::Geodetic;
@@ -11,11 +10,10 @@ use fusion_core::model::{Measurement, Process, Size};
 use fusion_core::runner::{InitialiserUnit, Noise, Port, Runner, Sensor, StageUnit, StreamId};
 use fusion_core::state::{Block, Dynamics, Layout, LayoutBuilder};
 use fusion_core::time::nanos;
-use fusion_models::block::{Build, BuildError, Channel, Listen, Reading, Shape};
+use fusion_models::block::{Build, BuildError, Channel, Listen, Reading, Shape, check_delay};
 use fusion_models::earth::Gravity;
 use fusion_models::fault::ProvidedChannel;
-use fusion_models::sim::imu_channels;
-use fusion_models::units::{Dimension, Dimensional, dim};
+use fusion_models::units::Dimension;
 use std::sync::Arc;
 
 /// A named group of numbers in the rows of a stream, where it lies.
@@ -109,27 +107,11 @@ impl StreamLayout {
 /// # Errors
 /// Mistakes in the declaration of a source.
 pub fn declared_streams(design: &Design) -> Result<Vec<StreamLayout>, Diagnostics> {
+    if let Some(simulation) = &design.simulation {
+        return Ok(crate::world::streams(design, &simulation.block));
+    }
     let mut d = Diagnostics::new();
     let mut streams = Vec::new();
-    if let Some(simulation) = &design.simulation {
-        if simulation.block.world.imu.is_some() {
-            streams.push(StreamLayout::of(imu_stream(design), None, &imu_channels()));
-        }
-        for (sensor, source, channel) in simulated(design, &simulation.block) {
-            streams.push(StreamLayout::of(sensor, Some(source), &[channel]));
-        }
-        let quaternion = Channel {
-            shape: Shape::Quaternion,
-            ..Channel::vector("attitude", 4, Dimension::NONE)
-        };
-        let velocity = Channel::vector("velocity", 3, dim::Speed::KIND.dimension);
-        streams.push(StreamLayout::of(
-            REFERENCE,
-            None,
-            &[Channel::geodetic("position"), velocity, quaternion],
-        ));
-        return Ok(streams);
-    }
     for named in &design.sources {
         match named.block.source.channels() {
             Ok(channels) => streams.push(StreamLayout::provided(&named.name, &channels)),
@@ -404,7 +386,10 @@ impl Assembler<'_> {
         } else {
             format!("it has: {names}")
         };
-        let help = format!("declare it under [source.{}.channels]; {has}", layout.name);
+        let help = match &self.design.simulation {
+            Some(_) => format!("what is simulated is not declared further; {has}"),
+            None => format!("declare it under [source.{}.channels]; {has}", layout.name),
+        };
         self.d.push(Diagnostic::error(message).at(node.place_of("source")).help(help));
         None
     }
@@ -459,6 +444,10 @@ impl Assembler<'_> {
             Reading::Constant(value) => (None, value),
         };
         let mut port = self.port(&common.source, channel.as_slice(), node)?;
+        if let Err(error) = check_delay("time_offset", spec.delay()) {
+            self.d.push(located(node, &error));
+            return None;
+        }
         port.delay += nanos(spec.delay());
         let sigma = match &common.noise.sigma {
             Some(sigma) => match sigma.resolve(&rows) {
@@ -494,7 +483,7 @@ impl Assembler<'_> {
             };
             let reported = Channel {
                 name: format!("{}_sigma", channel.name).into(),
-                width: channel.width,
+                width: channel.degrees(),
                 dimension: rows.first().copied().unwrap_or(Dimension::NONE),
                 shape: Shape::Vector,
             };

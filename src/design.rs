@@ -21,7 +21,7 @@ use fusion_models::block::{GateSpec, InitialiserSpec, LossSpec, ProcessSpec, Sen
 use fusion_models::fault::FaultSpec;
 use fusion_models::initial::explicit::PlaceSpec;
 use fusion_models::registry::{self, Role};
-use fusion_models::sim::SimulationSpec;
+use fusion_models::sim::{IMU, SimulationSpec};
 use fusion_models::units::{AnyQuantity, Dimension, Duration, NonNegative, Positive, UnitError, Vec3Of, dim};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -306,12 +306,12 @@ pub struct SourceDesign {
     pub faults: Vec<Fault>,
 }
 
-/// A simulated world with the faults of its sensors.
+/// A simulated world with the faults of its streams.
 #[derive(Debug)]
 pub struct SimulationDesign {
     /// The world and the errors of its sensors.
     pub world: SimulationSpec,
-    /// By sensor: what goes wrong with it, in order.
+    /// By stream, `imu` or a sensor: what goes wrong with it, in order.
     pub faults: Vec<(String, Vec<Fault>)>,
 }
 
@@ -452,10 +452,19 @@ fn check_tables(root: &Node, d: &mut Diagnostics) {
     }
 }
 
+/// The blocks of a table of blocks; none where it is left out.
+fn entries<'a>(table: Option<&'a Node>, d: &mut Diagnostics) -> &'a [Entry] {
+    let Some(node) = table else { return &[] };
+    if !matches!(node.value(), Value::Table { .. }) {
+        let help = "write a table for each block, with a name of your choice: `NAME = { type = … }`";
+        d.push(Diagnostic::error("blocks by name are wanted here").at(node.place()).help(help));
+    }
+    node.entries()
+}
+
 fn each<T>(root: &Node, table: &str, d: &mut Diagnostics, mut read: impl FnMut(&Node, &mut Diagnostics) -> Option<T>) -> Vec<Named<T>> {
-    let entries = root.get(table).map_or(&[][..], Node::entries);
     let mut all = Vec::new();
-    for Entry { key, node } in entries {
+    for Entry { key, node } in entries(root.get(table), d) {
         if let Some(block) = read(node, d) {
             all.push(Named {
                 name: key.clone(),
@@ -526,7 +535,7 @@ fn read_sensor(node: &Node, d: &mut Diagnostics) -> Option<SensorDesign> {
 
 fn read_faults(table: Option<&Node>, d: &mut Diagnostics) -> Vec<Fault> {
     let mut faults = Vec::new();
-    for Entry { key, node } in table.map_or(&[][..], Node::entries) {
+    for Entry { key, node } in entries(table, d) {
         if let Some(block) = node.read_block("fault", &registry::names(Role::Fault), d) {
             faults.push((key.clone(), block));
         }
@@ -556,6 +565,9 @@ fn read_simulation(node: &Node, root: &Node, d: &mut Diagnostics) -> Option<Simu
         drop(sensors.split_off(&off));
     }
     let mut faults = Vec::new();
+    if let Some(imu) = own.get_mut(IMU) {
+        faults.push((IMU.to_owned(), read_faults(imu.take("fault").as_ref(), d)));
+    }
     if let Some(sensors) = own.get_mut("sensor") {
         for sensor in sensors.entries_mut() {
             let table = sensor.node.take("fault");

@@ -186,3 +186,47 @@ impl Navigator {
         &self.assembly
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reported_sigma_of_an_attitude_has_a_number_per_axis() {
+        let mut nav = Navigator::from_toml(
+            "[process]
+            type = 'attitude_only'
+            source = 'imu'
+            gyro_noise = 0
+            [sensor.mocap]
+            type = 'attitude'
+            source = 'mocap'
+            noise = { from_source = true, scale = 2 }
+            [initial.start]
+            type = 'explicit'
+            attitude = [0, 0, 0]
+            attitude_sigma = 0.04",
+        )
+        .unwrap_or_else(|d| panic!("{d}"));
+        let mocap = nav
+            .streams()
+            .iter()
+            .find(|s| s.name == "mocap")
+            .map(|s| s.channels.clone())
+            .unwrap_or_default();
+        let widths: Vec<_> = mocap.iter().map(|c| (c.name.as_str(), c.offset, c.width)).collect();
+        assert_eq!(widths, [("attitude", 0, 4), ("attitude_sigma", 4, 3)]);
+        nav.feed("imu", 0.0, &[0.0; 3]).unwrap();
+        nav.feed("imu", 1.0, &[0.0; 3]).unwrap();
+        nav.feed("mocap", 1.0, &[1.0, 0.0, 0.0, 0.0, 0.01, 0.015, 0.02]).unwrap();
+        nav.finish(&mut |_: &Event<'_>| {});
+        let belief = nav.belief().unwrap();
+        let attitude = nav.layout().blocks()[0].tangent;
+        for (i, reported) in [0.02, 0.03, 0.04].into_iter().enumerate() {
+            let expected = f64::hypot(1.0 / 0.04, 1.0 / reported).recip();
+            // 1e-12: rounding; nothing turns, so the axes stay apart.
+            let sigma = belief.covariance.sigma(attitude + i);
+            assert!((sigma - expected).abs() < 1e-12, "axis {i}: {sigma} for {expected}");
+        }
+    }
+}

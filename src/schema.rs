@@ -192,7 +192,7 @@ impl Builder {
         json!({ "description": description, "type": "object", "additionalProperties": { "oneOf": choices } })
     }
 
-    /// The simulated world: segments are blocks, and its sensors have faults.
+    /// The simulated world: segments are blocks, and its inertial unit and sensors have faults.
     fn simulation(&mut self) -> Value {
         let mut schema = self.of::<SimulationSpec>("simulation");
         let segments: Vec<Value> = registry::names(Role::Segment)
@@ -205,18 +205,19 @@ impl Builder {
         if let Some(trajectory) = properties.get_mut("trajectory").and_then(Value::as_object_mut) {
             trajectory.insert("items".to_owned(), items);
         }
-        let sensor = properties.pointer("/sensor/additionalProperties").cloned();
-        let name = sensor
-            .as_ref()
-            .and_then(|s| s[REF].as_str())
-            .and_then(|r| r.rsplit('/').next())
-            .map(str::to_owned);
-        let target = match name {
-            Some(name) => self.defs.get_mut(&name),
-            None => properties.pointer_mut("/sensor/additionalProperties"),
-        };
-        if let Some(target) = target {
-            property(target, "fault", faults);
+        for path in ["/imu", "/sensor/additionalProperties"] {
+            let name = properties
+                .pointer(path)
+                .and_then(|s| s[REF].as_str())
+                .and_then(|r| r.rsplit('/').next())
+                .map(str::to_owned);
+            let target = match name {
+                Some(name) => self.defs.get_mut(&name),
+                None => properties.pointer_mut(path),
+            };
+            if let Some(target) = target {
+                property(target, "fault", faults.clone());
+            }
         }
         schema
     }

@@ -5,7 +5,7 @@
 
 use crate::earth::Gravity;
 use crate::param::{ParamSpec, ParamValue};
-use crate::units::{Dimension, UnitError};
+use crate::units::{Dimension, Dimensional, UnitError, dim};
 use core::fmt::Debug;
 use fusion_core::gate::Gate;
 use fusion_core::geometry::wgs84::Geodetic;
@@ -115,6 +115,42 @@ impl Channel {
             shape: Shape::Geodetic,
         }
     }
+
+    /// How many numbers a displacement of it has, and so its reported 1σ: a quaternion turns
+    /// about three axes.
+    #[must_use]
+    pub const fn degrees(&self) -> usize {
+        match self.shape {
+            Shape::Geodetic | Shape::Quaternion => 3,
+            Shape::Vector | Shape::Angle => self.width,
+        }
+    }
+}
+
+/// The channels of an inertial measurement unit.
+#[must_use]
+pub fn imu_channels() -> Vec<Channel> {
+    vec![
+        Channel::vector("angular_rate", 3, dim::AngularRate::KIND.dimension),
+        Channel::vector("specific_force", 3, dim::Acceleration::KIND.dimension),
+    ]
+}
+
+/// The longest delay that a sensor or a channel may declare, 1 h \[s\]: every row is held back as
+/// long as the longest of them.
+pub const LONGEST_DELAY: f64 = 3600.0;
+
+/// Refuses a delay of more than [`LONGEST_DELAY`], of either sign, that `field` declares.
+///
+/// # Errors
+/// [`BuildError`] at `field`.
+pub fn check_delay(field: impl Into<String>, seconds: f64) -> Result<(), BuildError> {
+    if seconds.abs() <= LONGEST_DELAY {
+        return Ok(());
+    }
+    let message = format!("{seconds} s is more than the longest delay of {LONGEST_DELAY} s: all rows would be held back as long");
+    let help = "clocks that differ are brought together where stamps are read, by `time.epoch` or `time.offset` of a source";
+    Err(BuildError::at(field, message).help(help))
 }
 
 /// What a sensor reads from its stream.
@@ -158,7 +194,8 @@ pub trait SensorSpec: Debug + Send + Sync {
     /// The dimension of each residual row, which is that of the noise's sigma.
     fn noise(&self) -> Vec<Dimension>;
 
-    /// Seconds by which rows are valid before their stamp: a time offset's fixed or initial value.
+    /// Seconds by which rows are valid before their stamp: the fixed or initial value of its
+    /// `time_offset`. At most [`LONGEST_DELAY`], of either sign.
     fn delay(&self) -> f64 {
         0.0
     }

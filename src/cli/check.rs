@@ -11,7 +11,7 @@ use fusion::models::fault::FaultContext;
 use fusion::run::{Options, data_dir, unknown_reference};
 use fusion::source::{Faulted, OpenContext};
 use fusion::table::{Table, backend_name, numbers, readable, short};
-use fusion::world::SimulatedRows;
+use fusion::world::{IMU, SimulatedRows};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -337,7 +337,11 @@ fn faults(design: &Design) -> Table {
     for named in &design.sources {
         add(&named.node, &named.name);
     }
-    if let Some(sensors) = design.simulation.as_ref().and_then(|s| s.node.get("sensor")) {
+    let simulation = design.simulation.as_ref().map(|s| &s.node);
+    if let Some(imu) = simulation.and_then(|s| s.get(IMU)) {
+        add(imu, IMU);
+    }
+    if let Some(sensors) = simulation.and_then(|s| s.get("sensor")) {
         sensors.entries().iter().for_each(|e| add(&e.node, &e.key));
     }
     t

@@ -233,6 +233,21 @@ fn the_built_in_design_is_checked() {
 }
 
 #[test]
+fn faults_of_a_simulated_unit_are_checked_and_applied() {
+    let w = Workspace::new("command-imu-fault");
+    let gap = "{ type = \"outage\", window = { from = \"20 s\", to = \"21 s\" } }";
+    let set = format!("simulation.imu.fault={{ gap = {gap} }}");
+    let checked = w.fusion(&["check", "--set", &set]);
+    assert_eq!((checked.code, checked.stderr.as_str()), (0, ""));
+    has(&checked.stdout, "imu gap outage, window (from 20 s, to 21 s)");
+    let ran = w.fusion(&["run", "--set", &set, "--out", "results"]);
+    assert_eq!((ran.code, ran.stderr.as_str()), (0, ""));
+    let summary: serde_json::Value = serde_json::from_str(&w.read("results/summary.json")).unwrap();
+    let imu = summary["sources"].as_array().unwrap().iter().find(|s| s["name"] == "imu").unwrap();
+    assert_eq!(imu["skipped"][0], serde_json::json!(["withheld by a fault", 100]));
+}
+
+#[test]
 fn every_block_is_listed_and_described() {
     let w = Workspace::new("command-blocks");
     let list = w.fusion(&["blocks"]);

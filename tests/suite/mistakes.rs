@@ -3,6 +3,26 @@ use crate::support::{DESIGN, Workspace, fixes, snapshot};
 const PROCESS: &str = "[process]\ntype = \"constant_velocity\"\nacceleration_noise = \"0.5 m/s^2/sqrt(Hz)\"\nposition_sigma = \"10 m\"\nvelocity_sigma = \"5 m/s\"\n";
 const INITIAL: &str = "[initial.fix]\ntype = \"first_fix\"\nsource = \"gnss\"\nposition_sigma = \"5 m\"\nvelocity_sigma = \"1 m/s\"\n";
 
+const INERTIAL: &str = r#"[run]
+origin = { latitude = "47 deg", longitude = "8 deg" }
+
+[process]
+type = "attitude_only"
+source = "imu"
+gyro_noise = "0.1 deg/sqrt(s)"
+
+[initial.start]
+type = "explicit"
+attitude = [0, 0, 0]
+attitude_sigma = "1 deg"
+
+[simulation]
+trajectory = [{ type = "rest", duration = "60 s" }]
+
+[simulation.imu]
+rate = "100 Hz"
+"#;
+
 /// What the command says about a design in which `from` was written `to`, which must be wrong.
 fn wrong(name: &str, from: &str, to: &str) {
     wrong_text(name, &replaced(from, to));
@@ -150,6 +170,11 @@ fn values() {
         "source = \"gnss\"\nnoise",
         "lever_arm = [0, 1]\nsource = \"gnss\"\nnoise",
     );
+    wrong(
+        "time_offset_of_years",
+        "source = \"gnss\"\nnoise",
+        "time_offset = { estimate = true, initial = 1e9, sigma = 1 }\nsource = \"gnss\"\nnoise",
+    );
     wrong("channel_of_wrong_unit", "unit = \"m/s\"", "unit = \"deg/s\"");
 }
 
@@ -193,6 +218,12 @@ fn references_faults_and_simulations() {
         "[source.gnss.fault.ice]\ntype = \"frozen\"\nchannel = \"positon\"\nwindow = { from = \"3 s\" }\n\n[variant.ekf]",
     );
     wrong(
+        "faults_that_are_no_table",
+        "path = \"gnss.csv\"",
+        "path = \"gnss.csv\"\nfault = \"outage\"",
+    );
+    wrong("stages_that_are_no_table", "[run]", "stage = \"periodic\"\n\n[run]");
+    wrong(
         "unknown_fault",
         "[variant.ekf]",
         "[source.gnss.fault.tunnel]\ntype = \"outages\"\n\n[variant.ekf]",
@@ -219,6 +250,27 @@ fn references_faults_and_simulations() {
         "empty_trajectory",
         &simulated.replace("{ type = \"rest\", duration = \"9 s\" }", ""),
     );
+}
+
+#[test]
+fn simulated_inertial_units() {
+    let rate = "rate = \"100 Hz\"\n";
+    wrong_text("rate_without_end", &INERTIAL.replace(rate, "rate = \"1e12 Hz\"\n"));
+    let wrong = |name: &str, more: &str| wrong_text(name, &format!("{INERTIAL}{more}\n"));
+    wrong(
+        "imu_fault_on_unknown_channel",
+        "fault.jump = { type = \"bias_step\", channel = \"specific_forces\", at = 1, value = 1 }",
+    );
+    wrong(
+        "imu_fault_of_wrong_dimension",
+        "fault.hum = { type = \"noise\", channel = \"angular_rate\", sigma = \"1 m/s\" }",
+    );
+    wrong("unknown_imu_fault", "fault.jump = { type = \"biasstep\" }");
+    wrong("imu_key_misspelt", "falt.gap = { type = \"outage\", window = { to = 1 } }");
+    let w = Workspace::new("mistake-imu_fault_from_the_command_line");
+    w.write("design.toml", INERTIAL);
+    let set = "simulation.imu.fault={ gap = { type = \"frozen\", channel = \"rate\", window = { to = 1 } } }";
+    complain("imu_fault_from_the_command_line", &w, &["check", "design.toml", "--set", set]);
 }
 
 #[test]

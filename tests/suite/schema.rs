@@ -115,8 +115,9 @@ fn every_example_is_valid() {
             Role::Source => design["source"]["x"] = block,
             Role::Fault => {
                 design["source"]["gnss"]["fault"] = json!({ "x": block.clone() });
-                let sensor = json!({ "gnss": { "rate": "1 Hz", "fault": { "x": block } } });
-                design["simulation"] = json!({ "trajectory": [{ "type": "rest", "duration": 1 }], "sensor": sensor });
+                let rows = json!({ "rate": "1 Hz", "fault": { "x": block } });
+                let trajectory = json!([{ "type": "rest", "duration": 1 }]);
+                design["simulation"] = json!({ "trajectory": trajectory, "imu": rows, "sensor": { "gnss": rows } });
             }
             Role::Segment => design["simulation"] = json!({ "trajectory": [block] }),
         }
@@ -165,6 +166,10 @@ fn slips_are_invalid() {
             "lever_arm",
         ),
         ("[source.gnss.fault.x]\ntype = \"drop\"\nshare = 0.1", "not"),
+        (
+            "[simulation]\ntrajectory = []\n[simulation.imu]\nrate = 1\nfault.x = { type = \"drop\", share = 0.1 }",
+            "imu.fault.x",
+        ),
     ];
     for (slip, word) in slips {
         let found = against_schema(&read(&format!("{}\n{slip}\n", crate::support::DESIGN)));

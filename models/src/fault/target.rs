@@ -13,6 +13,7 @@ use nalgebra::{Vector3, Vector4};
 pub(super) struct Target {
     offset: usize,
     width: usize,
+    degrees: usize,
     shape: Shape,
     dimension: Dimension,
 }
@@ -47,6 +48,7 @@ impl Target {
         Self {
             offset: provided.offset,
             width: c.width,
+            degrees: c.degrees(),
             shape: c.shape,
             dimension: c.dimension,
         }
@@ -54,17 +56,14 @@ impl Target {
 
     /// How many numbers a displacement has.
     pub(super) const fn degrees(&self) -> usize {
-        match self.shape {
-            Shape::Geodetic | Shape::Quaternion => 3,
-            Shape::Vector | Shape::Angle => self.width,
-        }
+        self.degrees
     }
 
     /// How many of them an outlier moves: a position errs in the horizontal plane.
     pub(super) const fn outlier_degrees(&self) -> usize {
         match self.shape {
             Shape::Geodetic => 2,
-            _ => self.degrees(),
+            _ => self.degrees,
         }
     }
 

@@ -10,8 +10,7 @@
 //! Source     Groves 2013, §5.6; Titterton and Weston 2004, §10.3
 
 use super::write_attitude;
-use crate::block::{Build, BuildError, InitialiserSpec, Listen};
-use crate::stage::stationarity::imu_channels;
+use crate::block::{Build, BuildError, InitialiserSpec, Listen, imu_channels};
 use crate::stage::still::{StillSpec, StillTest};
 use crate::units::{Axes, NonNegative, Positive, dim, range};
 use fusion_core::geometry::{so3, wgs84};

@@ -27,7 +27,7 @@ pub struct GnssPositionSpec {
     /// Antenna position in body axes, from the body origin (the IMU).
     #[serde(default)]
     lever_arm: VectorParam<dim::Length>,
-    /// How late the receiver stamps its fixes: valid at stamp − offset.
+    /// How late the receiver stamps its fixes: valid at stamp − offset; at most 1 h.
     #[serde(default)]
     time_offset: ScalarParam<dim::Duration>,
     /// Slowly varying position error, north east down; give it a `correlation_time`.

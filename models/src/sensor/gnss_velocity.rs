@@ -28,7 +28,7 @@ pub struct GnssVelocitySpec {
     /// Antenna position in body axes, from the body origin (the IMU).
     #[serde(default)]
     lever_arm: VectorParam<dim::Length>,
-    /// How late the receiver stamps its velocities: valid at stamp − offset.
+    /// How late the receiver stamps its velocities: valid at stamp − offset; at most 1 h.
     #[serde(default)]
     time_offset: ScalarParam<dim::Duration>,
     /// Use north and east only.

@@ -108,7 +108,7 @@ triad_spec!(
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ImuErrorSpec {
-    /// Samples per second.
+    /// Samples per second; at most 1e9 samples in a run.
     pub(super) rate: Positive<dim::Frequency>,
     /// The unit to start from: `perfect` (the default), `hg1700`, `navigation` or `consumer`.
     #[serde(default)]

@@ -23,7 +23,7 @@ mod world;
 pub use imu_error::{AccelerometerErrorSpec, GyroErrorSpec, ImuError, ImuErrorSpec, ImuPreset};
 pub use noise::{Rows, SensorError, SensorErrorSpec};
 pub use segment::{Junction, Motion, Segment, SegmentSpec};
-pub use simulator::{Setup, SimulatedSensor, SimulatedStream, Simulator, imu_channels};
+pub use simulator::{IMU, REFERENCE, Setup, SimulatedSensor, SimulatedStream, Simulator, reference_channels};
 pub use spec::{SimulationSpec, StartSpec};
 pub use trajectory::Trajectory;
 pub use world::{OpenLoop, Truth, World};

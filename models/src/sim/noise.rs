@@ -98,7 +98,7 @@ impl JsonSchema for Rows {
 #[derive(Clone, Debug, serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SensorErrorSpec {
-    /// Measurements per second.
+    /// Measurements per second; at most 1e9 of them in a run.
     pub(super) rate: Positive<dim::Frequency>,
     /// When the first measurement is valid, after the start of the run.
     #[serde(default)]

@@ -21,7 +21,7 @@ pub struct SimulationSpec {
     pub seed: u64,
     /// The inertial measurement unit; needed by a process that is driven by one.
     pub imu: Option<ImuErrorSpec>,
-    /// Rows per second of the `reference` stream: the truth.
+    /// Rows per second of the `reference` stream: the truth; at most 1e9 rows in a run.
     #[serde(default = "reference_rate")]
     pub reference_rate: Positive<dim::Frequency>,
     /// Whether estimated parameters are truly off their initial values, by a draw from their
@@ -67,7 +67,27 @@ impl SimulationSpec {
             &self.trajectory,
         )
     }
+
+    /// Refuses rates at which a stream has more than [`MOST_ROWS`] in a run of `duration` seconds.
+    pub(super) fn check_rates(&self, duration: f64) -> Result<(), BuildError> {
+        let imu = self.imu.iter().map(|imu| ("imu.rate".to_owned(), imu.rate));
+        let sensors = self.sensor.iter().map(|(name, s)| (format!("sensor.{name}.rate"), s.rate));
+        let reference = ("reference_rate".to_owned(), self.reference_rate);
+        let most = MOST_ROWS / duration.max(1.0);
+        match imu.chain(sensors).chain([reference]).find(|(_, rate)| rate.si() > most) {
+            None => Ok(()),
+            Some((field, rate)) => {
+                let message = format!("{} Hz for {duration} s are more than {MOST_ROWS:e} rows", rate.si());
+                let help = format!("a stream of this run has at most {most:.3} rows per second; is the unit right?");
+                Err(BuildError::at(field, message).help(help))
+            }
+        }
+    }
 }
+
+/// The most rows that a stream has in a run, and in a second of one: more do not come to an end in
+/// a day's work, and closer ones share a stamp, which is a whole number of nanoseconds.
+const MOST_ROWS: f64 = 1e9;
 
 /// Ten per second.
 fn reference_rate() -> Positive<dim::Frequency> {
@@ -105,6 +125,23 @@ mod tests {
         assert_eq!(spec.reference_rate.si(), 10.0);
         assert!(spec.imu.is_none() && !spec.draw_parameters && spec.sensor.is_empty());
         assert_eq!(spec.trajectory().unwrap().duration(), 1.0);
+    }
+
+    #[test]
+    fn rates_that_would_never_come_to_an_end_are_refused() {
+        let said = |rates: &str, duration: f64| {
+            let spec: SimulationSpec = toml::from_str(&format!("{rates}\ntrajectory = []")).unwrap();
+            spec.check_rates(duration).map_err(|e| e.field).err()
+        };
+        let rates = "imu = { rate = '10 MHz' }\nreference_rate = '10 MHz'\nsensor.gnss = { rate = '10 MHz' }";
+        assert_eq!(said(rates, 100.0), None);
+        assert_eq!(said(&rates.replacen("10 MHz", "10.1 MHz", 1), 100.0).unwrap(), "imu.rate");
+        assert_eq!(said("sensor.gnss = { rate = '1e12 Hz' }", 60.0).unwrap(), "sensor.gnss.rate");
+        // However short the run: two rows would share a stamp.
+        assert_eq!(said("sensor.gnss = { rate = '1.1e9 Hz' }", 1e-3).unwrap(), "sensor.gnss.rate");
+        // Ten times a second, for three years and two months.
+        assert_eq!(said("", 1.0e8), None);
+        assert_eq!(said("", 1.1e8).unwrap(), "reference_rate");
     }
 
     #[test]

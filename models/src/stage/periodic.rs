@@ -54,7 +54,8 @@ impl StageSpec for PeriodicSpec {
             None => None,
         };
         Ok(Box::new(Periodic {
-            period: nanos(1.0 / self.rate.si()),
+            // No two rows are closer.
+            period: nanos(1.0 / self.rate.si()).max(1),
             min_speed,
             next: Time::MIN,
         }))
@@ -84,5 +85,35 @@ impl Stage for Periodic {
             }
         }
         out.emit(time, &[]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::earth::Gravity;
+    use fusion_core::state::LayoutBuilder;
+
+    /// How many of eleven rows, 10 ms apart, are emitted at a rate.
+    fn emitted(rate: &str) -> usize {
+        let spec: PeriodicSpec = toml::from_str(&format!("source = 'imu'\nrate = '{rate}'")).unwrap();
+        let mut layout = LayoutBuilder::new();
+        let mut build = Build {
+            name: "clock",
+            layout: &mut layout,
+            origin: None,
+            gravity: Gravity::default(),
+        };
+        let mut stage = spec.build(&mut build).unwrap();
+        let mut out = Emitter::default();
+        (0..=10).for_each(|k| stage.row(0, Time::from_nanos(k * 10_000_000), &[], None, &mut out));
+        out.rows().count()
+    }
+
+    #[test]
+    fn rows_come_at_the_rate_and_not_above_that_of_the_source() {
+        assert_eq!(emitted("50 Hz"), 6);
+        assert_eq!(emitted("100 Hz"), 11);
+        assert_eq!(emitted("1e12 Hz"), 11);
     }
 }

@@ -10,7 +10,7 @@
 //!            several tests in a row, and for little mean acceleration
 
 use super::still::{StillSpec, StillTest};
-use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
+use crate::block::{Build, BuildError, Channel, Listen, StageSpec, imu_channels};
 use crate::units::{Dimensional, Positive, dim};
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Attitude, Quantity, Vector, Velocity, View};
@@ -125,14 +125,6 @@ impl StageSpec for StationaritySpec {
             next_row: Time::MIN,
         }))
     }
-}
-
-/// The channels of an IMU.
-pub(crate) fn imu_channels() -> Vec<Channel> {
-    vec![
-        Channel::vector("angular_rate", 3, dim::AngularRate::KIND.dimension),
-        Channel::vector("specific_force", 3, dim::Acceleration::KIND.dimension),
-    ]
 }
 
 #[derive(Debug)]

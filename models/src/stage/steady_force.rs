@@ -9,8 +9,7 @@
 //! Valid      accelerations that average out over τ, gyros that do not drift over it
 
 use super::attitude_reference::kernel;
-use super::stationarity::imu_channels;
-use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
+use crate::block::{Build, BuildError, Channel, Listen, StageSpec, imu_channels};
 use crate::units::{Dimensional, Positive, dim};
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Quantity, Vector, View};

@@ -287,7 +287,7 @@ pub(super) struct ChannelSpec {
     /// The quaternion maps navigation to body.
     #[serde(default)]
     pub(super) inverse: bool,
-    /// How late the stamp is: the values are valid at stamp − latency.
+    /// How late the stamp is: the values are valid at stamp − latency; at most 1 h.
     #[serde(default)]
     pub(super) latency: Duration,
 }

@@ -4,7 +4,7 @@ use super::declaration::{ChannelSpec, OneOrMany, RotationSpec};
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::time::nanos;
-use fusion_models::block::{BuildError, Channel, Shape};
+use fusion_models::block::{BuildError, Channel, Shape, check_delay};
 use fusion_models::earth::LocalFrame;
 use fusion_models::units::{Dimension, Dimensional, dim, parse_unit};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3, Vector4};
@@ -229,7 +229,9 @@ impl Plan {
             dimension,
             shape,
         };
-        let delay_ns = nanos(spec.latency.si());
+        let latency = spec.latency.si();
+        errors.extend(check_delay(format!("channels.{name}.latency"), latency).err());
+        let delay_ns = nanos(latency);
         let plan = Self {
             channel,
             delay_ns,

@@ -397,6 +397,23 @@ fn cells_that_stop_a_run_are_named_with_line_and_column() {
 }
 
 #[test]
+fn a_latency_of_hours_is_refused() {
+    let late = |latency| {
+        said(
+            &format!("{T}channels.v = {{ column = 'v', unit = 'm/s', latency = '{latency}' }}"),
+            "t,v\n",
+        )
+    };
+    let said = late("-3601 s");
+    assert!(
+        said.starts_with("error: -3601 s is more than the longest delay of 3600 s: all rows"),
+        "{said}"
+    );
+    assert!(said.contains("^^^^^^^^^\n"), "{said}");
+    assert!(!late("1 h").contains("longest"), "{}", late("1 h"));
+}
+
+#[test]
 fn values_that_cannot_be_are_refused() {
     let geodetic = format!("{T}channels.p = {{ latitude = 'a', longitude = 'b', height = 'c', unit = 'rad' }}");
     let expected =

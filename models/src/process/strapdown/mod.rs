@@ -13,10 +13,10 @@ pub mod error_model;
 pub mod increments;
 pub mod mechanisation;
 
-use crate::block::{Build, BuildError, Channel, ProcessSpec};
+use crate::block::{Build, BuildError, Channel, ProcessSpec, imu_channels};
 use crate::earth::Gravity;
 use crate::param::VectorParam;
-use crate::units::{Axes, Dimensional, dim, range};
+use crate::units::{Axes, dim, range};
 use error_model::Blocks;
 use fusion_core::geometry::wgs84::Geodetic as Place;
 use fusion_core::linear::Transition;
@@ -139,10 +139,7 @@ accelerometer = { noise = "70 ug/sqrt(Hz)", bias = { estimate = true, initial = 
 #[typetag::deserialize(name = "strapdown")]
 impl ProcessSpec for StrapdownSpec {
     fn input(&self) -> Vec<Channel> {
-        vec![
-            Channel::vector("angular_rate", 3, dim::AngularRate::KIND.dimension),
-            Channel::vector("specific_force", 3, dim::Acceleration::KIND.dimension),
-        ]
+        imu_channels()
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {

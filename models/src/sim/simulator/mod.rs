@@ -21,7 +21,7 @@ use super::inverse::{self, Correction, Sample, before_correction, pair_before_co
 use super::noise::SensorError;
 use super::spec::SimulationSpec;
 use super::world::{OpenLoop, Truth, World};
-use crate::block::{BuildError, Channel, Shape};
+use crate::block::{BuildError, Channel, Shape, imu_channels};
 use crate::earth::Gravity;
 use crate::process::strapdown::mechanisation::Nav;
 use crate::units::{Dimension, Dimensional, dim};
@@ -81,9 +81,9 @@ pub struct SimulatedStream {
 /// Numbers in a row of the reference stream.
 const REFERENCE_WIDTH: usize = 10;
 /// The stream of the inertial unit.
-const IMU: &str = "imu";
+pub const IMU: &str = "imu";
 /// The stream of the truth.
-const REFERENCE: &str = "reference";
+pub const REFERENCE: &str = "reference";
 
 /// Produces the rows of a run, one after the other.
 #[derive(Debug)]
@@ -186,7 +186,9 @@ impl Simulator {
     /// # Errors
     /// [`BuildError`] whose field is within `[simulation]`.
     pub fn new(spec: &SimulationSpec, setup: Setup<'_>, seed: u64) -> Result<Self, BuildError> {
-        let world = Box::new(OpenLoop::new(spec.trajectory()?, setup.origin, setup.gravity));
+        let trajectory = spec.trajectory()?;
+        spec.check_rates(trajectory.duration())?;
+        let world = Box::new(OpenLoop::new(trajectory, setup.origin, setup.gravity));
         Self::in_world(world, spec, setup, seed)
     }
 
@@ -277,6 +279,12 @@ impl Simulator {
     #[must_use]
     pub fn streams(&self) -> &[SimulatedStream] {
         &self.streams
+    }
+
+    /// When the run ends.
+    #[must_use]
+    pub const fn end(&self) -> Time {
+        self.end
     }
 
     /// What is true at the last instant simulated, which may lie after the last row returned.
@@ -432,16 +440,9 @@ impl Simulator {
     }
 }
 
-/// What a row of the simulated inertial unit consists of.
+/// The channels of the `reference` stream.
 #[must_use]
-pub fn imu_channels() -> Vec<Channel> {
-    vec![
-        Channel::vector("angular_rate", 3, dim::AngularRate::KIND.dimension),
-        Channel::vector("specific_force", 3, dim::Acceleration::KIND.dimension),
-    ]
-}
-
-fn reference_channels() -> Vec<Channel> {
+pub fn reference_channels() -> Vec<Channel> {
     let attitude = Channel {
         name: Cow::Borrowed("attitude"),
         width: 4,

@@ -20,8 +20,7 @@ pub mod kernel;
 pub mod quaternion_filter;
 pub mod reference;
 
-use super::stationarity::imu_channels;
-use crate::block::{Build, BuildError, Channel, Listen, Shape, StageSpec};
+use crate::block::{Build, BuildError, Channel, Listen, Shape, StageSpec, imu_channels};
 use crate::earth::{LocalEarth, rates};
 use crate::units::{self, Axes, Dimension, Dimensional, NonNegative, Positive, Quantity, STANDARD_GRAVITY, Vec3Of, dim, range};
 use field_gate::FieldGateSpec;
