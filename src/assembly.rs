@@ -191,6 +191,9 @@ pub fn assemble(design: &Design, declared: Vec<StreamLayout>) -> Result<Assembly
             parts.infos.push(info);
         }
     }
+    for sensor in &design.sensors {
+        a.link(sensor, &mut parts.sensors);
+    }
     for stage in &design.stages {
         let built = a.build(stage, &mut layout, origin, &mut gravity, |s, b| s.build(b));
         let inputs = a.listen(&stage.node, &stage.block.inputs());
@@ -430,6 +433,32 @@ impl Assembler<'_> {
         inputs.iter().map(|l| self.port(&l.source, &l.channels, node)).collect()
     }
 
+    /// Numbers the sensor that this one goes with. Of one row, that one must be valid no later.
+    fn link(&mut self, design: &Named<SensorDesign>, sensors: &mut [Sensor]) {
+        let at = |name: &str| sensors.iter().position(|s| s.name == name);
+        let leader = design.block.common.only_with.as_deref();
+        let (Some(leader), Some(follower)) = (leader.and_then(at), at(&design.name)) else {
+            return;
+        };
+        let source = &design.block.common.source;
+        let name = &sensors[leader].name;
+        let is_same_row = self
+            .design
+            .sensors
+            .iter()
+            .any(|s| s.name == *name && s.block.common.source == *source);
+        if is_same_row && sensors[follower].port.delay > sensors[leader].port.delay {
+            let message = format!(
+                "of a row of `{source}`, `{}` is valid before `{name}`, which is to be judged first",
+                design.name
+            );
+            let help = "give both the same `time_offset`, or let the one that is valid later go with the other";
+            let place = design.node.place_of("only_with");
+            self.d.push(Diagnostic::error(message).at(place).help(help));
+        }
+        sensors[follower].only_with = Some(leader);
+    }
+
     fn sensor(&mut self, design: &Named<SensorDesign>, model: Arc<dyn Measurement>) -> Option<(Sensor, SensorInfo)> {
         let SensorDesign {
             model: spec,
@@ -525,6 +554,7 @@ impl Assembler<'_> {
                 noise,
                 gate,
                 loss,
+                only_with: None,
             },
             info,
         ))

@@ -13,6 +13,8 @@
 //! [variant.NAME]        # overrides by path
 //! ```
 
+mod leaders;
+
 use crate::config::{Diagnostic, Diagnostics, Document, Entry, Node, Value, did_you_mean};
 use crate::source::SourceSpec;
 use fusion_core::covariance::Form;
@@ -266,6 +268,9 @@ pub struct SensorCommon {
     /// Its noise.
     #[serde(default)]
     pub noise: NoiseSpec,
+    /// The sensor that it goes with: a measurement is rejected where the latest one of that sensor
+    /// that is valid no later was not used. Without effect where that sensor is left out.
+    pub only_with: Option<String>,
     /// False leaves the sensor out.
     pub enabled: Option<bool>,
 }
@@ -385,6 +390,7 @@ impl Design {
         let (Some(run), Some(filter), Some(process)) = (run, filter, process) else {
             return Err(d);
         };
+        leaders::check(&root, &sensors, &mut d);
         let sensors = sensors.into_iter().filter(|s| s.block.common.enabled != Some(false)).collect();
         let design = Self {
             document,
@@ -521,7 +527,7 @@ fn read_sensor(node: &Node, d: &mut Diagnostics) -> Option<SensorDesign> {
     let mut own = node.clone();
     let gate = own.take("gate").map(|n| n.read_block("gate", &registry::names(Role::Gate), d));
     let loss = own.take("loss").map(|n| n.read_block("loss", &registry::names(Role::Loss), d));
-    let siblings = own.split_off(&["source", "noise", "enabled"]);
+    let siblings = own.split_off(&["source", "noise", "only_with", "enabled"]);
     let common: Option<SensorCommon> = siblings.read(d);
     let model = own.read_block("sensor", &registry::names(Role::Sensor), d)?;
     let block = SensorDesign {

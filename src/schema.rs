@@ -134,6 +134,7 @@ impl Builder {
         let noise = self.of::<NoiseSpec>("noise");
         let source = |description: &str| json!({ "type": "string", "description": description });
         let enabled = json!({ "type": "boolean", "default": true, "description": "False leaves the block out." });
+        let only_with = json!({ "type": "string", "description": "The sensor that it goes with: rejected where the latest measurement of that one was not used." });
         let gate = self.any(Role::Gate, "Judges each measurement; without one, everything passes.");
         let loss = self.any(Role::Loss, "Weighs each measurement; without one, least squares.");
         let faults = self.named(Role::Fault, "What goes wrong with the rows, by name, in order.");
@@ -150,6 +151,7 @@ impl Builder {
                 Role::Sensor => {
                     property(schema, "source", source("The source or stage that it reads or that times it."));
                     property(schema, "noise", noise.clone());
+                    property(schema, "only_with", only_with.clone());
                     property(schema, "enabled", enabled.clone());
                     property(schema, "gate", gate.clone());
                     property(schema, "loss", loss.clone());

@@ -556,4 +556,4 @@ impl Estimator for Filter {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -12,7 +12,8 @@ mod parts;
 
 pub use parts::{Emitter, Event, Initialiser, InitialiserUnit, Noise, Observer, Port, Sensor, Stage, StageUnit, StreamId};
 
-use crate::filter::{Estimator, Observed};
+use crate::filter::{Estimator, Observed, Verdict};
+use crate::gate::{Closed, Gate, Mode};
 use crate::model::{Input, Process};
 use crate::state::Belief;
 use crate::time::Time;
@@ -41,7 +42,8 @@ enum Consumer {
     Input,
     Initialiser(usize, usize),
     Stage(usize, usize),
-    Sensor(usize),
+    /// Its rank, its number.
+    Sensor(usize, usize),
 }
 
 /// An entry of the reorder queue.
@@ -123,6 +125,11 @@ pub struct Runner {
     streams: Vec<Stream>,
     input: Option<Port>,
     sensors: Vec<Sensor>,
+    /// By sensor: how many it takes to reach one that goes with no other, itself included. Of one
+    /// time, lower ranks are served first.
+    ranks: Vec<usize>,
+    /// By sensor: its gate's mode, where its latest measurement was not used.
+    unused: Vec<Option<Mode>>,
     stages: Vec<StageUnit>,
     initialisers: Vec<InitialiserUnit>,
     pairs: bool,
@@ -155,6 +162,8 @@ impl Runner {
             streams: Vec::new(),
             input: None,
             sensors: Vec::new(),
+            ranks: Vec::new(),
+            unused: Vec::new(),
             stages: Vec::new(),
             initialisers: Vec::new(),
             pairs: process.pairs_samples(),
@@ -212,6 +221,22 @@ impl Runner {
             self.noise.resize(m * m, 0.0);
         }
         self.sensors.push(sensor);
+        self.unused.push(None);
+        self.rank_sensors();
+    }
+
+    fn rank_sensors(&mut self) {
+        let all = self.sensors.len();
+        let leader = |&s: &usize| self.sensors[s].only_with.filter(|&leader| leader < all);
+        // A circle ends, too.
+        let rank = |s| core::iter::successors(Some(s), leader).take(all).count();
+        self.ranks = (0..all).map(rank).collect();
+        let stream = |s: usize| self.sensors[s].port.stream;
+        if self.buffer == 0 && (0..all).any(|s| leader(&s).is_some_and(|leader| stream(leader) != stream(s))) {
+            // Of two streams, all rows of one stamp must be there before the first is used.
+            self.buffer = 1;
+            self.lag += 1;
+        }
     }
 
     /// Holds rows back long enough for the delay of `port`.
@@ -336,7 +361,7 @@ impl Runner {
             }
         }
         for (s, sensor) in self.sensors.iter().enumerate() {
-            offer(Consumer::Sensor(s), &sensor.port, &sensor.name);
+            offer(Consumer::Sensor(self.ranks[s], s), &sensor.port, &sensor.name);
         }
         if self.rows.uses[at] == 0 {
             self.rows.free.push(at);
@@ -355,7 +380,7 @@ impl Runner {
             Consumer::Input => self.input_row(entry.time, entry.row, observer),
             Consumer::Initialiser(unit, input) => self.initialiser_row(unit, input, entry.time, entry.row, observer),
             Consumer::Stage(unit, input) => self.stage_row(unit, input, entry.time, entry.row, observer),
-            Consumer::Sensor(sensor) => {
+            Consumer::Sensor(_, sensor) => {
                 self.sensor_row(sensor, entry.time, entry.row, observer);
                 return;
             }
@@ -563,9 +588,19 @@ impl Runner {
                 value: &self.value,
                 noise,
             };
-            let update = self.estimator.update(&observed, s.gate.as_mut(), s.loss.as_ref());
+            let mut closed = s.only_with.and_then(|leader| *self.unused.get(leader)?).map(Closed);
+            let gate: &mut dyn Gate = match &mut closed {
+                Some(closed) => closed,
+                None => s.gate.as_mut(),
+            };
+            let update = self.estimator.update(&observed, gate, s.loss.as_ref());
+            let is_used = matches!(update.verdict, Verdict::Accepted | Verdict::Readopted);
+            self.unused[sensor] = (!is_used).then_some(update.mode);
             observer.on(&Event::Updated { sensor, update, time });
         }
         self.rows.release(row);
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -97,7 +97,7 @@ fn one(r: &Registration) -> String {
                  of another block.\n";
     }
     match r.role {
-        Role::Sensor => text += "\nBeside them stand `source`, `noise`, `enabled`, `gate` and `loss`.\n",
+        Role::Sensor => text += "\nBeside them stand `source`, `noise`, `gate`, `loss`, `only_with` and `enabled`.\n",
         Role::Process => text += "\nBeside them stands `source`: where its input comes from.\n",
         Role::Source => text += "\nBeside them stands `fault`: what goes wrong with its rows, by name.\n",
         _ => {}

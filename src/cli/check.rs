@@ -199,6 +199,11 @@ fn policies(design: &Design) -> Table {
                 t.row([named.name.as_str(), key, &inline(node)]);
             }
         }
+        if let Some(leader) = &named.block.common.only_with {
+            let is_there = design.sensors.iter().any(|s| s.name == *leader);
+            let effect = if is_there { "" } else { ", which is left out: no effect" };
+            t.row([named.name.as_str(), "only with", &format!("{leader}{effect}")]);
+        }
     }
     t
 }

@@ -213,6 +213,48 @@ fn a_design_is_checked_without_being_run() {
     assert_eq!(w.fusion(&["check", "design.toml"]).code, 2);
 }
 
+/// Two fixes of the receiver are a kilometre off, and its velocity is right throughout.
+#[test]
+fn a_sensor_goes_with_another_in_either_order_of_declaration() {
+    let w = Workspace::new("command-only-with");
+    let far = |line: &str| line.replacen(",47.", ",47.01", 1);
+    let lines = fixes().lines().map(str::to_owned).collect::<Vec<_>>();
+    let spoilt = lines
+        .iter()
+        .enumerate()
+        .map(|(k, l)| if [21, 41].contains(&k) { far(l) } else { l.clone() } + "\n");
+    w.write("gnss.csv", spoilt.collect::<String>());
+    let speed = "[sensor.speed]\ntype = \"gnss_velocity\"\nsource = \"gnss\"\nonly_with = \"gnss\"\nnoise = { sigma = \"0.1 m/s\" }\n\n";
+    let run = |design: &str| {
+        w.write("design.toml", design);
+        let ran = w.fusion(&["run", "design.toml", "--out", "results"]);
+        assert_eq!((ran.code, ran.stderr.as_str()), (0, ""));
+        w.read("results/updates.csv")
+    };
+    let before = run(&DESIGN.replacen("[sensor.gnss]", &format!("{speed}[sensor.gnss]"), 1));
+    assert_eq!(before, run(&format!("{DESIGN}\n{speed}")));
+    let rejected = |sensor: &str| -> Vec<String> {
+        let cells = before.lines().map(|l| l.split(',').collect::<Vec<_>>());
+        let rejected = cells.filter(|c| c[1] == sensor && c[2] == "rejected");
+        rejected
+            .map(|c| {
+                assert!(c[3] == c[4] && !c[3].is_empty() && (sensor == "gnss") != (c[5] == "inf"), "{c:?}");
+                c[0].to_owned()
+            })
+            .collect()
+    };
+    assert_eq!(rejected("gnss"), ["20.000000", "40.000000"]);
+    assert_eq!(rejected("speed"), rejected("gnss"));
+
+    has(&w.fusion(&["check", "design.toml"]).stdout, "speed only with gnss");
+    let alone = ["check", "design.toml", "--set", "sensor.gnss.enabled=false"];
+    has(&w.fusion(&alone).stdout, "speed only with gnss, which is left out: no effect");
+    let ran = w.fusion(&["run", "design.toml", "--set", "sensor.gnss.enabled=false", "--out", "alone"]);
+    assert_eq!((ran.code, ran.stderr.as_str()), (0, ""));
+    let updates = w.read("alone/updates.csv");
+    assert!(updates.contains("speed,accepted") && !updates.contains("rejected"));
+}
+
 #[test]
 fn a_file_that_does_not_fit_fails_the_check() {
     let w = Workspace::new("command-check-header");

@@ -144,6 +144,21 @@ fn names() {
     );
 }
 
+/// A second sensor beside the sound one, which takes `gnss` as its own further fields.
+fn wrong_pair(name: &str, gnss: &str, speed: &str) {
+    let speed = format!("[sensor.speed]\ntype = \"gnss_velocity\"\nsource = \"gnss\"\n{speed}\nnoise = {{ sigma = \"0.1 m/s\" }}\n");
+    let text = replaced("source = \"gnss\"\nnoise", &format!("source = \"gnss\"\n{gnss}noise"));
+    wrong_text(name, &text.replacen("[initial.fix]", &format!("{speed}\n[initial.fix]"), 1));
+}
+
+#[test]
+fn sensors_that_go_with_others() {
+    wrong_pair("only_with_unknown", "", "only_with = \"gnns\"");
+    wrong_pair("only_with_each_other", "only_with = \"speed\"\n", "only_with = \"gnss\"");
+    wrong_pair("only_with_itself", "", "only_with = \"speed\"");
+    wrong_pair("only_with_later", "", "only_with = \"gnss\"\ntime_offset = \"0.2 s\"");
+}
+
 #[test]
 fn values() {
     wrong(

@@ -41,6 +41,7 @@ min_speed = "1 m/s"
 [sensor.wheels]
 type = "nonholonomic"
 source = "wheels"
+only_with = "position"
 mounting = { estimate = true, initial = [0, 0, 0], sigma = [0, "1 deg", "1 deg"] }
 noise = { sigma = "0.1 m/s" }
 [initial.level]

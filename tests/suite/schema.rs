@@ -99,6 +99,7 @@ fn every_example_is_valid() {
             Role::Sensor => {
                 block["source"] = json!("gnss");
                 block["enabled"] = json!(false);
+                block["only_with"] = json!("gnss");
                 block["noise"] = json!({ "sigma": ["1 m", 2.5], "from_source": true, "scale": 1.5 });
                 design["sensor"]["x"] = block;
             }
@@ -152,6 +153,10 @@ fn slips_are_invalid() {
         (
             "[sensor.x]\ntype = \"zero_velocity\"\nsource = \"gnss\"\nnoise = { sigma = 1 }\nenabled = 1",
             ".enabled: 1 is not",
+        ),
+        (
+            "[sensor.x]\ntype = \"zero_velocity\"\nsource = \"gnss\"\nnoise = { sigma = 1 }\nonly_with = [\"gnss\"]",
+            ".only_with: [\"gnss\"] is not",
         ),
         ("[sensors.x]", ".sensors is not known"),
         ("[filter]\nbackend = \"ekff\"", "is not"),

@@ -5,7 +5,7 @@ use crate::state::{Attitude, Declaration, LayoutBuilder, Manifold, Param, Scalar
 use crate::testing::Lcg;
 use nalgebra::{DMatrix, Matrix1, SMatrix, SVector};
 
-fn declare<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M::Value, sigma: &[f64], dynamics: Dynamics) -> Slot<M> {
+pub(crate) fn declare<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M::Value, sigma: &[f64], dynamics: Dynamics) -> Slot<M> {
     let (name, owner, sigma) = (name.to_owned(), String::new(), sigma.to_vec());
     b.declare::<M>(Declaration {
         name,
@@ -20,7 +20,7 @@ fn declare<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M::Value, si
 
 /// Nothing moves but what moves by itself.
 #[derive(Debug)]
-struct Still;
+pub(crate) struct Still;
 
 impl Process for Still {
     fn input_dim(&self) -> usize {
@@ -80,7 +80,7 @@ impl<const M: usize, const N: usize> Measurement for Linear<M, N> {
 
 /// z = x of one scalar.
 #[derive(Debug)]
-struct Direct(Slot<Scalar>);
+pub(crate) struct Direct(pub(crate) Slot<Scalar>);
 
 impl Measurement for Direct {
     fn size(&self) -> Size {
@@ -109,7 +109,7 @@ fn accept<'a>(f: &'a mut Filter, model: &dyn Measurement, value: &[f64], noise: 
     f.update(&Observed { model, value, noise }, &mut Open, &Quadratic)
 }
 
-fn second(k: i64) -> Time {
+pub(crate) fn second(k: i64) -> Time {
     Time::from_nanos(k * 1_000_000_000)
 }
 

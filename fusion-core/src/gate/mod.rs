@@ -75,6 +75,25 @@ pub trait Gate: Debug + Send {
     fn boxed_clone(&self) -> Box<dyn Gate>;
 }
 
+/// Rejects what goes with a measurement that was not used, in that one's mode; the NIS is still reported.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Closed(pub(crate) Mode);
+
+impl Gate for Closed {
+    fn judge(&mut self, input: &GateInput<'_>) -> Answer {
+        Answer {
+            decision: Decision::Reject,
+            statistic: input.nis,
+            threshold: f64::INFINITY,
+            mode: self.0,
+        }
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Gate> {
+        Box::new(*self)
+    }
+}
+
 /// Accepts everything and still reports the NIS.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Open;

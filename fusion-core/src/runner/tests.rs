@@ -1,0 +1,216 @@
+//! A sensor that is used only with another: scalars, a random walk seen by both.
+
+use super::*;
+use crate::filter::tests::{Direct, Still, declare, second};
+use crate::filter::{Backend, Filter};
+use crate::gate::{Nis, Open, Recovery};
+use crate::loss::Quadratic;
+use crate::model::{Measurement, Size, Undefined};
+use crate::state::{Dynamics, LayoutBuilder, Scalar, View};
+use crate::time::nanos;
+
+const WILD: f64 = 1000.0;
+
+/// What became of a measurement.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Outcome {
+    sensor: usize,
+    time: Time,
+    verdict: Verdict,
+    mode: Mode,
+    nis: f64,
+    statistic: f64,
+    threshold: f64,
+}
+
+impl Outcome {
+    fn is_used(&self) -> bool {
+        self.verdict == Verdict::Accepted
+    }
+}
+
+/// Sensors of one random walk, each a port with the number of its leader, gated where `gated`.
+fn runner(sensors: &[(Port, Option<usize>, bool)], widths: &[usize], buffer: f64) -> Runner {
+    let mut b = LayoutBuilder::new();
+    let x = declare::<Scalar>(&mut b, "x", 0.0, &[1.0], Dynamics::RandomWalk { psd: vec![0.01] });
+    let process: Arc<dyn Process> = Arc::new(Still);
+    let filter = Filter::new(Arc::new(b.finish()), process.clone(), Backend::default(), Size::same(1));
+    let mut runner = Runner::new(Box::new(filter), process, buffer);
+    for (i, width) in widths.iter().enumerate() {
+        runner.add_stream(&i.to_string(), *width);
+    }
+    for (i, (port, only_with, gated)) in sensors.iter().enumerate() {
+        runner.add_sensor(Sensor {
+            name: i.to_string(),
+            model: Arc::new(Direct(x)),
+            port: port.clone(),
+            constant: Vec::new(),
+            noise: Noise::diagonal(&[1.0]),
+            gate: if *gated {
+                Box::new(Nis::new(0.99, Recovery::default()))
+            } else {
+                Box::new(Open)
+            },
+            loss: Arc::new(Quadratic),
+            only_with: *only_with,
+        });
+    }
+    runner
+}
+
+fn port(stream: StreamId, column: usize, delay: f64) -> Port {
+    Port {
+        stream,
+        columns: vec![column],
+        delay: nanos(delay),
+    }
+}
+
+/// Feeds rows in this order; what became of the measurements, and the state at the end.
+fn fed(runner: &mut Runner, rows: &[(StreamId, Time, Vec<f64>)]) -> (Vec<Outcome>, Vec<f64>) {
+    let mut outcomes = Vec::new();
+    let mut observer = |event: &Event<'_>| match event {
+        Event::Updated { sensor, update, time } => outcomes.push(Outcome {
+            sensor: *sensor,
+            time: *time,
+            verdict: update.verdict,
+            mode: update.mode,
+            nis: update.nis,
+            statistic: update.statistic,
+            threshold: update.threshold,
+        }),
+        Event::Late { consumer, time, .. } => panic!("{consumer} at {time} is late"),
+        _ => {}
+    };
+    for (stream, time, row) in rows {
+        runner.feed(*stream, *time, row, &mut observer).unwrap();
+    }
+    runner.finish(&mut observer);
+    (outcomes, runner.belief().x.clone())
+}
+
+/// The leader's value at second `k`: now and then wild, and denied for a while.
+fn leading(k: i64) -> f64 {
+    match k {
+        3 | 6 => WILD,
+        // Seven that contradict each other.
+        10..=16 => WILD * (k % 2 * 2 - 1) as f64,
+        _ => 0.0,
+    }
+}
+
+/// The seconds at which a leader so led is not used: two more, until three have passed its gate.
+const REFUSED: [i64; 11] = [3, 6, 10, 11, 12, 13, 14, 15, 16, 17, 18];
+
+#[test]
+fn a_measurement_is_rejected_with_its_leader_before_its_own_gate_is_asked() {
+    let mut runner = runner(&[(port(0, 0, 0.0), None, true), (port(0, 1, 0.0), Some(0), true)], &[2], 0.0);
+    // The follower is wild with the leader, and at 25 alone.
+    let follower = |k: i64| if k == 25 { WILD } else { leading(k) };
+    let rows: Vec<_> = (0..30).map(|k| (0, second(k), vec![leading(k), follower(k)])).collect();
+    let (outcomes, _) = fed(&mut runner, &rows);
+    let of = |sensor: usize| outcomes.iter().filter(move |o| o.sensor == sensor);
+    let unused = |sensor: usize| of(sensor).filter(|o| !o.is_used()).map(|o| o.time).collect::<Vec<_>>();
+    assert_eq!(unused(0), REFUSED.map(second));
+    // Asked, its own gate would be in denial at 19 and 20 as well.
+    assert_eq!(
+        unused(1),
+        [&REFUSED[..], &[25]].concat().into_iter().map(second).collect::<Vec<_>>()
+    );
+    for (leader, follower) in of(0).zip(of(1)) {
+        assert_eq!((leader.time, leader.mode), (follower.time, follower.mode));
+        if !leader.is_used() {
+            assert!(follower.nis.is_finite());
+            assert_eq!((follower.statistic, follower.threshold), (follower.nis, f64::INFINITY));
+        }
+    }
+    assert!(of(1).any(|o| o.mode == Mode::Denied));
+}
+
+#[test]
+fn the_latest_verdict_of_the_leader_holds_until_its_next_and_along_a_chain() {
+    let ports = [
+        (port(0, 0, 0.0), None, true),
+        (port(1, 0, 0.0), Some(0), false),
+        (port(1, 0, 0.0), Some(1), false),
+        (port(1, 0, 0.0), None, false),
+    ];
+    let mut runner = runner(&ports, &[1, 1], 0.0);
+    let mut rows = Vec::new();
+    for k in 0..30 {
+        rows.push((0, second(k), vec![leading(k)]));
+        rows.extend([0.0, 0.4, 0.8].map(|s| (1, second(k).shifted(nanos(s)), vec![0.0])));
+    }
+    // Before the leader's first, nothing is held against its followers.
+    rows.insert(0, (1, second(-1), vec![0.0]));
+    rows.insert(0, (1, second(-2), vec![0.0]));
+    let (outcomes, _) = fed(&mut runner, &rows);
+    for o in outcomes.iter().filter(|o| o.sensor > 0) {
+        let is_refused = o.sensor < 3 && REFUSED.contains(&o.time.nanos().div_euclid(1_000_000_000));
+        assert_eq!(o.is_used(), !is_refused, "{o:?}");
+    }
+    // Three rows of three sensors a second, two before, of which the first starts the filter.
+    assert_eq!(outcomes.iter().filter(|o| o.sensor > 0).count(), 9 * 30 + 3);
+}
+
+/// The same rows in three orders of arrival, under either numbering of the two sensors.
+#[test]
+fn of_rows_of_one_stamp_the_leader_is_judged_first_in_any_order_of_arrival_and_declaration() {
+    // The leader's rows are valid `delay` before their stamp: every second, as the follower's are.
+    for (first, delay) in [(0, 0.0), (1, 0.0), (0, 0.3), (1, 0.3)] {
+        let mut ports = [(port(0, 0, delay), None, true), (port(1, 0, 0.0), Some(first), false)];
+        ports.rotate_left(first);
+        let leader = |k: i64| (0, second(k).shifted(nanos(delay)), vec![leading(k)]);
+        let follower = |k: i64| (1, second(k), vec![0.5]);
+        let leader_first: Vec<_> = (0..30).flat_map(|k| [leader(k), follower(k)]).collect();
+        let follower_first: Vec<_> = (0..30).flat_map(|k| [follower(k), leader(k)]).collect();
+        let wanted = fed(&mut runner(&ports, &[1, 1], 0.0), &leader_first);
+        let unused = wanted.0.iter().filter(|o| o.sensor != first && !o.is_used()).map(|o| o.time);
+        assert_eq!(unused.collect::<Vec<_>>(), REFUSED.map(second));
+        assert_eq!(fed(&mut runner(&ports, &[1, 1], 0.0), &follower_first), wanted);
+        // Up to 1.8 s late, by a fixed law of their number.
+        let mut arrivals: Vec<_> = leader_first.iter().enumerate().collect();
+        arrivals.sort_by_key(|(i, (_, time, _))| time.shifted((*i as i64 * 7919).rem_euclid(19) * nanos(0.1)));
+        let shuffled: Vec<_> = arrivals.into_iter().map(|(_, row)| row.clone()).collect();
+        assert_ne!(shuffled, leader_first);
+        assert_eq!(fed(&mut runner(&ports, &[1, 1], 2.0), &shuffled), wanted);
+    }
+}
+
+/// Both read the same rows, with no time for a second thought.
+#[test]
+fn of_one_row_the_leader_is_judged_first_under_either_number() {
+    let mut runner = runner(&[(port(0, 1, 0.0), Some(1), false), (port(0, 0, 0.0), None, true)], &[2], 0.0);
+    let rows: Vec<_> = (0..30).map(|k| (0, second(k), vec![leading(k), 0.0])).collect();
+    let (outcomes, _) = fed(&mut runner, &rows);
+    let unused = outcomes.iter().filter(|o| o.sensor == 0 && !o.is_used()).map(|o| o.time);
+    assert_eq!(unused.collect::<Vec<_>>(), REFUSED.map(second));
+    assert!(runner.lag() == 0.0, "one stream is not held back");
+}
+
+/// A measurement that has no value anywhere.
+#[derive(Debug)]
+struct Nowhere;
+
+impl Measurement for Nowhere {
+    fn size(&self) -> Size {
+        Size::same(1)
+    }
+    fn predict(&self, _: &View<'_>, _: &mut [f64]) -> Result<(), Undefined> {
+        Err(Undefined("anywhere"))
+    }
+    fn jacobian(&self, _: &View<'_>, _: &mut crate::linear::Jacobian) -> Result<(), Undefined> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_leader_that_could_not_be_used_takes_its_follower_with_it() {
+    let mut runner = runner(&[(port(0, 0, 0.0), None, false), (port(0, 0, 0.0), Some(0), false)], &[1], 0.0);
+    runner.sensors[0].model = Arc::new(Nowhere);
+    let (outcomes, _) = fed(&mut runner, &[(0, second(0), vec![0.0]), (0, second(1), vec![0.0])]);
+    let [leader, follower] = outcomes[..] else { panic!("{outcomes:?}") };
+    assert_eq!(leader.verdict, Verdict::Undefined(Undefined("anywhere")));
+    assert_eq!((follower.verdict, follower.mode), (Verdict::Rejected, Mode::Track));
+    assert!(follower.statistic.is_finite(), "{follower:?}");
+}
