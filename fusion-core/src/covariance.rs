@@ -314,19 +314,9 @@ impl Covariance {
         self.symmetrise();
     }
 
-    /// P ← P + Σ_ab G_a M_ab G_bᵀ for the rows of Gᵀ (m × ld) in `gt` and M symmetric (m × m).
-    pub(crate) fn inflate(&mut self, gt: &[f64], m_matrix: &[f64], m: usize) {
-        let ld = self.ld;
-        for i in 0..self.n {
-            for a in 0..m {
-                let mut c = 0.0;
-                for b in 0..m {
-                    c += gt[b * ld + i] * m_matrix[b * m + a];
-                }
-                axpy(c, &gt[a * ld..(a + 1) * ld], &mut self.p[i * ld..(i + 1) * ld]);
-            }
-        }
-        self.symmetrise();
+    /// P ← factor · P.
+    pub(crate) fn scale(&mut self, factor: f64) {
+        self.p.iter_mut().for_each(|p| *p *= factor);
     }
 
     fn symmetrise(&mut self) {

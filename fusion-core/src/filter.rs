@@ -378,23 +378,22 @@ impl Filter {
         w.iter().map(|v| v * v).sum()
     }
 
-    /// P grows so that HPHᵀ gains rrᵀ + R: by G = PHᵀ(HPHᵀ)⁻¹, for which HG = I.
+    /// P grows as a whole, by rᵀ(HPHᵀ)⁻¹r, until the estimate expects a residual like this one.
+    ///
+    /// As a whole, because nobody knows which state went wrong: growth along the residual alone
+    /// would blame one combination of the states, and the update would then be certain of it.
     fn inflate(&mut self, m: usize) -> bool {
-        let ld = self.jacobian.row(0).len();
         let w = &mut self.scratch;
         if !cholesky(&w.hph, &mut w.l, m) {
             return false;
         }
-        w.kt[..m * ld].copy_from_slice(&w.hp[..m * ld]);
-        solve_rows(&w.l, &mut w.kt, m, ld);
-        for i in 0..m {
-            for j in 0..m {
-                w.s[i * m + j] = self.rows.residual[i] * self.rows.residual[j] + self.rows.noise[i * m + j];
-            }
-        }
-        self.belief.covariance.inflate(&w.kt[..m * ld], &w.s[..m * m], m);
+        let whitened = &mut self.rows.whitened[..m];
+        whitened.copy_from_slice(&self.rows.residual[..m]);
+        solve_lower(&w.l, whitened, m);
+        let factor = whitened.iter().map(|v| v * v).sum::<f64>().max(1.0);
+        self.belief.covariance.scale(factor);
         self.belief.covariance.project(&self.jacobian, &mut self.scratch);
-        self.factor(m)
+        self.factor(m) && self.whiten(m).is_finite()
     }
 
     /// Gain, correction and covariance; false (and nothing changed) if a number is not finite.

@@ -398,7 +398,7 @@ impl Gate for Credulous {
 }
 
 #[test]
-fn readopting_first_grows_the_projected_covariance_by_the_residual_squared_plus_noise() {
+fn readopting_first_grows_the_whole_covariance_until_the_residual_is_expected() {
     let (mut f, x) = four(Form::Joseph);
     let h = SMatrix::<f64, 2, 4>::new(1.0, 0.0, 0.5, 0.0, 0.0, 1.0, 0.0, 0.3);
     let model = Linear { x: Param::State(x), h };
@@ -413,17 +413,17 @@ fn readopting_first_grows_the_projected_covariance_by_the_residual_squared_plus_
     let r = nalgebra::DVector::from_column_slice(&f.rows.residual[..2]);
     let (before, full) = (dense(&f), DMatrix::from_fn(2, 4, |i, j| h[(i, j)]));
     assert!(f.inflate(2));
-    let grown = dense(&f) - before;
-    let added = &r * r.transpose() + DMatrix::from_row_slice(2, 2, &noise);
-    // 1e-11 of 1e3: rounding.
-    assert!((&full * &grown * full.transpose() - added).amax() < 1e-11);
-    assert!(grown.symmetric_eigen().eigenvalues.min() > -1e-10);
+    let projected = (&full * dense(&f) * full.transpose()).cholesky().unwrap();
+    // 1e-12: rounding.
+    assert!((r.dot(&projected.solve(&r)) - 1.0).abs() < 1e-12);
+    let factor = dense(&f)[(0, 0)] / before[(0, 0)];
+    assert!(factor > 100.0 && (dense(&f) - &before * factor).amax() < 1e-9, "{factor}"); // 1e-9 of 1e4
     // With the update: the state goes most of the way to the measurement.
     let (mut f, _) = four(Form::Joseph);
     let verdict = f.update(&observed, &mut Credulous, &Quadratic).verdict;
     let left = nalgebra::Vector2::from(value) - h * x.read(&f.belief().x);
     assert_eq!(verdict, Verdict::Readopted);
-    // K = (HPHᵀ + rrᵀ + R)(… + R)⁻¹ leaves at most R/(rᵀr) of r.
+    // HPHᵀ in the direction of r has grown to rᵀr; of r a share of R/(rᵀr + R) is left.
     assert!(left.norm() < 0.05, "{left}");
 }
 

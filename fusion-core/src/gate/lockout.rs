@@ -20,7 +20,7 @@ pub struct Recovery {
     pub readopt_after: f64,
     /// A pause of the sensor \[s\] after which consistent measurements are believed at once.
     pub gap: f64,
-    /// How far the witnesses may differ from their mean, in units of √R_ii.
+    /// How far the witnesses may lie from the straight line through them, in units of √R_ii.
     pub agreement: f64,
 }
 
@@ -41,7 +41,9 @@ impl Default for Recovery {
 ///
 /// The gate is never widened because it has been rejecting: a sustained false track would then
 /// be believed. A denied sensor returns by passing the test again, or by witnesses that agree
-/// with each other after a long denial or after a gap.
+/// with each other after a long denial or after a gap. They agree where their residuals lie on a
+/// straight line in time: an estimate gone wrong has left at some speed, and a constant is the case
+/// of none.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Lockout {
     recovery: Recovery,
@@ -52,6 +54,7 @@ pub struct Lockout {
     last: Option<Time>,
     resumed: bool,
     witnesses: [[f64; MAX_DIM]; WITNESSES],
+    times: [Time; WITNESSES],
     count: usize,
 }
 
@@ -105,7 +108,7 @@ impl Lockout {
         if self.mode == Mode::Track && self.rejected >= self.recovery.deny_after {
             self.mode = Mode::Denied;
         }
-        self.remember(input.residual);
+        self.remember(input);
         let waited = input.time.seconds_since(self.since) >= self.recovery.readopt_after;
         if (waited || self.resumed) && self.witnesses_agree(input, floor) {
             *self = Self {
@@ -117,11 +120,13 @@ impl Lockout {
         Decision::Reject
     }
 
-    fn remember(&mut self, residual: &[f64]) {
+    fn remember(&mut self, input: &GateInput<'_>) {
         self.witnesses.rotate_left(1);
-        for (slot, r) in self.witnesses[WITNESSES - 1].iter_mut().zip(residual) {
+        for (slot, r) in self.witnesses[WITNESSES - 1].iter_mut().zip(input.residual) {
             *slot = *r;
         }
+        self.times.rotate_left(1);
+        self.times[WITNESSES - 1] = input.time;
         self.count = (self.count + 1).min(WITNESSES);
     }
 
@@ -130,10 +135,18 @@ impl Lockout {
         if self.count < WITNESSES || m > MAX_DIM {
             return false;
         }
+        let mean = |values: [f64; WITNESSES]| values.iter().sum::<f64>() / WITNESSES as f64;
+        let times = self.times.map(|t| t.seconds_since(input.time));
+        let middle = mean(times);
+        let spread = mean(times.map(|t| (t - middle).powi(2)));
         (0..m).all(|i| {
             let limit = (self.recovery.agreement * input.noise[i * m + i].sqrt()).max(floor);
-            let mean = self.witnesses.iter().map(|w| w[i]).sum::<f64>() / WITNESSES as f64;
-            self.witnesses.iter().all(|w| (w[i] - mean).abs() <= limit)
+            let values = self.witnesses.map(|w| w[i]);
+            let centre = mean(values);
+            let moment = mean(core::array::from_fn(|k| (times[k] - middle) * (values[k] - centre)));
+            let slope = if spread > 0.0 { moment / spread } else { 0.0 };
+            let on_the_line = |(t, v): (&f64, &f64)| (v - centre - slope * (t - middle)).abs() <= limit;
+            times.iter().zip(&values).all(on_the_line)
         })
     }
 }

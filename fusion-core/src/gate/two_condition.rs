@@ -220,6 +220,19 @@ mod tests {
     }
 
     #[test]
+    fn an_estimate_that_runs_away_is_told_from_fixes_that_scatter() {
+        let readopted = |off: fn(i32) -> f64| {
+            let mut g = gate();
+            fix(&mut g, 0.0, 0.0, 0.0, 0.3);
+            (1..60).find(|&k| fix(&mut g, f64::from(k), off(k), 1.0, 0.5).0 == Decision::Readopt)
+        };
+        // 10 m/s of velocity error, fixes good to 1 m.
+        assert_eq!(readopted(|k| 20.0 + 10.0 * f64::from(k) + f64::from(k % 3 - 1)), Some(31));
+        // 3√2 σ is 4.2 m; every other fix 20 m to the other side.
+        assert_eq!(readopted(|k| 40.0 + f64::from(20 * (k % 2))), None);
+    }
+
+    #[test]
     fn a_jump_is_a_step_and_a_drift_is_none() {
         let step = || {
             TwoCondition::new(
