@@ -2,6 +2,9 @@
 
 #![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
+/// The design with outliers over a hundred seeds: its experiments, and its gate under stress.
+#[path = "suite/campaigns.rs"]
+mod campaigns;
 /// The built command: help, results, exit codes, files.
 #[path = "suite/command.rs"]
 mod command;
