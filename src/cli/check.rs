@@ -56,10 +56,10 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
         );
         facts.row(["origin", &place]);
     }
-    if let Some(r) = &design.reference {
-        facts.row(["reference", &format!("`{}`", r.block.source)]);
-    } else if design.simulation.is_some() {
+    if design.simulation.is_some() {
         facts.row(["reference", "the simulated truth"]);
+    } else if let Some(r) = &design.reference {
+        facts.row(["reference", &format!("`{}`", r.block.source)]);
     }
     text += &facts.to_string();
     let sections = [

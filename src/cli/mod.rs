@@ -19,8 +19,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// What is run where no file is named.
-const DEFAULT: &str = include_str!("../../configs/ins-gps.toml");
-const DEFAULT_NAME: &str = "ins-gps.toml (built in)";
+const DEFAULT: &str = include_str!("../../configs/ins-gps-outlier.toml");
+const DEFAULT_NAME: &str = "ins-gps-outlier.toml (built in)";
 
 /// Runs, checks and documents navigation filters that are declared in TOML.
 #[derive(Debug, Parser)]
