@@ -155,6 +155,8 @@ pub struct SensorInfo {
     pub sigma: Vec<f64>,
     /// Dimension of each residual row.
     pub rows: Vec<Dimension>,
+    /// Name of each residual row; empty where they have none.
+    pub axes: &'static [&'static str],
 }
 
 /// Builds `design` over streams whose channels are known; streams nobody declares take the
@@ -544,6 +546,7 @@ impl Assembler<'_> {
             delay: port.delay as f64 * 1e-9,
             sigma,
             rows,
+            axes: spec.axes(),
         };
         Some((
             Sensor {

@@ -386,7 +386,7 @@ impl Campaign {
     fn innovations(&self) -> Table {
         let mut table = Table::new(&["", ">mean RMS", ">mean max", ">largest max"]);
         for (i, sensor) in self.sensors().iter().enumerate() {
-            for (k, (label, factor)) in residual_rows(sensor).into_iter().enumerate() {
+            for (k, (row, factor)) in residual_rows(sensor).into_iter().enumerate() {
                 let of = |values: fn(&Innovations) -> &[f64]| {
                     self.spread(|run| {
                         let innovations = &run.sensors[i].innovations;
@@ -398,6 +398,7 @@ impl Campaign {
                     })
                 };
                 if let (Some(rms), Some(max)) = (of(|n| &n.rms), of(|n| &n.max)) {
+                    let label = format!("{} {row}", sensor.name);
                     table.row([label, number(rms.mean), number(max.mean), number(max.max)]);
                 }
             }

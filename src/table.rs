@@ -2,7 +2,7 @@
 
 use crate::run::{FinalState, Summary};
 use crate::score::{Axes, Consistency, Drift, Score};
-use crate::tally::{SensorTally, counts};
+use crate::tally::{Innovations, SensorTally, counts};
 use fusion_core::filter::Backend;
 use fusion_core::geometry::so3;
 use fusion_core::state::{Attitude, Manifold};
@@ -379,23 +379,27 @@ fn refusals(f: &mut fmt::Formatter<'_>, tallies: &[SensorTally]) -> fmt::Result 
 fn innovations(f: &mut fmt::Formatter<'_>, tallies: &[SensorTally]) -> fmt::Result {
     let mut t = Table::new(&["", ">RMS", ">max"]);
     for s in tallies.iter().filter(|s| s.innovations.count > 0) {
-        for (k, (label, factor)) in residual_rows(s).into_iter().enumerate() {
+        for (k, (row, factor)) in residual_rows(s).into_iter().enumerate() {
             let (rms, max) = (s.innovations.rms[k] * factor, s.innovations.max[k] * factor);
-            t.row([label, number(rms), number(max)]);
+            t.row([format!("{} {row}", s.name), number(rms), number(max)]);
         }
     }
     section(f, "Innovations of accepted measurements", &t)
 }
 
-/// Name with unit of each residual row of a sensor, and the factor from SI to that unit.
+/// Each residual row of a sensor, `north [m]`, and the factor from SI to that unit.
 pub(crate) fn residual_rows(s: &SensorTally) -> Vec<(String, f64)> {
-    let units = &s.innovations.unit;
-    let label = |(k, unit): (usize, &String)| {
-        let (factor, unit) = readable(unit);
-        let row = if units.len() > 1 { format!(" {}", k + 1) } else { String::new() };
-        (format!("{}{row} [{unit}]", s.name), factor)
+    let Innovations { axis, unit, .. } = &s.innovations;
+    let row = |(k, si): (usize, &String)| {
+        let (factor, shown) = readable(si);
+        let row = match axis.get(k) {
+            Some(name) => format!("{name} [{shown}]"),
+            None if unit.len() > 1 => format!("{} [{shown}]", k + 1),
+            None => format!("[{shown}]"),
+        };
+        (row, factor)
     };
-    units.iter().enumerate().map(label).collect()
+    unit.iter().enumerate().map(row).collect()
 }
 
 fn errors(f: &mut fmt::Formatter<'_>, score: &Score) -> fmt::Result {

@@ -41,6 +41,8 @@ pub struct Refusal {
 pub struct Innovations {
     /// Measurements counted.
     pub count: u64,
+    /// Name per residual row; empty where they have none.
+    pub axis: &'static [&'static str],
     /// SI unit per residual row.
     pub unit: Vec<String>,
     /// Root mean square per residual row; 0 where none is counted.
@@ -121,6 +123,7 @@ impl Follower {
                 name: info.name.clone(),
                 innovations: Innovations {
                     count: 0,
+                    axis: info.axes,
                     unit: info.rows.iter().map(ToString::to_string).collect(),
                     rms: vec![0.0; m],
                     max: vec![0.0; m],

@@ -194,6 +194,11 @@ pub trait SensorSpec: Debug + Send + Sync {
     /// The dimension of each residual row, which is that of the noise's sigma.
     fn noise(&self) -> Vec<Dimension>;
 
+    /// A name per residual row, `north` or `x`; none where rows have no names, as in a scalar.
+    fn axes(&self) -> &'static [&'static str] {
+        &[]
+    }
+
     /// Seconds by which rows are valid before their stamp: the fixed or initial value of its
     /// `time_offset`. At most [`LONGEST_DELAY`], of either sign.
     fn delay(&self) -> f64 {

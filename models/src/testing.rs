@@ -180,6 +180,10 @@ fn sensor(r: &Registration) -> Result<(), String> {
         if sigmas != size.residual {
             return Err(format!("its noise has {sigmas} dimensions, its residual {} rows", size.residual));
         }
+        let names = spec.axes().len();
+        if ![0, size.residual].contains(&names) {
+            return Err(format!("it names {names} of its {} residual rows", size.residual));
+        }
         let width = match spec.reading() {
             Reading::Channel(channel) => channel.width,
             Reading::Constant(value) => value.len(),

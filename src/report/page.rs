@@ -4,6 +4,7 @@ use super::recording::{InputTrack, Quantity, Recording, SensorTrack, mounted_att
 use super::tables;
 use super::trace::{Columns, Samples, Trace};
 use crate::run::Summary;
+use crate::table::residual_rows;
 use fusion_core::geometry::so3;
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -63,7 +64,7 @@ pub fn render(title: &str, runs: &[Run<'_>]) -> String {
 <div id="plots"><noscript><p>The plots need JavaScript; the tables do not.</p></noscript></div>
 {details}
 </main>
-<footer><p>Drag over a plot to zoom all of them in time, double-click to reset; on a touch screen pinch. Positions are local north, east, down. Long series are drawn by their extremes; a band much wider than the curves leaves its plot.</p></footer>
+<footer><p>Drag over a plot to zoom all of them in time, double-click to reset; on a touch screen pinch. Positions are local north, east, down. Long series are drawn by their extremes; a band much wider than the curves leaves its plot. Innovations are scaled to those accepted: one that was rejected, or readopted against the estimate, is a cross, at the edge where it lies beyond.</p></footer>
 <script type="application/json" id="data">{data}</script>
 <script>{uplot}</script>
 <script>{script}</script>
@@ -136,6 +137,8 @@ struct SensorData {
     dof: Option<usize>,
     gated: bool,
     own_statistic: bool,
+    /// Each residual row that is drawn, `north [m]`.
+    rows: Vec<String>,
     updates: TableData,
     used: TableData,
     rejected: TableData,
@@ -186,6 +189,18 @@ impl TableData {
         Self::of(&columns)
     }
 
+    /// A sensor's updates, the innovations times `factors`; without their 3σ where there is no
+    /// room for bands.
+    fn of_updates(sensor: &SensorTrack, capacity: usize, factors: &[f64], bands: bool) -> Self {
+        let mut columns = sensor.updates.columns(capacity, true);
+        columns.values.truncate(drawn(sensor, bands));
+        let rows = columns.values.iter_mut().skip(SensorTrack::JUDGED);
+        for (column, factor) in rows.zip(factors.iter().cycle()) {
+            column.iter_mut().for_each(|v| *v = (f64::from(*v) * factor) as f32);
+        }
+        Self::of(&columns)
+    }
+
     fn of_trace(trace: &Trace, capacity: usize, shift: &[f64], breaks: bool) -> Self {
         let mut columns = trace.columns(capacity, breaks);
         for (column, shift) in columns.values.iter_mut().zip(shift).filter(|(_, s)| **s != 0.0) {
@@ -195,6 +210,11 @@ impl TableData {
     }
 }
 
+/// Channels of a sensor's updates in the page.
+const fn drawn(sensor: &SensorTrack, bands: bool) -> usize {
+    SensorTrack::JUDGED + sensor.rows * if bands { 3 } else { 2 }
+}
+
 /// Buckets per series such that the page keeps its budget.
 fn capacity(runs: &[Run<'_>]) -> usize {
     let bytes = |capacity: usize| -> usize {
@@ -202,10 +222,9 @@ fn capacity(runs: &[Run<'_>]) -> usize {
         all.map(|r| {
             let quantities = [&r.position, &r.velocity, &r.attitude];
             let traces = quantities.into_iter().flat_map(|q| [&q.estimate, &q.truth, &q.error]);
-            let traces = traces
-                .chain(r.sensors.iter().map(|s| &s.updates))
-                .chain(r.inputs.iter().map(|i| &i.trace));
-            let series: usize = traces.map(|t| t.rows(capacity) * (8 + 4 * t.channels())).sum();
+            let traces = traces.chain(r.inputs.iter().map(|i| &i.trace)).map(|t| (t, t.channels()));
+            let updates = r.sensors.iter().map(|s| (&s.updates, drawn(s, runs.len() == 1)));
+            let series: usize = traces.chain(updates).map(|(t, n)| t.rows(capacity) * (8 + 4 * n)).sum();
             let mounted = r.mounted.iter().count().min(capacity) * (9 * 4 + 2 * 8);
             let points = |n: usize, width: usize| n.min(capacity + 1) * (8 + 4 * width);
             let fixes = r.sensors.iter().flat_map(|s| &s.fixes).map(|f| points(f.iter().count(), 3));
@@ -233,20 +252,23 @@ fn data(runs: &[Run<'_>]) -> Data {
             (Some(common), Some(own)) => common.to_ned(&own.origin()),
             _ => Vector3::zeros(),
         };
-        let sensor = |s: &SensorTrack| SensorData {
-            name: s.name.clone(),
-            dof: run
-                .summary
-                .sensors
-                .iter()
-                .find(|t| t.name == s.name)
-                .and_then(|t| t.nis)
-                .map(|n| n.dof),
-            gated: s.gated,
-            own_statistic: s.own_statistic,
-            updates: TableData::of_trace(&s.updates, capacity, &[], false),
-            used: TableData::of_samples(&s.fixes[0], capacity, &shift),
-            rejected: TableData::of_samples(&s.fixes[1], capacity, &shift),
+        let sensor = |s: &SensorTrack| {
+            let tally = run.summary.sensors.iter().find(|t| t.name == s.name);
+            let mut rows = tally.map(residual_rows).unwrap_or_default();
+            // A recording made by hand may have no tally, and no units with it.
+            rows.truncate(s.rows);
+            rows.extend((rows.len()..s.rows).map(|k| ((k + 1).to_string(), 1.0)));
+            let (rows, factors): (Vec<_>, Vec<_>) = rows.into_iter().unzip();
+            SensorData {
+                name: s.name.clone(),
+                dof: tally.and_then(|t| t.nis).map(|n| n.dof),
+                gated: s.gated,
+                own_statistic: s.own_statistic,
+                rows,
+                updates: TableData::of_updates(s, capacity, &factors, runs.len() == 1),
+                used: TableData::of_samples(&s.fixes[0], capacity, &shift),
+                rejected: TableData::of_samples(&s.fixes[1], capacity, &shift),
+            }
         };
         let input = |i: &InputTrack| InputData {
             name: i.name.clone(),
@@ -319,6 +341,56 @@ fn base64(bytes: impl Iterator<Item = u8>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::report::Frame;
+    use crate::tally::{Innovations, SensorTally};
+    use fusion_core::filter::{Update, Verdict};
+    use fusion_core::gate::Mode;
+    use fusion_core::time::Time;
+
+    #[test]
+    fn innovations_have_the_names_and_units_of_the_tables_and_a_band_where_a_run_is_alone() {
+        let mut recording = Recording::new(Frame::default());
+        let update = Update {
+            verdict: Verdict::Accepted,
+            residual: &[0.1, 0.2],
+            innovation_sigma: &[0.1, 0.1],
+            nis: 5.0,
+            statistic: 5.0,
+            threshold: f64::INFINITY,
+            mode: Mode::Track,
+            weight: 1.0,
+        };
+        recording.measurement("tilt", Time::default(), None, &update);
+        let innovations = Innovations {
+            axis: &["x", "y"],
+            unit: vec!["rad".to_owned(); 2],
+            ..Innovations::default()
+        };
+        let tally = SensorTally {
+            name: "tilt".to_owned(),
+            innovations,
+            ..SensorTally::default()
+        };
+        let summary = Summary {
+            sensors: vec![tally],
+            ..Summary::default()
+        };
+        let run = Run {
+            name: "a",
+            recording: &recording,
+            summary: &summary,
+        };
+        // 0.1 rad is kept as f32 before it is turned into degrees.
+        let stored = |rad: f64| base64((f64::from(rad as f32).to_degrees() as f32).to_le_bytes().into_iter());
+        let data = data(&[run]);
+        let alone = &data.runs[0].sensors[0];
+        assert_eq!(alone.rows, ["x [deg]", "y [deg]"]);
+        assert_eq!(alone.updates.c.len(), 5 + 3 * 2);
+        assert_eq!(alone.updates.c[5..7], [stored(0.1), stored(0.2)]);
+        assert_eq!(alone.updates.c[9..], [stored(3.0 * 0.1), stored(3.0 * 0.1)]);
+        let both = super::data(&[run, run]);
+        assert!(both.runs.iter().all(|r| r.sensors[0].updates.c.len() == 5 + 2 * 2));
+    }
 
     #[test]
     fn base64_gives_the_vectors_of_rfc_4648() {

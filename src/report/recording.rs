@@ -97,7 +97,11 @@ pub(super) struct SensorTrack {
     /// The gate's statistic, where it is one other than the NIS.
     pub own_statistic: bool,
     pub gated: bool,
-    /// NIS of the used, NIS of the rejected, statistic, threshold, mode (1 denied).
+    /// Residual rows that are kept.
+    pub rows: usize,
+    /// NIS of the used, NIS of the rejected, statistic, threshold, mode (1 denied); then, of
+    /// every row in SI, the innovation of the accepted, that of the rejected and readopted, and
+    /// its 3σ.
     pub updates: Trace,
     /// North, east, down of the fixes: used, rejected.
     pub fixes: [Samples<3>; 2],
@@ -112,6 +116,25 @@ pub(super) struct InputTrack {
     /// Factor from what the row holds.
     scale: f64,
     angle: Option<Unwrapped<1>>,
+}
+
+impl SensorTrack {
+    /// Channels of the updates before those of the rows.
+    pub(super) const JUDGED: usize = 5;
+    /// A sensor with more residual rows is no vector in space: its rows are not kept.
+    const ROWS: usize = 3;
+
+    fn new(name: &str, residual: usize) -> Self {
+        let rows = if residual <= Self::ROWS { residual } else { 0 };
+        Self {
+            name: name.to_owned(),
+            own_statistic: false,
+            gated: false,
+            rows,
+            updates: Trace::new(Self::JUDGED + 3 * rows, BUCKETS),
+            fixes: [Samples::new(POINTS), Samples::new(POINTS)],
+        }
+    }
 }
 
 impl InputTrack {
@@ -180,7 +203,7 @@ impl Recording {
             remove_mean_mounting: reference.is_some_and(|r| r.remove_mean_mounting),
         });
         for sensor in &assembly.sensors {
-            recording.sensor(&sensor.name);
+            recording.sensor(&sensor.name, sensor.rows.len());
         }
         // What drives the process comes first, then what the sensors read.
         let driving = design.process.block.model.input();
@@ -226,7 +249,7 @@ impl Recording {
                                 .is_some_and(|c| c.shape == Shape::Geodetic && c.name == channel.name)
                     };
                     if let Some(sensor) = assembly.sensors.iter().find(reads) {
-                        let index = self.sensor(&sensor.name);
+                        let index = self.sensor(&sensor.name, sensor.rows.len());
                         self.ports[id].fix = Some((channel.clone(), nanos(sensor.delay), index));
                     }
                 }
@@ -316,7 +339,7 @@ impl Recording {
 
     /// A measurement of `sensor`, which lies at `position` if it is a fix.
     pub fn measurement(&mut self, sensor: &str, time: Time, position: Option<Geodetic>, update: &Update<'_>) {
-        let index = self.sensor(sensor);
+        let index = self.sensor(sensor, update.residual.len());
         self.judged(index, time, position, update);
     }
 
@@ -343,14 +366,28 @@ impl Recording {
         let pick = |chosen: bool| if chosen && update.nis.is_finite() { update.nis } else { f64::NAN };
         let finite = |v: f64| if v.is_finite() { v } else { f64::NAN };
         let denied = f64::from(u8::from(update.mode == Mode::Denied));
-        let row = [
+        let mut row = [f64::NAN; SensorTrack::JUDGED + 3 * SensorTrack::ROWS];
+        row[..SensorTrack::JUDGED].copy_from_slice(&[
             pick(!rejected),
             pick(rejected),
             finite(update.statistic),
             finite(update.threshold),
             denied,
-        ];
-        track.updates.push(time.seconds(), &row);
+        ]);
+        let kind = match update.verdict {
+            Verdict::Accepted => Some(0),
+            // Readopted against the estimate, it is as far off as the rejected before it.
+            Verdict::Rejected | Verdict::Readopted => Some(1),
+            Verdict::Undefined(_) | Verdict::Unusable => None,
+        };
+        for (i, (r, sigma)) in update.residual.iter().zip(update.innovation_sigma).take(track.rows).enumerate() {
+            let own = |kind: usize| SensorTrack::JUDGED + kind * track.rows + i;
+            if let Some(kind) = kind {
+                row[own(kind)] = *r;
+            }
+            row[own(2)] = 3.0 * sigma;
+        }
+        track.updates.push(time.seconds(), &row[..track.updates.channels()]);
         if let Some(ned) = ned {
             track.fixes[usize::from(rejected)].push(time.seconds(), ned.into());
         }
@@ -429,15 +466,10 @@ impl Recording {
         }
     }
 
-    fn sensor(&mut self, name: &str) -> usize {
+    /// The track of `name`, made for `residual` rows if there is none.
+    fn sensor(&mut self, name: &str, residual: usize) -> usize {
         self.sensors.iter().position(|s| s.name == name).unwrap_or_else(|| {
-            self.sensors.push(SensorTrack {
-                name: name.to_owned(),
-                own_statistic: false,
-                gated: false,
-                updates: Trace::new(5, BUCKETS),
-                fixes: [Samples::new(POINTS), Samples::new(POINTS)],
-            });
+            self.sensors.push(SensorTrack::new(name, residual));
             self.sensors.len() - 1
         })
     }

@@ -77,8 +77,9 @@
     return list;
   };
   const runColor = i => `run${i % 6}`;
-  // Where runs coincide, the earlier ones look out from under the later ones.
-  const runWidth = (i, least) => least + Math.min(runs.length - 1 - i, 4) * 0.7;
+  // The first run lies on top; where runs coincide, the later ones look out from under it.
+  const painted = runs.map((r, i) => [r, i]).reverse();
+  const runWidth = (i, least) => least + Math.min(i, 4) * 0.4;
 
   // ---- time plots ------------------------------------------------------------------------
   const plots = []; // { spec, host, out, u }
@@ -112,7 +113,7 @@
     }
     map?.mark(t);
   };
-  const read = (spec, t) => spec.series.filter(s => s.label).map(s => {
+  const read = (spec, t) => spec.series.filter(s => s.label).sort((a, b) => (a.run ?? 0) - (b.run ?? 0)).map(s => {
     const i = nearest(s.t, t);
     if (i < 0 || Math.abs(s.t[i] - t) > Math.max((range[1] - range[0]) / 50, 1.5)) return null;
     if (s.y[i] !== s.y[i]) return null;
@@ -142,7 +143,7 @@
     let low = Infinity, high = -Infinity, widest = 0;
     const halves = [];
     for (const s of spec.series) {
-      if (s.kind === "edge") continue;
+      if (s.kind === "edge" || s.clamped) continue;
       let i = nearest(s.t, range[0]), end = nearest(s.t, range[1]);
       if (i < 0) continue;
       i = Math.max(0, i - 1); end = Math.min(s.t.length - 1, end + 1);
@@ -188,6 +189,7 @@
     s.count ??= s.y.reduce((n, v) => n + (v === v), 0);
     const many = s.kind === "cross" && s.count > 400;
     const r = (s.size || 2) * (many ? 0.6 : 1) * px;
+    const top = u.bbox.top + r, bottom = u.bbox.top + u.bbox.height - r;
     ctx.globalAlpha = many ? 0.5 : 1;
     ctx.fillStyle = ctx.strokeStyle = s.stroke;
     ctx.lineWidth = 1.5 * px;
@@ -196,7 +198,9 @@
     const [a, b] = range;
     for (let i = 0; i < s.t.length; i++) {
       if (s.t[i] < a || s.t[i] > b || s.y[i] !== s.y[i]) continue;
-      const x = u.valToPos(s.t[i], "x", true), y = u.valToPos(s.y[i], "y", true);
+      const x = u.valToPos(s.t[i], "x", true);
+      let y = u.valToPos(s.y[i], "y", true);
+      if (s.clamped) y = Math.min(Math.max(y, top), bottom);
       if (s.kind === "cross") { ctx.moveTo(x - r, y - r); ctx.lineTo(x + r, y + r); ctx.moveTo(x + r, y - r); ctx.lineTo(x - r, y + r); }
       else { ctx.moveTo(x + r, y); ctx.arc(x, y, r, 0, 7); }
     }
@@ -221,7 +225,8 @@
       for (let i = 0; i < s.t.length; i++) {
         const denied = s.y[i] > 0.5;
         let j = i;
-        while (j + 1 < s.t.length && (s.y[j + 1] > 0.5) === denied) j++;
+        // Where the sensor is silent, its gate stays in its mode.
+        while (j + 1 < s.t.length && (s.y[j + 1] !== s.y[j + 1] || (s.y[j + 1] > 0.5) === denied)) j++;
         const from = u.valToPos(s.t[i], "x", true);
         const to = u.valToPos(j + 1 < s.t.length ? s.t[j + 1] : s.t[j], "x", true);
         const wide = Math.max(to - from, 2 * px);
@@ -339,7 +344,7 @@
     if (!spec.series.some(s => s.t.length)) return;
     const out = el("output");
     const host = el("div", { class: "host" });
-    grid.append(el("div", { class: "plot" }, el("div", { class: "head" }, el("b", { title }, title), out), host));
+    grid.append(el("div", { class: spec.first ? "plot first" : "plot" }, el("div", { class: "head" }, el("b", { title }, title), out), host));
     plots.push({ spec, host, out, u: null });
   };
 
@@ -347,18 +352,25 @@
   const hasOutages = outages.length ? [["shade", "shade", "outage"]] : [];
   const names = runs.map(r => r.name);
   const label = (i, text) => several ? names[i] : text;
+  /** Both edges of a band of that half width, about a curve or about 0. */
+  const band = (into, run, t, half, center) => {
+    if (!half || !half.some(v => v > 0)) return;
+    const color = runColor(run);
+    into.push({ kind: "edge", upper: true, t, y: center ? plus(center, half, 1) : half, color });
+    into.push({ kind: "edge", t, y: center ? plus(center, half, -1) : half.map(v => -v), color });
+  };
 
   // The map.
   let map = null;
   {
     const true_path = runs.map(r => r.true_path).find(t => t.t.length);
-    const lines = runs.map((r, i) => ({ ...r.path, color: runColor(i), width: runWidth(i, 2.25) })).filter(l => l.t.length);
+    const lines = runs.map((r, i) => ({ ...r.path, name: label(i, "estimate"), color: runColor(i), width: runWidth(i, 2.25) })).filter(l => l.t.length);
     const fixes = new Map();
     for (const s of runs[0]?.sensors ?? []) if (s.used.t.length || s.rejected.t.length) fixes.set(s.name, s);
     if (lines.length || true_path) {
       const entries = [];
       if (true_path) entries.push(["dash", "truth", "truth"]);
-      lines.forEach((l, i) => entries.push(["line", l.color, label(i, "estimate")]));
+      for (const l of lines) entries.push(["line", l.color, l.name]);
       for (const [name, s] of fixes) {
         const of = several ? `${name} (${names[0]})` : name;
         if (s.used.t.length) entries.push(["dot", "fix", `fix of ${of}`]);
@@ -401,61 +413,71 @@
     const grid = section(name.toLowerCase(), errors ? `${name} and its error` : name, entries.concat(hasOutages), !errors);
     axes.forEach((axis, a) => {
       const series = [], wrong = [];
-      const band = (into, run, d, center) => {
-        const half = d.c[a + 3];
-        if (!half || !half.some(v => v > 0)) return;
-        const c = runColor(run);
-        into.push({ kind: "edge", upper: true, t: d.t, y: center ? plus(center, half, 1) : half, color: c });
-        into.push({ kind: "edge", t: d.t, y: center ? plus(center, half, -1) : half.map(v => -v), color: c });
-      };
-      runs.forEach((r, i) => { const d = r.quantities[q].estimate; if (!empty(d)) band(series, i, d, d.c[a]); });
+      painted.forEach(([r, i]) => { const d = r.quantities[q].estimate; if (!empty(d)) band(series, i, d.t, d.c[a + 3], d.c[a]); });
       for (const s of fixes) series.push({ kind: "dot", t: s.used.t, y: s.used.c[a], color: "fix", size: 1.8, label: fixes.length > 1 ? s.name : "fix" });
-      runs.forEach((r, i) => {
+      painted.forEach(([r, i]) => {
         const d = r.quantities[q].estimate;
-        if (!empty(d)) series.push({ kind: "line", t: d.t, y: d.c[a], half: d.c[a + 3], color: runColor(i), width: runWidth(i, 1.75), label: label(i, "estimate") });
+        if (!empty(d)) series.push({ kind: "line", run: i, t: d.t, y: d.c[a], half: d.c[a + 3], color: runColor(i), width: runWidth(i, 1.75), label: label(i, "estimate") });
       });
       if (reference) series.push({ kind: "line", t: reference.t, y: reference.c[a], color: "truth", dash: [6, 4], width: 1.5, label: "truth" });
       for (const s of fixes) series.push({ kind: "cross", t: s.rejected.t, y: s.rejected.c[a], color: "bad", size: 3.5, label: "rejected" });
       panel(grid, `${axis} [${unit}]`, { series, angle: angles[a] });
       if (errors) {
-        runs.forEach((r, i) => { const d = r.quantities[q].error; if (!empty(d)) band(wrong, i, d, null); });
-        runs.forEach((r, i) => {
+        painted.forEach(([r, i]) => { const d = r.quantities[q].error; if (!empty(d)) band(wrong, i, d.t, d.c[a + 3], null); });
+        painted.forEach(([r, i]) => {
           const d = r.quantities[q].error;
-          if (!empty(d)) wrong.push({ kind: "line", t: d.t, y: d.c[a], half: d.c[a + 3], color: runColor(i), width: runWidth(i, 1.25), label: label(i, "error") });
+          if (!empty(d)) wrong.push({ kind: "line", run: i, t: d.t, y: d.c[a], half: d.c[a + 3], color: runColor(i), width: runWidth(i, 1.25), label: label(i, "error") });
         });
         panel(grid, `${axis} error [${unit}]`, { series: wrong, scale: "error" });
       }
     });
   });
 
-  // NIS per sensor, with the gate's line and mode.
+  // Per sensor: NIS with the gate's line and mode, the innovation of each residual row.
   {
     const sensors = [...new Set(runs.flatMap(r => r.sensors.map(s => s.name)))];
     if (sensors.length) {
       const all = runs.flatMap(r => r.sensors);
-      const entries = runs.map((r, i) => ["dot", runColor(i), label(i, "NIS")]);
+      const entries = runs.map((r, i) => ["dot", runColor(i), label(i, "NIS, innovation")]);
+      if (!several && all.some(s => s.rows.length)) entries.push(["band", "run0", "±3σ of the innovation"]);
       if (all.some(s => !s.updates.c[1]?.every(v => v !== v))) entries.push(["cross", several ? "soft" : "bad", "rejected"]);
       entries.push(["dash", "soft", "expected mean"]);
       if (all.some(s => s.gated)) entries.push(["gate", "bad", "gate"], ["block", "track", "gate in track"], ["block", "denied", "gate in denial"]);
       const grid = section("innovations", "Innovations and gates", entries.concat(hasOutages));
       for (const name of sensors) {
-        const own = runs.map((r, i) => ({ i, s: r.sensors.find(s => s.name === name) })).filter(o => o.s);
+        const own = painted.map(([r, i]) => ({ i, s: r.sensors.find(s => s.name === name) })).filter(o => o.s);
+        const size = i => 1.6 + 0.4 * Math.min(i, 4);
         const statistic = own.some(o => o.s.own_statistic);
-        const strip = own.filter(o => o.s.gated).map(o => ({ t: o.s.updates.t, y: o.s.updates.c[4] }));
-        const rejects = (s, i) => ({ kind: "cross", t: s.updates.t, y: s.updates.c[1], color: several ? runColor(i) : "bad", size: 3.5, label: several ? "" : "rejected" });
+        const strip = [...own].reverse().filter(o => o.s.gated).map(o => ({ t: o.s.updates.t, y: o.s.updates.c[4] }));
+        const rejects = (s, i, column) => ({ kind: "cross", t: s.updates.t, y: s.updates.c[column], color: several ? runColor(i) : "bad", size: 3.5, label: several ? "" : "rejected" });
+        // Dots that would touch are drawn as the line through them.
+        const cloud = (d, k, i, half) => {
+          const y = d.c[k], shared = { t: d.t, y, half, run: i, color: runColor(i), label: label(i, "innovation") };
+          return y.reduce((n, v) => n + (v === v), 0) > 1500 ? { ...shared, kind: "line", width: runWidth(i, 1) } : { ...shared, kind: "dot", size: size(i) };
+        };
         const gate = s => ({ kind: "line", t: s.updates.t, y: s.updates.c[3], color: "bad", dash: [2, 3], width: 1.75, label: "gate" });
-        const series = own.map(({ s, i }) => ({ kind: "dot", t: s.updates.t, y: s.updates.c[0], color: runColor(i), size: 1.6 + 0.5 * Math.min(runs.length - 1 - i, 4), label: label(i, "NIS") }));
-        own.forEach(({ s, i }) => series.push(rejects(s, i)));
+        const series = own.map(({ s, i }) => ({ kind: "dot", t: s.updates.t, y: s.updates.c[0], run: i, color: runColor(i), size: size(i), label: label(i, "NIS") }));
+        own.forEach(({ s, i }) => series.push(rejects(s, i, 1)));
         const dof = own.map(o => o.s.dof).find(d => d);
         if (dof) series.push({ kind: "line", t: span, y: [dof, dof], color: "soft", dash: [6, 4], width: 1.25 });
-        const gated = own.find(o => o.s.gated);
+        const gated = own.findLast(o => o.s.gated);
         if (gated && !statistic) series.push(gate(gated.s));
-        panel(grid, `${name}: NIS`, { series, scale: "nis", strips: strip.length ? strip : null });
+        panel(grid, `${name}: NIS`, { series, scale: "nis", strips: strip.length ? strip : null, first: true });
         if (statistic) {
-          const series = own.map(({ s, i }) => ({ kind: "dot", t: s.updates.t, y: s.updates.c[2], color: runColor(i), size: 1.6 + 0.5 * Math.min(runs.length - 1 - i, 4), label: label(i, "statistic") }));
+          const series = own.map(({ s, i }) => ({ kind: "dot", t: s.updates.t, y: s.updates.c[2], run: i, color: runColor(i), size: size(i), label: label(i, "statistic") }));
           if (gated) series.push(gate(gated.s));
           panel(grid, `${name}: gate statistic`, { series, scale: "nis" });
         }
+        const rows = own.map(o => o.s.rows).reduce((a, b) => b.length >= a.length ? b : a, []);
+        rows.forEach((row, k) => {
+          const series = [], of = own.filter(o => k < o.s.rows.length);
+          // After the five of the judgement: innovations accepted, not accepted, and their 3σ.
+          const column = (s, kind) => 5 + kind * s.rows.length + k;
+          for (const { s, i } of of) band(series, i, s.updates.t, s.updates.c[column(s, 2)], null);
+          for (const { s, i } of of) series.push(cloud(s.updates, column(s, 0), i, s.updates.c[column(s, 2)]));
+          for (const { s, i } of of) series.push({ ...rejects(s, i, column(s, 1)), clamped: true, label: several ? "" : "not accepted" });
+          panel(grid, `${name}: innovation ${row}`, { series, scale: "error" });
+        });
       }
     }
   }
@@ -575,7 +597,8 @@
         ctx.setLineDash([]);
         ctx.globalAlpha = 1;
       };
-      for (const d of lines) line(d, d.color, d.width, []);
+      const under = [...lines].reverse();
+      for (const d of under) line(d, d.color, d.width, []);
       if (true_path) line(true_path, "truth", 1.5, [6, 4]);
       ctx.strokeStyle = color("bad");
       ctx.lineWidth = 1.75;
@@ -599,7 +622,7 @@
       const end = way.t.length - 1;
       ctx.fillRect(X(way.c[1][end]) - 5, Y(way.c[0][end]) - 5, 10, 10);
       if (marked != null) {
-        for (const d of (true_path ? [{ ...true_path, color: "truth" }] : []).concat(lines)) {
+        for (const d of (true_path ? [{ ...true_path, color: "truth" }] : []).concat(under)) {
           const i = nearest(d.t, marked);
           if (i < 0) continue;
           ctx.beginPath();
@@ -677,6 +700,7 @@
     });
     root.dataset.blank = String(blank.length);
     root.dataset.canvases = String(document.querySelectorAll("canvas").length);
+    root.dataset.scales = plots.filter(p => p.spec.series.some(s => s.clamped)).map(p => +p.u.scales.y.max.toFixed(6)).join(" ");
     const middle = (span[0] + span[1]) / 2;
     setRange(middle, middle + (span[1] - span[0]) / 10);
     point(middle + (span[1] - span[0]) / 20, null);

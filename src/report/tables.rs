@@ -2,7 +2,7 @@
 
 use super::page::{Run, escape};
 use crate::score::{Axes, Consistency, Score};
-use crate::table::residual_rows;
+use crate::table::{readable, residual_rows};
 use crate::tally::{Count, SensorTally, counts};
 use std::fmt::Write as _;
 
@@ -184,8 +184,11 @@ pub(super) fn details(runs: &[Run<'_>]) -> String {
             out.push_str(&innovations(&s.sensors));
         }
         if !s.parameters.is_empty() {
-            let list = |v: &[f64]| v.iter().map(|v| number(*v)).collect::<Vec<_>>().join(", ");
-            let row = |p: &crate::run::FinalState| vec![escape(&p.name), list(&p.value), list(&p.sigma), escape(p.unit)];
+            let row = |p: &crate::run::FinalState| {
+                let (factor, unit) = readable(p.unit);
+                let list = |v: &[f64]| v.iter().map(|v| number(v * factor)).collect::<Vec<_>>().join(", ");
+                vec![escape(&p.name), list(&p.value), list(&p.sigma), escape(&unit)]
+            };
             let rows: Vec<_> = s.parameters.iter().map(row).collect();
             out.push_str(&table(
                 "Estimated parameters at the end",
@@ -241,7 +244,11 @@ fn errors(score: &Score) -> String {
         return String::new();
     }
     let mut out = table("Errors per axis", &["Axis", "RMS", "max", "mean", "mean 3σ", "inside 3σ"], &rows);
-    let nees = [("position", score.nees_position), ("velocity", score.nees_velocity)];
+    let nees = [
+        ("position", score.nees_position),
+        ("velocity", score.nees_velocity),
+        ("attitude", score.nees_attitude),
+    ];
     let rows: Vec<Vec<String>> = nees
         .into_iter()
         .filter_map(|(name, c)| {
@@ -320,9 +327,9 @@ fn refusals(sensors: &[SensorTally]) -> String {
 fn innovations(sensors: &[SensorTally]) -> String {
     let mut rows = Vec::new();
     for t in sensors.iter().filter(|t| t.innovations.count > 0) {
-        for (k, (label, factor)) in residual_rows(t).into_iter().enumerate() {
+        for (k, (row, factor)) in residual_rows(t).into_iter().enumerate() {
             let (rms, max) = (t.innovations.rms[k] * factor, t.innovations.max[k] * factor);
-            rows.push(vec![escape(&label), number(rms), number(max)]);
+            rows.push(vec![escape(&format!("{} {row}", t.name)), number(rms), number(max)]);
         }
     }
     if rows.is_empty() {

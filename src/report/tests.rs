@@ -53,7 +53,9 @@ fn recording_at(rate: i64, seconds: f64, offset: f64) -> Recording {
         if i % 3 == 0 {
             let heading = angle.to_degrees() + wobble;
             r.input("heading", "deg", time, &[heading - 360.0 * (heading / 360.0).round()]);
-            r.measurement("compass", time, None, &update(Verdict::Accepted, wobble * wobble, 6.6, Mode::Track));
+            let compass = update(Verdict::Accepted, wobble * wobble, 6.6, Mode::Track);
+            let (residual, sigma) = ([0.01 * wobble], [0.01]);
+            r.measurement("compass", time, None, &with_rows(compass, &residual, &sigma));
         }
         if i % rate == 0 {
             let denied = (0.4..0.5).contains(&(t / seconds));
@@ -64,12 +66,9 @@ fn recording_at(rate: i64, seconds: f64, offset: f64) -> Recording {
             } else {
                 (Verdict::Accepted, 3.0 + wobble)
             };
-            r.measurement(
-                "gnss",
-                time,
-                Some(fix),
-                &update(verdict, nis, 16.3, if denied { Mode::Denied } else { Mode::Track }),
-            );
+            let gnss = update(verdict, nis, 16.3, if denied { Mode::Denied } else { Mode::Track });
+            let residual = [wobble, -wobble, 0.3].map(|v| if rejected { 8.0 * v } else { v });
+            r.measurement("gnss", time, Some(fix), &with_rows(gnss, &residual, &[1.0, 1.0, 2.0]));
         }
     }
     r
@@ -89,6 +88,14 @@ fn update(verdict: Verdict, nis: f64, threshold: f64, mode: Mode) -> Update<'sta
         threshold,
         mode,
         weight: 1.0,
+    }
+}
+
+fn with_rows<'a>(update: Update<'a>, residual: &'a [f64], innovation_sigma: &'a [f64]) -> Update<'a> {
+    Update {
+        residual,
+        innovation_sigma,
+        ..update
     }
 }
 
@@ -258,6 +265,30 @@ fn rows_of_a_design_become_fixes_with_their_verdict_and_sensor_data() {
 }
 
 #[test]
+fn innovations_of_accepted_measurements_are_kept_per_row_and_those_of_others_apart() {
+    let mut r = Recording::new(Frame::default());
+    let verdicts = [Verdict::Accepted, Verdict::Rejected, Verdict::Readopted, Verdict::Unusable];
+    for (i, verdict) in verdicts.into_iter().enumerate() {
+        let time = Time::from_seconds(i as f64);
+        let update = update(verdict, 1.0, 9.0, Mode::Track);
+        let v = 1.0 + i as f64;
+        r.measurement("velocity", time, None, &with_rows(update, &[v, -v], &[0.5, 2.0]));
+        r.measurement("four", time, None, &with_rows(update, &[v; 4], &[1.0; 4]));
+    }
+    let columns = r.sensors[0].updates.columns(10, false).values;
+    let shown = |k: usize| columns[k].iter().map(|v| (!v.is_nan()).then_some(*v)).collect::<Vec<_>>();
+    assert_eq!(columns.len(), 5 + 3 * 2);
+    assert_eq!(shown(5), [Some(1.0), None, None, None]);
+    assert_eq!(shown(6), [Some(-1.0), None, None, None]);
+    assert_eq!(shown(7), [None, Some(2.0), Some(3.0), None]);
+    assert_eq!(shown(8), [None, Some(-2.0), Some(-3.0), None]);
+    assert_eq!(shown(9), [Some(1.5); 4]);
+    assert_eq!(shown(10), [Some(6.0); 4]);
+    // More than three rows are judged, not drawn.
+    assert_eq!(r.sensors[1].updates.columns(10, false).values.len(), 5);
+}
+
+#[test]
 fn yaw_is_drawn_without_jumps_and_error_turns_agree() {
     let mut r = Recording::new(Frame {
         origin: Some(ORIGIN),
@@ -363,21 +394,35 @@ fn a_browser_draws_every_plot_without_error_or_request() {
     );
     for (name, page) in [("one", &alone), ("two", &both)] {
         let root = root_in_browser(&browser, name, page);
-        // 3 × 3 values, as many errors, 2 sensors, 4 plots of sensor data, and the map.
+        // 3 × 3 values, as many errors, the NIS of 2 sensors with 3 and 1 innovations, 4 plots of
+        // sensor data, and the map.
         let wanted = [
             ("error", None),
-            ("drawn", Some("25")),
-            ("canvases", Some("25")),
+            ("drawn", Some("29")),
+            ("canvases", Some("29")),
             ("blank", Some("0")),
         ];
         let acted = [
-            ("linked", Some("24")),
-            ("reset", Some("24")),
+            ("linked", Some("28")),
+            ("reset", Some("28")),
             ("overflow", Some("0")),
             ("checked", Some("1")),
         ];
         for (key, value) in wanted.into_iter().chain(acted) {
             assert_eq!(attribute(&root, key), value, "data-{key} of {name}: {root}");
+        }
+        // Innovations are scaled to their band, or without one to those used: of at most 0.02
+        // and 2 twice, and 0.3. Those rejected are eight times as large.
+        let scales: Vec<f64> = attribute(&root, "scales").unwrap().split(' ').map(|s| s.parse().unwrap()).collect();
+        match name {
+            "one" => assert_eq!(scales, [0.0324, 3.24, 3.24, 6.48]),
+            _ => assert!(
+                scales
+                    .iter()
+                    .zip([0.0216, 2.16, 2.16, 0.324])
+                    .all(|(s, most)| (0.8 * most..=most).contains(s)),
+                "{scales:?}"
+            ),
         }
     }
     // A page that fails says so: the test can see an error and a request.

@@ -109,6 +109,7 @@ fn innovations_are_those_of_updates_csv_from_the_reference_on() {
         let residuals: Vec<[f64; 3]> = counted.map(|c| [8, 9, 10].map(|k| c[k].parse().unwrap())).collect();
         let innovations = &sensor["innovations"];
         assert!(residuals.len() > 25 && innovations["count"] == residuals.len(), "{innovations}");
+        assert_eq!(innovations["axis"], serde_json::json!(["north", "east", "down"]));
         for k in 0..3 {
             let rms = (residuals.iter().map(|r| r[k] * r[k]).sum::<f64>() / residuals.len() as f64).sqrt();
             let max = residuals.iter().map(|r| r[k].abs()).fold(0.0, f64::max);

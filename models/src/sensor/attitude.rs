@@ -9,6 +9,7 @@
 //!            the correlated part, and a second use of the same gyros
 //! Source     Sola, Deray, Atchuthan 2018 (arXiv 1812.01537), eqs. 66-71
 
+use super::XYZ;
 use crate::block::{Build, BuildError, Channel, Reading, SensorSpec, Shape};
 use crate::param::RotationParam;
 use crate::units::{Dimension, Dimensional, dim};
@@ -52,6 +53,10 @@ impl SensorSpec for AttitudeSpec {
 
     fn noise(&self) -> Vec<Dimension> {
         vec![dim::Angle::KIND.dimension; 3]
+    }
+
+    fn axes(&self) -> &'static [&'static str] {
+        XYZ
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {

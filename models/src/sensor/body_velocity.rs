@@ -115,6 +115,14 @@ impl Constraint {
             Self::Down => &[2],
         }
     }
+
+    const fn names(self) -> &'static [&'static str] {
+        match self {
+            Self::Both => &["right", "down"],
+            Self::Right => &["right"],
+            Self::Down => &["down"],
+        }
+    }
 }
 
 crate::register!(
@@ -136,6 +144,10 @@ impl SensorSpec for BodyVelocitySpec {
 
     fn noise(&self) -> Vec<Dimension> {
         vec![dim::Speed::KIND.dimension; 3]
+    }
+
+    fn axes(&self) -> &'static [&'static str] {
+        &["forward", "right", "down"]
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
@@ -168,6 +180,10 @@ impl SensorSpec for NonholonomicSpec {
 
     fn noise(&self) -> Vec<Dimension> {
         vec![dim::Speed::KIND.dimension; self.axes.rows().len()]
+    }
+
+    fn axes(&self) -> &'static [&'static str] {
+        self.axes.names()
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {

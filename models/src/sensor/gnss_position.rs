@@ -9,6 +9,7 @@
 //! Not here   multipath (a gate or a loss), the receiver's clock
 //! Source     Groves 2013, §14.3.1
 
+use super::NED;
 use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
 use crate::param::{ScalarParam, VectorParam};
 use crate::units::{Dimension, Dimensional, dim};
@@ -56,7 +57,11 @@ impl SensorSpec for GnssPositionSpec {
     }
 
     fn noise(&self) -> Vec<Dimension> {
-        vec![dim::Length::KIND.dimension; if self.horizontal { 2 } else { 3 }]
+        vec![dim::Length::KIND.dimension; self.axes().len()]
+    }
+
+    fn axes(&self) -> &'static [&'static str] {
+        if self.horizontal { &NED[..2] } else { NED }
     }
 
     fn delay(&self) -> f64 {

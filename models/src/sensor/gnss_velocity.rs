@@ -10,6 +10,7 @@
 //! Not here   receiver filtering
 //! Source     Groves 2013, §14.3.1
 
+use super::NED;
 use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
 use crate::param::{ScalarParam, VectorParam};
 use crate::units::{Dimension, Dimensional, dim};
@@ -54,7 +55,11 @@ impl SensorSpec for GnssVelocitySpec {
     }
 
     fn noise(&self) -> Vec<Dimension> {
-        vec![dim::Speed::KIND.dimension; if self.horizontal { 2 } else { 3 }]
+        vec![dim::Speed::KIND.dimension; self.axes().len()]
+    }
+
+    fn axes(&self) -> &'static [&'static str] {
+        if self.horizontal { &NED[..2] } else { NED }
     }
 
     fn delay(&self) -> f64 {

@@ -9,6 +9,7 @@
 //! Not here   heading, which no vertical tells
 //! Source     the derivative of C_nbᵀ e₃ with C_nb ← C_nb Exp(δφ_b)
 
+use super::XYZ;
 use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
 use crate::earth::LocalEarth;
 use crate::param::VectorParam;
@@ -50,6 +51,10 @@ impl SensorSpec for GravityDirectionSpec {
 
     fn noise(&self) -> Vec<Dimension> {
         vec![dim::Acceleration::KIND.dimension; 3]
+    }
+
+    fn axes(&self) -> &'static [&'static str] {
+        XYZ
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {

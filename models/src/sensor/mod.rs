@@ -14,3 +14,8 @@ mod vertical;
 mod yaw_rate;
 mod zero_angular_rate;
 mod zero_velocity;
+
+/// Axes of rows resolved in navigation axes.
+const NED: &[&str] = &["north", "east", "down"];
+/// Axes of rows resolved in the axes of a body or sensor.
+const XYZ: &[&str] = &["x", "y", "z"];

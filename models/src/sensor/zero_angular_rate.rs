@@ -8,6 +8,7 @@
 //!            its noise is the random walk over √window
 //! Source     Groves 2013, §15.3
 
+use super::XYZ;
 use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
 use crate::earth::LocalEarth;
 use crate::units::{Dimension, Dimensional, dim};
@@ -55,6 +56,10 @@ impl SensorSpec for ZeroAngularRateSpec {
 
     fn noise(&self) -> Vec<Dimension> {
         vec![dim::AngularRate::KIND.dimension; 3]
+    }
+
+    fn axes(&self) -> &'static [&'static str] {
+        XYZ
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {

@@ -6,6 +6,7 @@
 //! Valid      at the body origin, at rest; feed it by a detector of rest
 //! Source     Groves 2013, §15.3
 
+use super::NED;
 use crate::block::{Build, BuildError, Reading, SensorSpec};
 use crate::units::{Dimension, Dimensional, dim};
 use fusion_core::linear::Jacobian;
@@ -30,6 +31,10 @@ impl SensorSpec for ZeroVelocitySpec {
 
     fn noise(&self) -> Vec<Dimension> {
         vec![dim::Speed::KIND.dimension; 3]
+    }
+
+    fn axes(&self) -> &'static [&'static str] {
+        NED
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
