@@ -185,7 +185,8 @@ impl SimulatedRows {
 /// `imu` where that is a stage.
 fn imu_stream(design: &Design) -> &str {
     let read = design.process.block.source.as_deref();
-    read.filter(|name| design.stages.iter().all(|stage| stage.name != *name)).unwrap_or(IMU)
+    read.filter(|name| design.stages.iter().all(|stage| stage.name != *name))
+        .unwrap_or(IMU)
 }
 
 /// The streams of a simulated world.

@@ -305,6 +305,10 @@ mod tests {
         };
         assert_eq!(dynamics(", random_walk = 0, correlation_time = '60 s'"), Ok(markov));
         assert_eq!(dynamics(", random_walk = 3"), Ok(Dynamics::RandomWalk { psd: vec![9.0; 3] }));
-        assert!(dynamics(", random_walk = 3, correlation_time = '60 s'").unwrap_err().contains("not both"));
+        assert!(
+            dynamics(", random_walk = 3, correlation_time = '60 s'")
+                .unwrap_err()
+                .contains("not both")
+        );
     }
 }

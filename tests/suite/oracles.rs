@@ -270,7 +270,10 @@ fn simulated(text: &str, seed: u64) -> Flown {
             }
         }
     };
-    while let Some(fusion::source::Lent { from: stream, time, row, .. }) = world.next() {
+    while let Some(fusion::source::Lent {
+        from: stream, time, row, ..
+    }) = world.next()
+    {
         nav.feed_stream(stream, time, row, &mut count).unwrap();
     }
     nav.finish(&mut count);
