@@ -23,7 +23,12 @@ pub struct Comparison {
 /// RMS and maximum per axis, drift, what the gates did, consistency and time per epoch.
 impl fmt::Display for Comparison {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut errors = Table::new(&["", ">RMS N [m]", ">E", ">D", ">max N [m]", ">E", ">D", ">drift [m]"]);
+        let drifts = self
+            .runs
+            .iter()
+            .any(|(_, s)| s.score.as_ref().is_some_and(|s| s.drift_rms.is_some()));
+        let titles = ["", ">RMS N [m]", ">E", ">D", ">max N [m]", ">E", ">D", ">drift [m]"];
+        let mut errors = Table::new(&titles[..titles.len() - usize::from(!drifts)]);
         let counts = counts(self.runs.iter().flat_map(|(_, summary)| &summary.sensors));
         let mut measurements = count_table(&counts, &[]);
         let mut health = Table::new(&["", ">NEES position", ">velocity", ">ns per epoch"]);
@@ -32,7 +37,9 @@ impl fmt::Display for Comparison {
             let axes = score.position.unwrap_or_default();
             let mut row = vec![name.clone()];
             row.extend(axes.rms.iter().chain(&axes.max).map(|v| number(*v)));
-            row.push(score.drift_rms.map_or_else(String::new, number));
+            if drifts {
+                row.push(score.drift_rms.map_or_else(String::new, number));
+            }
             errors.row(row);
             let sums = counts.iter().map(|(_, count)| sum(&summary.sensors, *count));
             measurements.row([name.clone()].into_iter().chain(sums));
@@ -44,8 +51,9 @@ impl fmt::Display for Comparison {
                 format!("{:.0}", summary.filter_ns_per_epoch),
             ]);
         }
-        writeln!(f, "Errors against the reference; drift is the RMS over declared outages\n{errors}")?;
-        writeln!(f, "Measurements of all sensors\n{measurements}")?;
+        let drift = if drifts { "; drift is the RMS over declared outages" } else { "" };
+        writeln!(f, "Errors against the reference{drift}\n{errors}")?;
+        writeln!(f, "Measurements of all sensors together\n{measurements}")?;
         writeln!(f, "Consistency (3 is expected), time\n{health}")
     }
 }

@@ -23,7 +23,7 @@ use fusion_models::block::{GateSpec, InitialiserSpec, LossSpec, ProcessSpec, Sen
 use fusion_models::fault::FaultSpec;
 use fusion_models::initial::explicit::PlaceSpec;
 use fusion_models::registry::{self, Role};
-use fusion_models::sim::{IMU, SimulationSpec};
+use fusion_models::sim::{IMU, REFERENCE, SimulationSpec};
 use fusion_models::units::{AnyQuantity, Dimension, Duration, NonNegative, Positive, UnitError, Vec3Of, dim};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -269,7 +269,8 @@ pub struct SensorCommon {
     #[serde(default)]
     pub noise: NoiseSpec,
     /// The sensor that it goes with: a measurement is rejected where the latest one of that sensor
-    /// that is valid no later was not used. Without effect where that sensor is left out.
+    /// that is valid no later, and no more than 10 s earlier, was not used. Without effect where that
+    /// sensor is left out.
     pub only_with: Option<String>,
     /// False leaves the sensor out.
     pub enabled: Option<bool>,
@@ -425,6 +426,15 @@ impl Design {
                     Diagnostic::error(message)
                         .at(stage.node.name_place())
                         .help("streams share one space of names; rename one of the two"),
+                );
+            }
+            let world = self.simulation.as_ref().map(|s| &s.block.world);
+            if world.is_some_and(|w| [IMU, REFERENCE].contains(&stage.name.as_str()) || w.sensor.contains_key(&stage.name)) {
+                let message = format!("`{}` is the name of a stream of the simulated world", stage.name);
+                d.push(
+                    Diagnostic::error(message)
+                        .at(stage.node.name_place())
+                        .help("give the stage another name, and name that where it is read"),
                 );
             }
         }

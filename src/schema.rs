@@ -134,7 +134,7 @@ impl Builder {
         let noise = self.of::<NoiseSpec>("noise");
         let source = |description: &str| json!({ "type": "string", "description": description });
         let enabled = json!({ "type": "boolean", "default": true, "description": "False leaves the block out." });
-        let only_with = json!({ "type": "string", "description": "The sensor that it goes with: rejected where the latest measurement of that one was not used." });
+        let only_with = json!({ "type": "string", "description": "The sensor that it goes with: a measurement is rejected where the latest one of that sensor that is valid no later, and no more than 10 s earlier, was not used. Without effect where that sensor is left out." });
         let gate = self.any(Role::Gate, "Judges each measurement; without one, everything passes.");
         let loss = self.any(Role::Loss, "Weighs each measurement; without one, least squares.");
         let faults = self.named(Role::Fault, "What goes wrong with the rows, by name, in order.");

@@ -70,7 +70,7 @@ pub struct SensorTally {
     pub longest_refusal: Option<Refusal>,
     /// Whether its gate was in denial at the end.
     pub ends_denied: bool,
-    /// Mean NIS of those judged, with its band.
+    /// Mean NIS of those accepted, with its band; a gate that cuts into the good ones lowers it.
     pub nis: Option<Consistency>,
     /// Innovations of those accepted.
     pub innovations: Innovations,
@@ -173,13 +173,11 @@ impl Follower {
     /// Hears what became of a measurement.
     pub(crate) fn judged(&mut self, time: Time, update: &Update<'_>) {
         let was_disturbed = self.was_disturbed(time);
-        if update.nis.is_finite() {
-            self.nis.push(update.nis);
-        }
         let tally = &mut self.tally;
         let is_used = match update.verdict {
             Verdict::Accepted => {
                 tally.accepted += 1;
+                self.nis.push(update.nis);
                 true
             }
             Verdict::Readopted => {

@@ -12,6 +12,9 @@ use crate::time::Time;
 use std::sync::Arc;
 use thiserror::Error;
 
+/// The most that readoption may grow P: ten thousand times every σ.
+const MOST_GROWTH: f64 = 1e8;
+
 /// What the covariance is the covariance of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum ChartKind {
@@ -378,20 +381,21 @@ impl Filter {
         w.iter().map(|v| v * v).sum()
     }
 
-    /// P grows as a whole, by rᵀ(HPHᵀ)⁻¹r, until the estimate expects a residual like this one.
+    /// P grows as a whole, doubling, until the residual is one that it expects: κ with
+    /// rᵀ(κHPHᵀ + R)⁻¹r ≤ m. False, and nothing changed, where no growth explains it.
     ///
     /// As a whole, because nobody knows which state went wrong: growth along the residual alone
     /// would blame one combination of the states, and the update would then be certain of it.
     fn inflate(&mut self, m: usize) -> bool {
-        let w = &mut self.scratch;
-        if !cholesky(&w.hph, &mut w.l, m) {
-            return false;
+        let mut growth = 1.0;
+        while !(self.factor(m) && self.whiten(m) <= m as f64) {
+            growth *= 2.0;
+            if growth > MOST_GROWTH {
+                return false;
+            }
+            self.scratch.hph[..m * m].iter_mut().for_each(|p| *p *= 2.0);
         }
-        let whitened = &mut self.rows.whitened[..m];
-        whitened.copy_from_slice(&self.rows.residual[..m]);
-        solve_lower(&w.l, whitened, m);
-        let factor = whitened.iter().map(|v| v * v).sum::<f64>().max(1.0);
-        self.belief.covariance.scale(factor);
+        self.belief.covariance.scale(growth);
         self.belief.covariance.project(&self.jacobian, &mut self.scratch);
         self.factor(m) && self.whiten(m).is_finite()
     }

@@ -119,6 +119,10 @@ impl Sample {
     }
 }
 
+/// How long the refusal of a sensor that has fallen silent \[s\] holds for those that go with it:
+/// the pause after which gates believe a sensor anew.
+const SILENCE: f64 = 10.0;
+
 /// Merges streams in time and drives an estimator.
 #[derive(Debug)]
 pub struct Runner {
@@ -128,8 +132,8 @@ pub struct Runner {
     /// By sensor: how many it takes to reach one that goes with no other, itself included. Of one
     /// time, lower ranks are served first.
     ranks: Vec<usize>,
-    /// By sensor: its gate's mode, where its latest measurement was not used.
-    unused: Vec<Option<Mode>>,
+    /// By sensor: when its latest measurement was not used, and the mode of its gate then.
+    unused: Vec<Option<(Time, Mode)>>,
     stages: Vec<StageUnit>,
     initialisers: Vec<InitialiserUnit>,
     pairs: bool,
@@ -223,17 +227,24 @@ impl Runner {
         self.sensors.push(sensor);
         self.unused.push(None);
         self.rank_sensors();
+        self.hold_equal_stamps();
     }
 
+    /// Followers after those they go with.
     fn rank_sensors(&mut self) {
         let all = self.sensors.len();
         let leader = |&s: &usize| self.sensors[s].only_with.filter(|&leader| leader < all);
         // A circle ends, too.
         let rank = |s| core::iter::successors(Some(s), leader).take(all).count();
         self.ranks = (0..all).map(rank).collect();
-        let stream = |s: usize| self.sensors[s].port.stream;
-        if self.buffer == 0 && (0..all).any(|s| leader(&s).is_some_and(|leader| stream(leader) != stream(s))) {
-            // Of two streams, all rows of one stamp must be there before the first is used.
+    }
+
+    /// Of a follower and a leader on two streams, all rows of one stamp must be there before the
+    /// first is used: rows are held back until a later one comes.
+    fn hold_equal_stamps(&mut self) {
+        let stream = |s: usize| self.sensors.get(s).map(|s| s.port.stream);
+        let apart = |s: &Sensor| s.only_with.is_some_and(|leader| stream(leader).is_some_and(|l| l != s.port.stream));
+        if self.buffer == 0 && self.sensors.iter().any(apart) {
             self.buffer = 1;
             self.lag += 1;
         }
@@ -588,14 +599,16 @@ impl Runner {
                 value: &self.value,
                 noise,
             };
-            let mut closed = s.only_with.and_then(|leader| *self.unused.get(leader)?).map(Closed);
+            let refusal = s.only_with.and_then(|leader| *self.unused.get(leader)?);
+            let recent = refusal.filter(|(since, _)| time.seconds_since(*since) < SILENCE);
+            let mut closed = recent.map(|(_, mode)| Closed(mode));
             let gate: &mut dyn Gate = match &mut closed {
                 Some(closed) => closed,
                 None => s.gate.as_mut(),
             };
             let update = self.estimator.update(&observed, gate, s.loss.as_ref());
             let is_used = matches!(update.verdict, Verdict::Accepted | Verdict::Readopted);
-            self.unused[sensor] = (!is_used).then_some(update.mode);
+            self.unused[sensor] = (!is_used).then_some((time, update.mode));
             observer.on(&Event::Updated { sensor, update, time });
         }
         self.rows.release(row);

@@ -86,9 +86,9 @@ Examples:
     /// Runs in parallel; every run is a function of the campaign's seed and its own number, so
     /// that runs.csv is the same file for any number of threads.
     ///
-    /// Counts are sums over the runs; `longest refusal` is the most measurements rejected in a row
-    /// and the longest time without one that was used, each the largest of all runs. Innovations in
-    /// runs.csv are in SI units.
+    /// Counts are sums over the runs; `longest refusal` is the most measurements rejected in a row,
+    /// and how long such a refusal lasted, each the largest of all runs. Innovations in runs.csv are
+    /// in SI units.
     #[command(
         after_long_help = "\
 Examples:

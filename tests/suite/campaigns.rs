@@ -1,11 +1,18 @@
 //! The INS-GPS design with outliers, a hundred seeds of each scenario, against the figures it is
 //! built for. `cargo test --release --test main campaigns -- --nocapture` prints them.
+//!
+//! Bounds without a reason beside them are those that were set for the design before it was built:
+//! RMS in [0.3, 1.6] m and maximum 3.5 m per axis, a gate that gains 20 % in 95 of 100 seeds and
+//! refuses less than 0.1 % of sound fixes; RMS below 0.3 m in the first experiment, 0.8 to 1.4 m
+//! between GPS and navigation in the second; a spike within 3 m, a gap of 25 m within 8 fixes, an
+//! inertial fault within 45 s.
 
 use fusion::campaign::{Campaign, RunRow, monte_carlo};
 use fusion::config::Document;
 use fusion::design::Design;
 use fusion::run::{Options, run};
 use fusion::tally::SensorTally;
+use std::sync::LazyLock;
 
 const RUNS: u64 = 100;
 const TEXT: &str = include_str!("../../configs/ins-gps-outlier.toml");
@@ -25,6 +32,9 @@ fn design(variants: &str, set: &[&str]) -> Design {
 fn campaign(variants: &str, set: &[&str]) -> Campaign {
     monte_carlo(&design(variants, set), &Options::default(), RUNS, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"))
 }
+
+/// The design as it stands.
+static BASE: LazyLock<Campaign> = LazyLock::new(|| campaign("", &[]));
 
 /// Root of the mean square over the runs, per axis.
 fn pooled(campaign: &Campaign) -> [f64; 3] {
@@ -54,30 +64,43 @@ fn longest(campaign: &Campaign) -> (u64, f64) {
     refusals.fold((0, 0.0), |(n, t), r| (n.max(r.measurements), t.max(r.seconds)))
 }
 
+/// At the end, or for longer than an inertial fault may take.
 fn never_locked_out(campaign: &Campaign) {
-    assert!(campaign.rows.iter().all(|r| !gps(r).ends_denied));
+    assert!(campaign.rows.iter().all(|r| !gps(r).ends_denied) && longest(campaign).1 <= 45.0);
 }
 
 #[test]
 fn the_design_bears_outliers_and_without_its_gate_it_does_not() {
-    let (gated, open) = (campaign("", &[]), campaign("no-gate", &[]));
-    let rms = pooled(&gated);
+    let (gated, open) = (&*BASE, campaign("no-gate", &[]));
+    let rms = pooled(gated);
     let within = gated.rows.iter().filter(|r| r.max.iter().all(|max| *max < 3.5)).count();
-    println!("outliers: RMS {rms:.3?} m, without the gate {:.3?} m; {within} of {RUNS} runs within 3.5 m", pooled(&open));
-    for i in 0..3 {
+    println!(
+        "outliers: RMS {rms:.3?} m, without the gate {:.3?} m; {within} of {RUNS} runs within 3.5 m",
+        pooled(&open)
+    );
+    for (i, rms) in rms.into_iter().enumerate() {
         let max = gated.spread(|r| r.max[i]).unwrap();
         println!("  axis {i}: max {:.2} m on average, {:.2} m at worst", max.mean, max.max);
-        assert!((0.3..1.6).contains(&rms[i]) && max.mean < 3.5);
+        assert!((0.3..1.6).contains(&rms) && max.mean < 3.5);
     }
     // The fixes are wrong by 0.8 m, 1σ, for a minute at a time, which no gate sees and no average
     // takes away: of 300 axes one or two see more than four sigma of the whole error.
     assert!(within >= 97, "{within}");
-    let gain: Vec<f64> = gated.rows.iter().zip(&open.rows).map(|(g, o)| 1.0 - horizontal(g) / horizontal(o)).collect();
+    let gain: Vec<f64> = gated
+        .rows
+        .iter()
+        .zip(&open.rows)
+        .map(|(g, o)| 1.0 - horizontal(g) / horizontal(o))
+        .collect();
     let good = gain.iter().filter(|g| **g >= 0.2).count();
-    println!("  the gate gains {:.0} % on average, 20 % or more in {good} runs", gain.iter().sum::<f64>());
-    assert!(gain.iter().sum::<f64>() >= 20.0 && good >= 95);
-    assert_eq!((sum(&gated, missed), sum(&open, missed)), (0, sum(&gated, |s| s.disturbed.unwrap().caught)));
-    never_locked_out(&gated);
+    let mean = gain.iter().sum::<f64>() / RUNS as f64;
+    println!("  the gate gains {:.0} % on average, 20 % or more in {good} runs", 100.0 * mean);
+    assert!(mean >= 0.2 && good >= 95);
+    assert_eq!(
+        (sum(gated, missed), sum(&open, missed)),
+        (0, sum(gated, |s| s.disturbed.unwrap().caught))
+    );
+    never_locked_out(gated);
 }
 
 #[test]
@@ -101,11 +124,11 @@ fn slow_errors_as_states_make_the_filter_consistent() {
 
 #[test]
 fn the_attitude_may_come_from_a_filter_of_its_own() {
-    let (unified, cascaded) = (pooled(&campaign("", &[])), pooled(&campaign("cascaded", &[])));
+    let (unified, cascaded) = (pooled(&BASE), pooled(&campaign("cascaded", &[])));
     println!("unified {unified:.3?} m, cascaded {cascaded:.3?} m");
     for i in 0..3 {
         assert!((0.3..1.6).contains(&cascaded[i]));
-        // The error is that of the fixes in both.
+        // The error is that of the fixes in both; 10 %: what a tilt of 0.1 deg adds.
         assert!((cascaded[i] / unified[i] - 1.0).abs() < 0.1);
     }
 }
@@ -159,8 +182,14 @@ fn the_second_experiment_differs_from_its_fixes_as_published() {
 #[test]
 fn of_three_thousand_outliers_none_is_missed() {
     let c = campaign("stress", &[]);
-    let (caught, false_ones) = (sum(&c, |s| s.disturbed.unwrap().caught), sum(&c, |s| s.disturbed.unwrap().false_rejections));
-    println!("isolated outliers: {} missed of {caught}, {false_ones} sound ones rejected", sum(&c, missed));
+    let (caught, false_ones) = (
+        sum(&c, |s| s.disturbed.unwrap().caught),
+        sum(&c, |s| s.disturbed.unwrap().false_rejections),
+    );
+    println!(
+        "isolated outliers: {} missed of {caught}, {false_ones} sound ones rejected",
+        sum(&c, missed)
+    );
     assert!(caught >= 3000 && sum(&c, missed) == 0 && false_ones * 1000 < sum(&c, |s| s.accepted));
     never_locked_out(&c);
 }
@@ -169,7 +198,11 @@ fn of_three_thousand_outliers_none_is_missed() {
 fn a_false_track_of_eight_seconds_is_not_followed() {
     let c = campaign("stress+spike", &[]);
     let worst = c.rows.iter().map(|r| r.max[0].max(r.max[1])).fold(0.0, f64::max);
-    println!("spike: {} of 800 missed, largest error {worst:.2} m, {:?} fixes and s refused", sum(&c, missed), longest(&c));
+    println!(
+        "spike: {} of 800 missed, largest error {worst:.2} m, {:?} fixes and s refused",
+        sum(&c, missed),
+        longest(&c)
+    );
     assert!(sum(&c, missed) == 0 && worst <= 3.0);
     never_locked_out(&c);
 }
@@ -180,7 +213,10 @@ fn after_a_gap_the_fixes_are_believed_within_eight() {
     let drift = c.spread(|r| r.max[0].hypot(r.max[1])).unwrap();
     let after = campaign("stress+gap", &["reference.from=268 s"]);
     let left = after.spread(|r| r.max[0].max(r.max[1])).unwrap();
-    println!("gap: drift {drift:.1?} m, {:?} fixes and s refused, from 8 s after it {left:.2?} m", longest(&c));
+    println!(
+        "gap: drift {drift:.1?} m, {:?} fixes and s refused, from 8 s after it {left:.2?} m",
+        longest(&c)
+    );
     assert!(drift.mean > 25.0 && longest(&c).0 < 8);
     // As without the gap, where the largest of 100 runs is 1.8 m; twice for the minutes that the
     // biases take to settle again.
@@ -195,7 +231,10 @@ fn an_estimate_that_runs_away_is_caught_within_45_seconds() {
     // The fault sets in at 200 s.
     let after = campaign("stress+ins-fault", &["reference.from=245 s"]);
     let left = after.spread(|r| r.max[0].max(r.max[1])).unwrap();
-    println!("inertial fault: error {drift:.0?} m, {:?} fixes and s refused, 45 s after it {left:.2?} m", longest(&c));
+    println!(
+        "inertial fault: error {drift:.0?} m, {:?} fixes and s refused, 45 s after it {left:.2?} m",
+        longest(&c)
+    );
     assert!(drift.min > 100.0 && longest(&c).1 <= 45.0);
     assert!(left.max < 3.6, "{left:?}");
     never_locked_out(&c);

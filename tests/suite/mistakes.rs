@@ -281,6 +281,10 @@ fn simulated_inertial_units() {
         "fault.hum = { type = \"noise\", channel = \"angular_rate\", sigma = \"1 m/s\" }",
     );
     wrong("unknown_imu_fault", "fault.jump = { type = \"biasstep\" }");
+    wrong(
+        "stage_named_like_the_unit",
+        "[stage.imu]\ntype = \"periodic\"\nsource = \"imu\"\nrate = \"1 Hz\"",
+    );
     wrong("imu_key_misspelt", "falt.gap = { type = \"outage\", window = { to = 1 } }");
     let w = Workspace::new("mistake-imu_fault_from_the_command_line");
     w.write("design.toml", INERTIAL);

@@ -413,11 +413,13 @@ fn readopting_first_grows_the_whole_covariance_until_the_residual_is_expected() 
     let r = nalgebra::DVector::from_column_slice(&f.rows.residual[..2]);
     let (before, full) = (dense(&f), DMatrix::from_fn(2, 4, |i, j| h[(i, j)]));
     assert!(f.inflate(2));
-    let projected = (&full * dense(&f) * full.transpose()).cholesky().unwrap();
-    // 1e-12: rounding.
-    assert!((r.dot(&projected.solve(&r)) - 1.0).abs() < 1e-12);
-    let factor = dense(&f)[(0, 0)] / before[(0, 0)];
-    assert!(factor > 100.0 && (dense(&f) - &before * factor).amax() < 1e-9, "{factor}"); // 1e-9 of 1e4
+    let nis = |growth: f64| {
+        let s = &full * &before * full.transpose() * growth + DMatrix::from_row_slice(2, 2, &noise);
+        r.dot(&s.cholesky().unwrap().solve(&r))
+    };
+    let growth = dense(&f)[(0, 0)] / before[(0, 0)];
+    assert!(nis(growth) <= 2.0 && nis(0.5 * growth) > 2.0, "{growth}");
+    assert!((dense(&f) - &before * growth).amax() < 1e-9); // rounding of 1e3
     // With the update: the state goes most of the way to the measurement.
     let (mut f, _) = four(Form::Joseph);
     let verdict = f.update(&observed, &mut Credulous, &Quadratic).verdict;
@@ -425,6 +427,29 @@ fn readopting_first_grows_the_whole_covariance_until_the_residual_is_expected() 
     assert_eq!(verdict, Verdict::Readopted);
     // HPHᵀ in the direction of r has grown to rᵀr; of r a share of R/(rᵀr + R) is left.
     assert!(left.norm() < 0.05, "{left}");
+}
+
+#[test]
+fn readopting_bears_rows_that_depend_on_each_other_and_refuses_what_no_growth_explains() {
+    let (mut f, x) = four(Form::Joseph);
+    // The third row is the sum of the others: HPHᵀ has rank two.
+    let h = SMatrix::<f64, 3, 4>::new(1.0, 0.0, 0.5, 0.0, 0.0, 1.0, 0.0, 0.3, 1.0, 1.0, 0.5, 0.3);
+    let model = Linear { x: Param::State(x), h };
+    let noise = [0.4, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0, 0.5];
+    let readopted = |f: &mut Filter, value: &[f64]| {
+        let observed = Observed {
+            model: &model,
+            value,
+            noise: &noise,
+        };
+        f.update(&observed, &mut Credulous, &Quadratic).verdict
+    };
+    let before = dense(&f);
+    assert_eq!(readopted(&mut f, &[40.0, -30.0, 1e3]), Verdict::Unusable);
+    assert_eq!(dense(&f), before);
+    assert_eq!(readopted(&mut f, &[40.0, -30.0, 10.0]), Verdict::Readopted);
+    let left = nalgebra::Vector3::new(40.0, -30.0, 10.0) - h * x.read(&f.belief().x);
+    assert!(left.norm() < 0.5, "{left}"); // R over the grown HPHᵀ is a hundredth
 }
 
 /// Must not be asked.

@@ -39,7 +39,7 @@ pub enum Decision {
     Accept,
     /// Leave the estimate alone.
     Reject,
-    /// Believe the sensor again: P first grows as a whole until the estimate expects r, then update.
+    /// Believe the sensor again: P first grows as a whole until its NIS is one that is expected, then update.
     Readopt,
 }
 

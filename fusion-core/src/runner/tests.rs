@@ -153,6 +153,21 @@ fn the_latest_verdict_of_the_leader_holds_until_its_next_and_along_a_chain() {
     assert_eq!(outcomes.iter().filter(|o| o.sensor > 0).count(), 9 * 30 + 3);
 }
 
+#[test]
+fn a_leader_that_falls_silent_after_a_refusal_holds_its_followers_for_ten_seconds() {
+    let mut runner = runner(&[(port(0, 0, 0.0), None, true), (port(1, 0, 0.0), Some(0), false)], &[1, 1], 0.0);
+    let mut rows = Vec::new();
+    for k in 0..30 {
+        if k <= 3 {
+            rows.push((0, second(k), vec![leading(k)]));
+        }
+        rows.push((1, second(k), vec![0.0]));
+    }
+    let (outcomes, _) = fed(&mut runner, &rows);
+    let refused: Vec<Time> = outcomes.iter().filter(|o| o.sensor == 1 && !o.is_used()).map(|o| o.time).collect();
+    assert_eq!(refused, (3..13).map(second).collect::<Vec<_>>());
+}
+
 /// The same rows in three orders of arrival, under either numbering of the two sensors.
 #[test]
 fn of_rows_of_one_stamp_the_leader_is_judged_first_in_any_order_of_arrival_and_declaration() {
