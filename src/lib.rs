@@ -25,6 +25,7 @@ pub mod schema;
 pub mod score;
 pub mod solution;
 pub mod source;
+mod summary;
 pub mod table;
 pub mod tally;
 pub mod world;

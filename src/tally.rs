@@ -2,6 +2,7 @@
 
 use crate::assembly::SensorInfo;
 use crate::score::Consistency;
+use crate::table::readable;
 use core::ops::Range;
 use fusion_core::filter::{Update, Verdict};
 use fusion_core::gate::Mode;
@@ -237,6 +238,21 @@ impl Follower {
         self.tally.nis = Consistency::of(&self.nis, innovations.unit.len());
         self.tally
     }
+}
+
+/// Each residual row of a sensor, `north [m]`, and the factor from SI to that unit.
+pub(crate) fn residual_rows(s: &SensorTally) -> Vec<(String, f64)> {
+    let Innovations { axis, unit, .. } = &s.innovations;
+    let row = |(k, si): (usize, &String)| {
+        let (factor, shown) = readable(si);
+        let row = match axis.get(k) {
+            Some(name) => format!("{name} [{shown}]"),
+            None if unit.len() > 1 => format!("{} [{shown}]", k + 1),
+            None => format!("[{shown}]"),
+        };
+        (row, factor)
+    };
+    unit.iter().enumerate().map(row).collect()
 }
 
 #[cfg(test)]

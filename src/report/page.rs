@@ -4,7 +4,7 @@ use super::recording::{InputTrack, Quantity, Recording, SensorTrack, mounted_att
 use super::tables;
 use super::trace::{Columns, Samples, Trace};
 use crate::run::Summary;
-use crate::table::residual_rows;
+use crate::tally::residual_rows;
 use fusion_core::geometry::so3;
 use nalgebra::Vector3;
 use serde::Serialize;

@@ -2,8 +2,8 @@
 
 use super::page::{Run, escape};
 use crate::score::{Axes, Consistency, Score};
-use crate::table::{readable, residual_rows};
-use crate::tally::{Count, SensorTally, counts};
+use crate::table::readable;
+use crate::tally::{Count, SensorTally, counts, residual_rows};
 use std::fmt::Write as _;
 
 /// Below this share of errors inside 3σ (0.997 for a consistent filter) the cell is marked.
