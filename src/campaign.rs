@@ -3,7 +3,7 @@
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
 use crate::run::{Options, Summary, run};
-use crate::score::Consistency;
+use crate::score::{Consistency, Score};
 use crate::table::{Table, count_cell, number};
 use crate::tally::{Count, Innovations, SensorTally, counts, residual_rows};
 use fusion_core::consistency::mean_band;
@@ -23,36 +23,38 @@ pub struct Comparison {
 /// RMS and maximum per axis, drift, what the gates did, consistency and time per epoch.
 impl fmt::Display for Comparison {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let drifts = self
-            .runs
-            .iter()
-            .any(|(_, s)| s.score.as_ref().is_some_and(|s| s.drift_rms.is_some()));
+        let scores: Vec<Score> = self.runs.iter().map(|(_, s)| s.score.clone().unwrap_or_default()).collect();
+        let drifts = scores.iter().any(|s| s.drift_rms.is_some());
         let titles = ["", ">RMS N [m]", ">E", ">D", ">max N [m]", ">E", ">D", ">drift [m]"];
-        let mut errors = Table::new(&titles[..titles.len() - usize::from(!drifts)]);
+        let mut positions = Table::new(&titles[..titles.len() - usize::from(!drifts)]);
+        let mut attitudes = Table::new(&["", ">RMS roll [deg]", ">pitch", ">yaw", ">heading", ">inclination"]);
         let counts = counts(self.runs.iter().flat_map(|(_, summary)| &summary.sensors));
         let mut measurements = count_table(&counts, &[]);
-        let mut health = Table::new(&["", ">NEES position", ">velocity", ">ns per epoch"]);
-        for (name, summary) in &self.runs {
-            let score = summary.score.clone().unwrap_or_default();
-            let axes = score.position.unwrap_or_default();
-            let mut row = vec![name.clone()];
-            row.extend(axes.rms.iter().chain(&axes.max).map(|v| number(*v)));
-            if drifts {
-                row.push(score.drift_rms.map_or_else(String::new, number));
-            }
-            errors.row(row);
-            let sums = counts.iter().map(|(_, count)| sum(&summary.sensors, *count));
-            measurements.row([name.clone()].into_iter().chain(sums));
+        let mut health = Table::new(&["", ">NEES position", ">velocity", ">attitude", ">ns per epoch"]);
+        for ((name, summary), score) in self.runs.iter().zip(&scores) {
+            let cells = |values: Vec<f64>| values.into_iter().map(number).collect::<Vec<_>>();
+            let row = |cells: Vec<String>| [name.clone()].into_iter().chain(cells);
+            let mut position = score.position.map_or_else(Vec::new, |a| cells([a.rms, a.max].concat()));
+            position.resize(6, String::new());
+            position.extend(drifts.then(|| score.drift_rms.map_or_else(String::new, number)));
+            positions.row(row(position));
+            let mut attitude = score.attitude_deg.map_or_else(Vec::new, |a| cells(a.rms.to_vec()));
+            attitude.extend(score.heading_rmse_deg.into_iter().chain(score.inclination_rmse_deg).map(number));
+            attitude.resize(5, String::new());
+            attitudes.row(row(attitude));
+            measurements.row(row(counts.iter().map(|(_, count)| sum(&summary.sensors, *count)).collect()));
             let nees = |c: Option<Consistency>| c.map_or_else(String::new, |c| format!("{} {}", number(c.mean), c.word()));
-            health.row([
-                name.clone(),
-                nees(score.nees_position),
-                nees(score.nees_velocity),
-                format!("{:.0}", summary.filter_ns_per_epoch),
-            ]);
+            let mut judged = [score.nees_position, score.nees_velocity, score.nees_attitude].map(nees).to_vec();
+            judged.push(format!("{:.0}", summary.filter_ns_per_epoch));
+            health.row(row(judged));
         }
-        let drift = if drifts { "; drift is the RMS over declared outages" } else { "" };
-        writeln!(f, "Errors against the reference{drift}\n{errors}")?;
+        if scores.iter().any(|s| s.position.is_some()) {
+            let drift = if drifts { "; drift is the RMS over declared outages" } else { "" };
+            writeln!(f, "Position against the reference{drift}\n{positions}")?;
+        }
+        if scores.iter().any(|s| s.attitude_deg.is_some()) {
+            writeln!(f, "Attitude against the reference\n{attitudes}")?;
+        }
         writeln!(f, "Measurements of all sensors together\n{measurements}")?;
         writeln!(f, "Consistency (3 is expected), time\n{health}")
     }
