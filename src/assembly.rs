@@ -522,7 +522,7 @@ impl Assembler<'_> {
             noise.sigma_columns = (found.offset..found.offset + rows.len()).collect();
             noise.scale = common.noise.scale.map_or(1.0, |s| s.si());
         }
-        let gate = match gate.as_ref().map(|g| g.build()) {
+        let gate = match gate.as_ref().map(|g| g.suits(&rows).and_then(|()| g.build())) {
             None => Box::new(Open) as _,
             Some(Ok(gate)) => gate,
             Some(Err(error)) => {

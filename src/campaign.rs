@@ -87,8 +87,8 @@ pub struct RunRow {
     pub velocity_rms: [f64; 3],
     /// Attitude error RMS, roll pitch yaw \[deg\].
     pub attitude_rms: [f64; 3],
-    /// Mean NEES of position, velocity, attitude.
-    pub nees: [f64; 3],
+    /// NEES of position, velocity, attitude.
+    pub nees: [Option<Consistency>; 3],
     /// What became of the measurements of each sensor.
     pub sensors: Vec<SensorTally>,
 }
@@ -97,7 +97,6 @@ impl RunRow {
     fn new(run: u64, seed: u64, summary: &Summary) -> Self {
         let score = summary.score.clone().unwrap_or_default();
         let axes = |a: Option<crate::score::Axes>| a.unwrap_or_default();
-        let mean = |c: &Option<Consistency>| c.map_or(f64::NAN, |c| c.mean);
         Self {
             run,
             seed,
@@ -105,7 +104,7 @@ impl RunRow {
             max: axes(score.position).max,
             velocity_rms: axes(score.velocity).rms,
             attitude_rms: axes(score.attitude_deg).rms,
-            nees: [mean(&score.nees_position), mean(&score.nees_velocity), mean(&score.nees_attitude)],
+            nees: [score.nees_position, score.nees_velocity, score.nees_attitude],
             sensors: summary.sensors.clone(),
         }
     }
@@ -223,31 +222,25 @@ impl Campaign {
         })
     }
 
-    /// Judges the mean of a statistic that each run reports: its time average.
+    /// Judges the mean over the runs of a statistic that each run averages over time.
     ///
-    /// Runs are independent, their time averages are not χ²: the band is that of the mean of the
-    /// runs' averages, from their own scatter (95 %), about the degrees of freedom; with a single
-    /// run it is the band of that many χ² variables.
+    /// The runs are independent, and each carries as many independent samples as its own
+    /// [`Consistency`] says: the band is that of a χ² mean over all of them.
     #[must_use]
-    pub fn judge(&self, dof: usize, figure: impl Fn(&RunRow) -> f64) -> Option<Judged> {
-        let s = self.spread(figure)?;
-        let n = self.rows.len();
-        let half = 1.96 * s.std / (n as f64).sqrt();
-        let d = dof as f64;
-        let band = if n > 1 { (d - half, d + half) } else { mean_band(0.95, dof, 1) };
-        let honesty = if s.mean > band.1 {
+    pub fn judge(&self, figure: impl Fn(&RunRow) -> Option<Consistency>) -> Option<Judged> {
+        let all: Vec<Consistency> = self.rows.iter().filter_map(figure).collect();
+        let dof = all.first()?.dof;
+        let mean = all.iter().map(|c| c.mean).sum::<f64>() / all.len() as f64;
+        let independent = all.iter().map(|c| c.independent).sum::<f64>();
+        let band = mean_band(0.95, dof, independent.round() as usize);
+        let honesty = if mean > band.1 {
             Honesty::Optimistic
-        } else if s.mean < band.0 {
+        } else if mean < band.0 {
             Honesty::Pessimistic
         } else {
             Honesty::Consistent
         };
-        Some(Judged {
-            mean: s.mean,
-            dof,
-            band,
-            honesty,
-        })
+        Some(Judged { mean, dof, band, honesty })
     }
 
     /// The sensors of every run, as the first one has them.
@@ -281,7 +274,8 @@ impl Campaign {
         writeln!(out)?;
         for row in &self.rows {
             write!(out, "{},{}", row.run, row.seed)?;
-            for values in [row.rms, row.max, row.velocity_rms, row.attitude_rms, row.nees] {
+            let nees = row.nees.map(|c| c.map_or(f64::NAN, |c| c.mean));
+            for values in [row.rms, row.max, row.velocity_rms, row.attitude_rms, nees] {
                 values.into_iter().try_for_each(|value| real(&mut out, value))?;
             }
             row.sensors.iter().try_for_each(|sensor| sensor_cells(&mut out, sensor))?;
@@ -345,16 +339,17 @@ impl fmt::Display for Campaign {
         let nees = states
             .iter()
             .enumerate()
-            .map(|(i, s)| (format!("NEES {s}"), self.judge(3, |r| r.nees[i])));
-        let nis = self.sensors().iter().enumerate().map(|(i, s)| {
-            let mean = |r: &RunRow| r.sensors[i].nis.map_or(f64::NAN, |nis| nis.mean);
-            (format!("NIS {}", s.name), self.judge(s.innovations.unit.len(), mean))
-        });
+            .map(|(i, s)| (format!("NEES {s}"), self.judge(|r| r.nees[i])));
+        let nis = self
+            .sensors()
+            .iter()
+            .enumerate()
+            .map(|(i, s)| (format!("NIS {}", s.name), self.judge(|r| r.sensors[i].nis)));
         for (name, judged) in nees.chain(nis) {
             if let Some(j) = judged {
                 let by = match j.honesty {
                     Honesty::Consistent => String::new(),
-                    _ => format!(", errors are {} of what it believes", number((j.mean / j.dof as f64).sqrt())),
+                    _ => format!(", errors {} × its 1σ", number((j.mean / j.dof as f64).sqrt())),
                 };
                 let band = format!("{} … {}", number(j.band.0), number(j.band.1));
                 consistency.row([name, number(j.mean), j.dof.to_string(), band, format!("{}{by}", j.honesty)]);

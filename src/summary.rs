@@ -160,7 +160,7 @@ fn innovations(f: &mut fmt::Formatter<'_>, tallies: &[SensorTally]) -> fmt::Resu
 }
 
 fn errors(f: &mut fmt::Formatter<'_>, score: &Score) -> fmt::Result {
-    let mut t = Table::new(&["", ">RMS", ">mean", ">max", ">3σ", ">inside 3σ"]);
+    let mut t = Table::new(&["", ">RMS", ">mean", ">max", ">mean 3σ", ">inside 3σ"]);
     let mut add = |axes: &Option<Axes>, what: &str, names: [&str; 3], unit: &str| {
         let Some(a) = axes else { return };
         for (k, name) in names.into_iter().enumerate() {

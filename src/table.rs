@@ -196,11 +196,13 @@ pub fn short(value: f64) -> String {
     }
 }
 
-/// The factor and the unit in which people read something counted in `unit`: degrees for radians.
+/// The factor and the unit in which people read something counted in `unit`: degrees for radians,
+/// pascals by their name.
 #[must_use]
 pub fn readable(unit: &str) -> (f64, String) {
     match unit.strip_prefix("rad") {
         Some(rest) => (1_f64.to_degrees(), format!("deg{rest}")),
+        None if unit == "kg/m/s^2" => (1.0, "Pa".to_owned()),
         None => (1.0, unit.to_owned()),
     }
 }

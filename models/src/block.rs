@@ -247,6 +247,15 @@ pub trait InitialiserSpec: Debug + Send + Sync {
 /// A gate policy as declared.
 #[typetag::deserialize]
 pub trait GateSpec: Debug + Send + Sync {
+    /// Whether it can judge a sensor with residual rows of these dimensions; most judge any.
+    ///
+    /// # Errors
+    /// [`BuildError`] that says what it needs.
+    fn suits(&self, rows: &[Dimension]) -> Result<(), BuildError> {
+        let _ = rows;
+        Ok(())
+    }
+
     /// Makes the gate.
     ///
     /// # Errors

@@ -1,7 +1,7 @@
 //! Gate policies as TOML declares them.
 
 use crate::block::{BuildError, GateSpec};
-use crate::units::{NonNegative, Positive, Probability, dim};
+use crate::units::{Dimension, Dimensional, NonNegative, Positive, Probability, dim};
 use fusion_core::gate::{Ellipse, Gate, Magnitude, Nis, Open, Recovery, TwoCondition};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -176,6 +176,14 @@ min_distance = "3 m"
 
 #[typetag::deserialize(name = "two_condition")]
 impl GateSpec for TwoConditionSpec {
+    fn suits(&self, rows: &[Dimension]) -> Result<(), BuildError> {
+        let metres = dim::Length::KIND.dimension;
+        if rows.len() >= 2 && rows[..2].iter().all(|row| *row == metres) {
+            return Ok(());
+        }
+        Err(BuildError::new("`two_condition` judges a horizontal position").help("`nis` judges any sensor"))
+    }
+
     fn build(&self) -> Result<Box<dyn Gate>, BuildError> {
         let p = self.probability.si();
         if !(0.5..1.0).contains(&p) {

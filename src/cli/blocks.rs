@@ -59,7 +59,7 @@ fn place(role: Role, name: &str) -> String {
         Role::Initialiser => format!("[initial.{name}]"),
         Role::Gate => "[sensor.NAME] as `gate`".to_owned(),
         Role::Loss => "[sensor.NAME] as `loss`".to_owned(),
-        Role::Fault => format!("[source.SOURCE.fault.{name}] or [simulation.sensor.SENSOR.fault.{name}]"),
+        Role::Fault => format!("[source.SOURCE.fault.{name}], or fault.{name} of a simulated sensor or unit"),
         Role::Segment => "[simulation] in the array `trajectory`".to_owned(),
     }
 }

@@ -1,16 +1,13 @@
 //! `fusion compare`.
 
 use super::run::write_report;
-use super::{DesignArgs, Failure, print, report};
+use super::{BASE, DesignArgs, Failure, print, report};
 use clap::Args;
 use fusion::campaign::Comparison;
 use fusion::config::{Diagnostic, Diagnostics};
 use fusion::report::Run;
 use fusion::run::{Options, run_recorded};
 use std::path::PathBuf;
-
-/// The design without a variant.
-const BASE: &str = "base";
 
 #[derive(Debug, Args)]
 pub(super) struct CompareArgs {
@@ -47,7 +44,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         for variant in &args.variant {
             let named = DesignArgs {
                 config: config.clone(),
-                variant: variant.split('+').filter(|v| *v != BASE).map(str::to_owned).collect(),
+                variant: vec![variant.clone()],
                 set: args.set.clone(),
                 data: args.data.clone(),
             };

@@ -1,8 +1,8 @@
 //! The command line: what is asked for, where it is read from, what is printed where.
 //!
 //! Results go to stdout, everything else to stderr: diagnostics, progress, and only on a terminal
-//! colour. Exit codes: 0 done, 1 the output could not be written, 2 a mistake in the command line,
-//! the design or the data.
+//! colour. Exit codes: 0 done, 1 standard output could not be written, 2 a mistake in the command
+//! line, the design, the data or the folder to write to.
 
 mod blocks;
 mod check;
@@ -21,6 +21,8 @@ use std::process::ExitCode;
 /// What is run where no file is named.
 const DEFAULT: &str = include_str!("../../configs/ins-gps-outlier.toml");
 const DEFAULT_NAME: &str = "ins-gps-outlier.toml (built in)";
+/// The design without a variant, where variants are named.
+const BASE: &str = "base";
 
 /// Runs, checks and documents navigation filters that are declared in TOML.
 #[derive(Debug, Parser)]
@@ -28,7 +30,8 @@ const DEFAULT_NAME: &str = "ins-gps-outlier.toml (built in)";
     version,
     max_term_width = 100,
     after_help = "Without a command it runs a built-in simulated design, as `fusion run` does.\n\
-                  Exit codes: 0 done, 1 the output cannot be written, 2 a mistake in the command line, the design or the data."
+                  Exit codes: 0 done, 1 standard output cannot be written, 2 a mistake in the command line, the\n\
+                  design, the data or the folder to write to."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -112,7 +115,7 @@ Then name it in the first line of a design:
 struct DesignArgs {
     /// The design; without one, a built-in simulated one.
     config: Option<PathBuf>,
-    /// Lays `[variant.NAME]` of the file over the design; several in the order given.
+    /// Lays `[variant.NAME]` of the file over the design; several in the order given, or as `A+B`.
     #[arg(long, value_name = "NAME")]
     variant: Vec<String>,
     /// Replaces one value, after all variants: `sensor.gnss.noise.sigma=3 m`.
@@ -135,7 +138,8 @@ impl DesignArgs {
             // What a broken file seems to say besides its syntax errors is guesswork.
             return Err(d);
         }
-        for name in &self.variant {
+        let names = self.variant.iter().flat_map(|names| names.split('+'));
+        for name in names.filter(|name| *name != BASE) {
             let laid = self
                 .check_variant(&document, name)
                 .and_then(|()| document.overlay(&format!("variant.{name}")));

@@ -15,7 +15,7 @@ pub(super) struct MonteCarloArgs {
     #[command(flatten)]
     design: DesignArgs,
     /// How many runs; 100 without it.
-    #[arg(short, long, value_name = "N", default_value_t = 100, hide_default_value = true)]
+    #[arg(short, long, value_name = "N", default_value_t = 100, hide_default_value = true, value_parser = clap::value_parser!(u64).range(1..))]
     n: u64,
     /// Seed of the campaign, 1 without it; each run draws its own from it and from its number.
     #[arg(long, value_name = "S", default_value_t = 1, hide_default_value = true)]

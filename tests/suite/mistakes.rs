@@ -293,6 +293,13 @@ fn simulated_inertial_units() {
 }
 
 #[test]
+fn a_gate_of_positions_on_another_sensor() {
+    let text =
+        replaced("\"gnss_position\"", "\"gnss_velocity\"").replace("type = \"nis\", probability = 0.999", "type = \"two_condition\"");
+    wrong_text("two_condition_on_a_velocity", &text.replace("sigma = \"2 m\"", "sigma = \"2 m/s\""));
+}
+
+#[test]
 fn all_mistakes_of_a_file_are_told_at_once() {
     let text = replaced("\"gnss_position\"", "\"gnss_positon\"")
         .replace("\"constant_velocity\"", "\"constant_speed\"")
