@@ -9,13 +9,7 @@
 //! ratio, from interleaved runs, follows each group: on a busy machine believe it rather than
 //! the times.
 
-#![allow(
-    missing_docs,
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::print_stdout,
-    reason = "a benchmark"
-)]
+#![expect(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "a benchmark")]
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use fusion::core::filter::{Backend, Estimator, Filter, Observed, Verdict};

@@ -5,13 +5,7 @@
 //!
 //! The log lies in `$FUSION_DATA`, or in `../shared/data` beside the checkout.
 
-#![allow(
-    missing_docs,
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::print_stdout,
-    reason = "a benchmark"
-)]
+#![expect(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "a benchmark")]
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use fusion::assembly::{assemble, declared_streams};

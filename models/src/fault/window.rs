@@ -50,14 +50,18 @@ impl Windows {
     }
 
     /// Those that begin before `to` and end after `from`, uncut but for the open end, in order
-    /// of time.
+    /// of time; of a repeated one the first ten thousand.
     #[must_use]
     pub fn within(&self, from: Time, to: Time) -> Vec<Window> {
-        let mut found: Vec<Window> = self.0.iter().flat_map(|r| r.windows(from, to)).collect();
+        let mut found: Vec<Window> = self.0.iter().flat_map(|r| r.windows(from, to).take(MOST_LISTED)).collect();
         found.sort_by_key(|w| (w.from, w.to));
         found
     }
 }
+
+/// Of one repetition at most so many windows are listed: every three minutes for 20 days. A
+/// repetition of milliseconds would otherwise fill the memory.
+const MOST_LISTED: usize = 10_000;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Repeated {
@@ -248,6 +252,13 @@ mod tests {
         assert!(w.contains(t(-1e6)) && !w.contains(t(10.0)) && w.contains(t(1e9)));
         assert_eq!(w.within(t(0.0), t(600.0)).last().map(|w| w.to), Some(t(600.0)));
         assert!(Windows::default().contains(Time::MIN));
+    }
+
+    #[test]
+    fn a_repetition_of_milliseconds_does_not_fill_the_memory() {
+        let w = read("{ from = 0, duration = '1 ms', every = '2 ms' }").unwrap();
+        // 5e9 of them.
+        assert_eq!(w.within(t(0.0), t(1e7)).len(), MOST_LISTED);
     }
 
     #[test]
