@@ -1,45 +1,25 @@
-use crate::support::{DESIGN, Workspace, fixes, snapshot};
+use crate::support::{DESIGN, Workspace, fixes, has, narrow, shows, snapshot, squeezed, stderr, stdout};
+use predicates::str::contains;
 use serde_json::Value;
-
-/// Lines of the table with blanks squeezed, so that widths may change.
-fn squeezed(text: &str) -> Vec<String> {
-    text.lines().map(|l| l.split_whitespace().collect::<Vec<_>>().join(" ")).collect()
-}
-
-fn has(text: &str, line: &str) {
-    assert!(squeezed(text).iter().any(|l| l.contains(line)), "no line with {line:?} in\n{text}");
-}
-
-fn is_narrow(text: &str) {
-    for line in text.lines() {
-        assert!(line.chars().count() <= 100 && line.trim_end() == line, "{line:?}");
-    }
-}
 
 #[test]
 fn help_has_examples_for_every_subcommand() {
     let w = Workspace::new("command-help");
     for sub in ["run", "check", "blocks", "compare", "montecarlo", "schema"] {
-        let ran = w.fusion(&[sub, "--help"]);
-        assert_eq!((ran.code, ran.stderr.as_str()), (0, ""));
-        let example = ran.stdout.split("Examples:").nth(1).unwrap_or_else(|| panic!("{}", ran.stdout));
+        let help = stdout(&w.fusion(&[sub, "--help"]).success().stderr("").stdout(narrow()));
+        let example = help.split("Examples:").nth(1).unwrap_or_else(|| panic!("{help}"));
         assert!(example.contains(&format!("fusion {sub}")), "{example}");
-        is_narrow(&ran.stdout);
     }
-    has(&w.fusion(&["--help"]).stdout, "Exit codes: 0 done");
-    assert_eq!(w.fusion(&["rnu"]).code, 2);
+    w.fusion(&["--help"]).stdout(has("Exit codes: 0 done"));
+    w.fusion(&["rnu"]).code(2);
 }
 
 #[test]
 fn the_built_in_design_runs_without_a_file() {
     let w = Workspace::new("command-default");
-    let ran = w.fusion(&["run"]);
-    assert_eq!(
-        (ran.code, ran.stderr.as_str()),
-        (0, ""),
-        "a pipe gets neither progress nor warnings"
-    );
-    for line in [
+    // A pipe gets neither progress nor warnings.
+    let ran = w.fusion(&["run"]).success().stderr("").stdout(narrow());
+    let parts = [
         "backend ",
         "started at",
         "epochs ",
@@ -48,33 +28,25 @@ fn the_built_in_design_runs_without_a_file() {
         "Errors against the reference",
         "position north [m]",
         "attitude yaw [deg]",
-    ] {
-        has(&ran.stdout, line);
-    }
-    is_narrow(&ran.stdout);
+    ];
+    shows(ran, &parts);
 }
 
 #[test]
 fn the_command_alone_runs_the_built_in_design() {
     let w = Workspace::new("command-alone");
-    let (alone, run) = (w.fusion(&[]), w.fusion(&["run"]));
-    assert_eq!(
-        (alone.code, squeezed(&alone.stdout)[0].clone()),
-        (0, squeezed(&run.stdout)[0].clone())
-    );
+    let [alone, run] = [w.fusion(&[]), w.fusion(&["run"])].map(|ran| squeezed(&stdout(&ran.success())));
+    assert_eq!(alone[0], run[0]);
 }
 
 #[test]
 fn variants_are_compared_in_one_table_and_one_page() {
     let w = Workspace::new("command-compare");
     let ran = w.fusion(&["compare", "--variant", "base,ekf", "--out", "both"]);
-    assert_eq!((ran.code, ran.stderr.as_str()), (0, ""));
-    for line in ["base", "ekf", "RMS N [m]", "rejected", "ns per epoch"] {
-        has(&ran.stdout, line);
-    }
-    is_narrow(&ran.stdout);
+    let ran = ran.success().stderr("").stdout(narrow());
+    shows(ran, &["base", "ekf", "RMS N [m]", "rejected", "ns per epoch"]);
     assert!(w.read("both/report.html").contains("ekf"));
-    assert_eq!(w.fusion(&["compare", "--variant", "base,nobody"]).code, 2);
+    w.fusion(&["compare", "--variant", "base,nobody"]).code(2);
 }
 
 #[test]
@@ -82,10 +54,7 @@ fn a_campaign_is_the_same_file_for_any_number_of_threads() {
     let w = Workspace::new("command-montecarlo");
     let campaign = |out: &str, threads: &str, seed: &str| {
         let ran = w.fusion(&["montecarlo", "-n", "3", "--threads", threads, "--seed", seed, "--out", out]);
-        assert_eq!((ran.code, ran.stderr.as_str()), (0, ""));
-        has(&ran.stdout, "3 runs");
-        has(&ran.stdout, "NEES position");
-        is_narrow(&ran.stdout);
+        shows(ran.success().stderr("").stdout(narrow()), &["3 runs", "NEES position"]);
         w.read(&format!("{out}/runs.csv"))
     };
     let (one, two, other) = (campaign("one", "1", "1"), campaign("two", "2", "1"), campaign("other", "2", "9"));
@@ -101,22 +70,23 @@ fn a_campaign_is_the_same_file_for_any_number_of_threads() {
 #[test]
 fn a_recorded_design_runs_and_is_reproduced() {
     let w = Workspace::new("command-recorded");
-    let (first, second) = (w.fusion(&["run", "design.toml"]), w.fusion(&["run", "design.toml"]));
-    assert_eq!((first.code, first.stderr.as_str()), (0, ""));
+    let [first, second] = [(); 2].map(|()| w.fusion(&["run", "design.toml"]).success().stderr(""));
     let without_times = |text: &str| squeezed(text).into_iter().filter(|l| !l.starts_with("epochs")).collect::<Vec<_>>();
-    assert_eq!(without_times(&first.stdout), without_times(&second.stdout));
-    has(&first.stdout, "gnss 60 of 60 rows, 59.0 s at 1.000 Hz");
-    has(&first.stdout, "body / single / joseph");
-    has(&first.stdout, "Nothing written");
-    assert!(!first.stdout.contains('\u{1b}'), "no colour in a pipe");
+    assert_eq!(without_times(&stdout(&first)), without_times(&stdout(&second)));
+    let parts = [
+        "gnss 60 of 60 rows, 59.0 s at 1.000 Hz",
+        "body / single / joseph",
+        "Nothing written",
+    ];
+    let first = shows(first, &parts);
+    assert!(!stdout(&first).contains('\u{1b}'), "no colour in a pipe");
 }
 
 #[test]
 fn files_have_the_documented_columns() {
     let w = Workspace::new("command-files");
     let ran = w.fusion(&["run", "design.toml", "--out", "deep/results"]);
-    assert_eq!(ran.code, 0, "{}", ran.stderr);
-    has(&ran.stdout, "deep/results/estimates.csv");
+    ran.success().stdout(has("deep/results/estimates.csv"));
     let estimates = w.read("deep/results/estimates.csv");
     let axes = [
         "lat_deg",
@@ -151,22 +121,19 @@ fn results_that_cannot_be_written_are_told() {
     let w = Workspace::new("command-unwritable");
     w.write("results", "a file");
     let ran = w.fusion(&["run", "design.toml", "--out", "results"]);
-    assert_eq!(ran.code, 2);
-    assert!(ran.stderr.contains("cannot write results"), "{}", ran.stderr);
+    ran.code(2).stderr(contains("cannot write results"));
 }
 
 #[test]
 fn an_override_changes_the_run_and_comes_after_the_variants() {
     let w = Workspace::new("command-set");
-    has(
-        &w.fusion(&["run", "design.toml", "--variant", "ekf"]).stdout,
-        "additive_euler / single / joseph",
-    );
-    let both = w.fusion(&["run", "design.toml", "--set", "filter.backend=error_state", "--variant", "ekf"]);
-    assert_eq!(both.code, 0, "{}", both.stderr);
-    has(&both.stdout, "body / single / joseph");
-    let tight = w.fusion(&["run", "design.toml", "--set", "sensor.gnss.noise.sigma=1 cm"]);
-    has(&tight.stdout, "optimistic");
+    w.fusion(&["run", "design.toml", "--variant", "ekf"])
+        .stdout(has("additive_euler / single / joseph"));
+    w.fusion(&["run", "design.toml", "--set", "filter.backend=error_state", "--variant", "ekf"])
+        .success()
+        .stdout(has("body / single / joseph"));
+    w.fusion(&["run", "design.toml", "--set", "sensor.gnss.noise.sigma=1 cm"])
+        .stdout(has("optimistic"));
 }
 
 #[test]
@@ -174,17 +141,16 @@ fn data_may_lie_elsewhere() {
     let w = Workspace::new("command-data");
     std::fs::create_dir(w.path("logs")).unwrap();
     std::fs::rename(w.path("gnss.csv"), w.path("logs/gnss.csv")).unwrap();
-    assert_eq!(w.fusion(&["run", "design.toml"]).code, 2);
-    assert_eq!(w.fusion(&["run", "design.toml", "--data", "logs"]).code, 0);
+    w.fusion(&["run", "design.toml"]).code(2);
+    w.fusion(&["run", "design.toml", "--data", "logs"]).success();
 }
 
 #[test]
 fn a_filter_that_never_starts_is_a_warning() {
     let w = Workspace::new("command-never");
     let ran = w.fusion(&["run", "design.toml", "--set", "run.start=1000 s"]);
-    assert_eq!(ran.code, 0);
-    has(&ran.stdout, "started never");
-    snapshot("never_started", &ran.stderr);
+    let ran = ran.success().stdout(has("started never"));
+    snapshot("never_started", &stderr(&ran));
 }
 
 #[test]
@@ -192,25 +158,19 @@ fn rows_left_out_are_told_with_their_reason() {
     let w = Workspace::new("command-left-out");
     w.write("gnss.csv", fixes().replace("\n7.0,", "\nseven,"));
     let ran = w.fusion(&["run", "design.toml", "--set", "source.gnss.bad_rows=skip"]);
-    assert_eq!(ran.code, 0, "{}", ran.stderr);
-    has(&ran.stdout, "gnss 59 of 60 rows");
-    has(&ran.stdout, "left out 1:");
-    has(&ran.stdout, "line 9: `seven` in column `t`");
+    let parts = ["gnss 59 of 60 rows", "left out 1:", "line 9: `seven` in column `t`"];
+    shows(ran.success(), &parts);
 }
 
 #[test]
 fn a_design_is_checked_without_being_run() {
     let w = Workspace::new("command-check");
-    let ran = w.fusion(&["check", "design.toml"]);
-    assert_eq!((ran.code, ran.stderr.as_str()), (0, ""));
-    is_narrow(&ran.stdout);
-    snapshot("check", &ran.stdout);
+    let check = || w.fusion(&["check", "design.toml"]);
+    snapshot("check", &stdout(&check().success().stderr("").stdout(narrow())));
     std::fs::remove_file(w.path("gnss.csv")).unwrap();
-    let ran = w.fusion(&["check", "design.toml"]);
-    assert_eq!(ran.code, 0);
-    has(&ran.stdout, "gnss csv not found ./gnss.csv");
+    check().success().stdout(has("gnss csv not found ./gnss.csv"));
     w.write("design.toml", DESIGN.replace("\"gnss_position\"", "\"gnss_positon\""));
-    assert_eq!(w.fusion(&["check", "design.toml"]).code, 2);
+    check().code(2);
 }
 
 /// Two fixes of the receiver are a kilometre off, and its velocity is right throughout.
@@ -227,8 +187,7 @@ fn a_sensor_goes_with_another_in_either_order_of_declaration() {
     let speed = "[sensor.speed]\ntype = \"gnss_velocity\"\nsource = \"gnss\"\nonly_with = \"gnss\"\nnoise = { sigma = \"0.1 m/s\" }\n\n";
     let run = |design: &str| {
         w.write("design.toml", design);
-        let ran = w.fusion(&["run", "design.toml", "--out", "results"]);
-        assert_eq!((ran.code, ran.stderr.as_str()), (0, ""));
+        w.fusion(&["run", "design.toml", "--out", "results"]).success().stderr("");
         w.read("results/updates.csv")
     };
     let before = run(&DESIGN.replacen("[sensor.gnss]", &format!("{speed}[sensor.gnss]"), 1));
@@ -246,11 +205,12 @@ fn a_sensor_goes_with_another_in_either_order_of_declaration() {
     assert_eq!(rejected("gnss"), ["20.000000", "40.000000"]);
     assert_eq!(rejected("speed"), rejected("gnss"));
 
-    has(&w.fusion(&["check", "design.toml"]).stdout, "speed only with gnss");
-    let alone = ["check", "design.toml", "--set", "sensor.gnss.enabled=false"];
-    has(&w.fusion(&alone).stdout, "speed only with gnss, which is left out: no effect");
-    let ran = w.fusion(&["run", "design.toml", "--set", "sensor.gnss.enabled=false", "--out", "alone"]);
-    assert_eq!((ran.code, ran.stderr.as_str()), (0, ""));
+    w.fusion(&["check", "design.toml"]).stdout(has("speed only with gnss"));
+    w.fusion(&["check", "design.toml", "--set", "sensor.gnss.enabled=false"])
+        .stdout(has("speed only with gnss, which is left out: no effect"));
+    w.fusion(&["run", "design.toml", "--set", "sensor.gnss.enabled=false", "--out", "alone"])
+        .success()
+        .stderr("");
     let updates = w.read("alone/updates.csv");
     assert!(updates.contains("speed,accepted") && !updates.contains("rejected"));
 }
@@ -259,19 +219,14 @@ fn a_sensor_goes_with_another_in_either_order_of_declaration() {
 fn a_file_that_does_not_fit_fails_the_check() {
     let w = Workspace::new("command-check-header");
     w.write("gnss.csv", fixes().replace("vn", "v_north"));
-    let ran = w.fusion(&["check", "design.toml"]);
-    assert_eq!(ran.code, 2);
-    assert!(ran.stderr.contains("has no column `vn`"), "{}", ran.stderr);
+    w.fusion(&["check", "design.toml"]).code(2).stderr(contains("has no column `vn`"));
 }
 
 #[test]
 fn the_built_in_design_is_checked() {
     let ran = Workspace::new("command-check-default").fusion(&["check"]);
-    assert_eq!((ran.code, ran.stderr.as_str()), (0, ""));
-    for line in ["State, ", "Sensors", "Initialisers", "Streams", "the simulated truth"] {
-        has(&ran.stdout, line);
-    }
-    is_narrow(&ran.stdout);
+    let parts = ["State, ", "Sensors", "Initialisers", "Streams", "the simulated truth"];
+    shows(ran.success().stderr("").stdout(narrow()), &parts);
 }
 
 #[test]
@@ -279,12 +234,10 @@ fn faults_of_a_simulated_unit_are_checked_and_applied() {
     let w = Workspace::new("command-imu-fault");
     let gap = "{ type = \"outage\", window = { from = \"20 s\", to = \"21 s\" } }";
     let set = format!("simulation.imu.fault={{ gap = {gap} }}");
-    let checked = w.fusion(&["check", "--set", &set]);
-    assert_eq!((checked.code, checked.stderr.as_str()), (0, ""));
-    has(&checked.stdout, "imu gap outage, window (from 20 s, to 21 s)");
-    let ran = w.fusion(&["run", "--set", &set, "--out", "results"]);
-    assert_eq!((ran.code, ran.stderr.as_str()), (0, ""));
-    let summary: serde_json::Value = serde_json::from_str(&w.read("results/summary.json")).unwrap();
+    let checked = w.fusion(&["check", "--set", &set]).success().stderr("");
+    checked.stdout(has("imu gap outage, window (from 20 s, to 21 s)"));
+    w.fusion(&["run", "--set", &set, "--out", "results"]).success().stderr("");
+    let summary: Value = serde_json::from_str(&w.read("results/summary.json")).unwrap();
     let imu = summary["sources"].as_array().unwrap().iter().find(|s| s["name"] == "imu").unwrap();
     assert_eq!(imu["skipped"][0], serde_json::json!(["withheld by a fault", 100]));
 }
@@ -292,25 +245,17 @@ fn faults_of_a_simulated_unit_are_checked_and_applied() {
 #[test]
 fn every_block_is_listed_and_described() {
     let w = Workspace::new("command-blocks");
-    let list = w.fusion(&["blocks"]);
-    assert_eq!(list.code, 0);
-    is_narrow(&list.stdout);
+    let mut list = w.fusion(&["blocks"]).success().stdout(narrow());
     fusion::models::link();
     for r in fusion::models::registry::all() {
-        has(&list.stdout, r.name);
-        let one = w.fusion(&["blocks", r.name]);
-        assert_eq!(one.code, 0, "{}", one.stderr);
+        list = list.stdout(has(r.name));
+        let one = stdout(&w.fusion(&["blocks", r.name]).success());
         let schema = fusion::schema::block(r);
         for field in schema["properties"].as_object().into_iter().flat_map(|p| p.keys()) {
-            assert!(
-                one.stdout.contains(&format!("\n  {field}: ")),
-                "`{field}` of `{}`:\n{}",
-                r.name,
-                one.stdout
-            );
+            assert!(one.contains(&format!("\n  {field}: ")), "`{field}` of `{}`:\n{one}", r.name);
         }
     }
-    snapshot("block", &w.fusion(&["blocks", "gnss_position"]).stdout);
+    snapshot("block", &stdout(&w.fusion(&["blocks", "gnss_position"])));
 }
 
 /// What `fusion blocks` shows can be copied into a design.
@@ -318,7 +263,7 @@ fn every_block_is_listed_and_described() {
 fn every_example_shown_is_toml_with_its_type() {
     let w = Workspace::new("command-examples");
     for r in fusion::models::registry::all() {
-        let shown = w.fusion(&["blocks", r.name]).stdout;
+        let shown = stdout(&w.fusion(&["blocks", r.name]));
         for example in shown.split("\nExample\n").skip(1) {
             let example = example.split("\n\n").next().unwrap();
             let design: toml::Table = toml::from_str(example).unwrap_or_else(|e| panic!("{}: {e}\n{example}", r.name));
@@ -330,14 +275,12 @@ fn every_example_shown_is_toml_with_its_type() {
 #[test]
 fn an_unknown_block_is_no_dead_end() {
     let ran = Workspace::new("command-unknown-block").fusion(&["blocks", "gnss_positon"]);
-    assert_eq!(ran.code, 2);
-    assert!(ran.stderr.contains("did you mean `gnss_position`?"), "{}", ran.stderr);
+    ran.code(2).stderr(contains("did you mean `gnss_position`?"));
 }
 
 #[test]
 fn the_schema_is_json() {
-    let ran = Workspace::new("command-schema").fusion(&["schema"]);
-    assert_eq!(ran.code, 0);
-    let schema: Value = serde_json::from_str(&ran.stdout).unwrap();
+    let ran = Workspace::new("command-schema").fusion(&["schema"]).success();
+    let schema: Value = serde_json::from_str(&stdout(&ran)).unwrap();
     assert_eq!(schema["properties"]["sensor"]["type"], "object");
 }

@@ -1,6 +1,6 @@
 //! Faults that are known against what the statistics of gates say of them.
 
-use crate::support::{DESIGN, Workspace};
+use crate::support::{DESIGN, Workspace, narrow, shows, stdout};
 use serde_json::Value;
 
 /// Position, known 0.25 s late, and velocity from the rows of one receiver.
@@ -14,11 +14,9 @@ fn two_sensors() -> String {
 /// The summary of `fusion run` with this fault on the receiver.
 fn summary(w: &Workspace, fault: &str, more: &[&str]) -> Value {
     w.write("faulty.toml", format!("{}\n[source.gnss.fault.wild]\n{fault}\n", two_sensors()));
-    let ran = w.fusion(&[&["run", "faulty.toml", "--out", "out"], more].concat());
-    assert_eq!(ran.code, 0, "{}", ran.stderr);
-    for line in ran.stdout.lines() {
-        assert!(line.chars().count() <= 100, "{line}");
-    }
+    w.fusion(&[&["run", "faulty.toml", "--out", "out"], more].concat())
+        .success()
+        .stdout(narrow());
     serde_json::from_str(&w.read("out/summary.json")).unwrap()
 }
 
@@ -62,7 +60,7 @@ fn missed_and_caught_are_the_rows_that_the_source_says_were_disturbed() {
     // From small ones that pass to large ones that do not.
     let outliers = "type = \"outliers\"\nchannel = \"position\"\nrate = 0.3\nsize = [0, \"20 m\"]\nwindow = { from = 2 }";
     let summary = summary(&w, outliers, &[]);
-    let printed = w.fusion(&["run", "faulty.toml"]).stdout;
+    let printed = stdout(&w.fusion(&["run", "faulty.toml"]));
     let (_, rest) = printed.split_once("disturbed ").unwrap();
     let disturbed: u64 = rest.split(':').next().unwrap().parse().unwrap();
     let position = &summary["sensors"][0];
@@ -130,8 +128,8 @@ fn outliers_of_a_simulated_sensor_are_the_same_rows_under_every_gate() {
     let config = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/ins-gps-outlier.toml");
     let run = |variant: &[&str]| -> Value {
         let size = "simulation.sensor.gps_position.fault.outliers.size=[\"300 m\", \"500 m\"]";
-        let ran = w.fusion(&[&["run", config, "--out", "out", "--set", size], variant].concat());
-        assert_eq!(ran.code, 0, "{}", ran.stderr);
+        w.fusion(&[&["run", config, "--out", "out", "--set", size], variant].concat())
+            .success();
         serde_json::from_str(&w.read("out/summary.json")).unwrap()
     };
     let (gated, open) = (run(&[]), run(&["--variant", "no-gate"]));
@@ -146,10 +144,11 @@ fn outliers_of_a_simulated_sensor_are_the_same_rows_under_every_gate() {
 fn a_campaign_and_a_comparison_show_the_same_counts() {
     let w = Workspace::new("gates-campaign");
     summary(&w, SPIKE, &[]);
-    let ran = w.fusion(&["montecarlo", "faulty.toml", "-n", "2", "--out", "out"]);
-    for title in ["missed", "false", "longest refusal", "runs that end denied", "largest max"] {
-        assert!(ran.stdout.contains(title), "{}", ran.stdout);
-    }
+    let titles = ["missed", "false", "longest refusal", "runs that end denied", "largest max"];
+    shows(
+        w.fusion(&["montecarlo", "faulty.toml", "-n", "2", "--out", "out"]).success(),
+        &titles,
+    );
     let runs = w.read("out/runs.csv");
     let mut rows = runs.lines().map(|line| line.split(',').collect::<Vec<_>>());
     let header = rows.next().unwrap();
@@ -176,7 +175,7 @@ fn a_campaign_and_a_comparison_show_the_same_counts() {
             assert!(rms <= max, "{rms} {max}");
         }
     }
-    let compared = w.fusion(&["compare", "faulty.toml", "--variant", "base,ekf"]).stdout;
+    let compared = stdout(&w.fusion(&["compare", "faulty.toml", "--variant", "base,ekf"]));
     let line = compared.lines().skip_while(|l| !l.contains("missed")).nth(1).unwrap();
     assert_eq!(
         line.split_whitespace().collect::<Vec<_>>(),

@@ -1,17 +1,10 @@
+use assert_cmd::assert::Assert;
+use predicates::prelude::{Predicate, predicate};
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 /// A folder of its own for a test, removed at its end.
 pub struct Workspace {
     dir: PathBuf,
-}
-
-/// What a run of the command left behind.
-#[derive(Debug)]
-pub struct Ran {
-    pub code: i32,
-    pub stdout: String,
-    pub stderr: String,
 }
 
 impl Workspace {
@@ -39,19 +32,43 @@ impl Workspace {
     }
 
     /// Runs the command here, its outputs captured: no terminal.
-    pub fn fusion(&self, args: &[&str]) -> Ran {
-        let output = Command::new(env!("CARGO_BIN_EXE_fusion"))
+    pub fn fusion(&self, args: &[&str]) -> Assert {
+        assert_cmd::cargo::cargo_bin_cmd!("fusion")
             .args(args)
             .current_dir(&self.dir)
-            .output()
-            .unwrap();
-        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-        Ran {
-            code: output.status.code().unwrap(),
-            stdout: text(output.stdout),
-            stderr: text(output.stderr),
-        }
+            .assert()
     }
+}
+
+/// What the command printed.
+pub fn stdout(ran: &Assert) -> String {
+    String::from_utf8(ran.get_output().stdout.clone()).unwrap()
+}
+
+/// What the command complained of.
+pub fn stderr(ran: &Assert) -> String {
+    String::from_utf8(ran.get_output().stderr.clone()).unwrap()
+}
+
+/// Lines of a table with blanks squeezed, so that widths may change.
+pub fn squeezed(text: &str) -> Vec<String> {
+    text.lines().map(|l| l.split_whitespace().collect::<Vec<_>>().join(" ")).collect()
+}
+
+/// A text of which a line contains `part`, when blanks are squeezed.
+pub fn has(part: &'static str) -> impl Predicate<str> {
+    predicate::function(move |text: &str| squeezed(text).iter().any(|line| line.contains(part))).fn_name(part)
+}
+
+/// Asserts that the command printed each of these parts, as [`has`] finds them.
+pub fn shows(ran: Assert, parts: &[&'static str]) -> Assert {
+    parts.iter().fold(ran, |ran, part| ran.stdout(has(part)))
+}
+
+/// A text whose lines fit a terminal of 100 columns and end without blanks.
+pub fn narrow() -> impl Predicate<str> {
+    let fits = |line: &str| line.chars().count() <= 100 && line.trim_end() == line;
+    predicate::function(move |text: &str| text.lines().all(fits)).fn_name("lines of at most 100 columns")
 }
 
 impl Drop for Workspace {
@@ -118,20 +135,12 @@ pub fn fixes() -> String {
     text
 }
 
-/// Compares with tests/snapshots/NAME.txt; with FUSION_BLESS set, writes it.
-pub fn snapshot(name: &str, actual: &str) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("tests/snapshots")
-        .join(format!("{name}.txt"));
-    if std::env::var_os("FUSION_BLESS").is_some() {
-        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        std::fs::write(&path, actual).unwrap();
-        return;
-    }
-    let expected = std::fs::read_to_string(&path).unwrap_or_default();
-    assert!(
-        expected == actual,
-        "{} differs.\n--- expected\n{expected}\n--- actual\n{actual}\n--- if the new text is better, run the test with FUSION_BLESS=1",
-        path.display()
-    );
+/// Compares with tests/snapshots/NAME.snap. Which blocks there are is left out: a new one changes no snapshot.
+pub fn snapshot(name: &str, text: &str) {
+    let mut settings = insta::Settings::new();
+    settings.set_snapshot_path(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/snapshots"));
+    settings.set_prepend_module_to_snapshot(false);
+    settings.set_omit_expression(true);
+    settings.add_filter("known types: `.*", "known types: …");
+    settings.bind(|| insta::assert_snapshot!(name, text));
 }

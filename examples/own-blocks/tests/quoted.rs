@@ -36,7 +36,9 @@ fn the_readme_quotes_the_embedded_filter_as_it_is_compiled() {
 
 #[test]
 fn the_readme_quotes_a_diagnostic_as_it_is_printed() {
-    let printed = include_str!("../../../tests/snapshots/unknown_key.txt");
+    let snapshot = include_str!("../../../tests/snapshots/unknown_key.snap");
+    // After the header, which ends at the second line of dashes.
+    let printed = snapshot.splitn(3, "---\n").nth(2).unwrap();
     assert!(block(README, "## Mistakes").contains(printed.trim_end()), "{printed}");
 }
 
