@@ -1,89 +1,29 @@
 use fusion::models::registry::{self, Role};
+use jsonschema::Validator;
+use jsonschema::error::{ValidationError, ValidationErrorKind};
 use serde_json::{Value, json};
+use std::sync::LazyLock;
 
-/// What of `value` the schema does not allow, as far as the framework uses JSON Schema.
-fn complaints(schema: &Value, value: &Value, root: &Value, path: &str) -> Vec<String> {
-    let mut found = Vec::new();
-    if let Some(reference) = schema["$ref"].as_str() {
-        found.extend(complaints(root.pointer(&reference[1..]).unwrap(), value, root, path));
-    }
-    for key in ["oneOf", "anyOf"] {
-        let Some(choices) = schema[key].as_array() else { continue };
-        let mut each: Vec<_> = choices.iter().map(|c| complaints(c, value, root, path)).collect();
-        let fitting = each.iter().filter(|c| c.is_empty()).count();
-        if fitting == 0 {
-            // The nearest choice tells most: of blocks the one of that type.
-            let is_other = |c: &Vec<String>| c.iter().any(|c| c.starts_with(&format!("{path}.type:")));
-            each.sort_by_key(|c| (is_other(c), c.len()));
-            found.extend(each.swap_remove(0));
-        } else if key == "oneOf" && fitting > 1 {
-            found.push(format!("{path}: {fitting} choices fit"));
-        }
-    }
-    let is = |name: &Value| match name.as_str().unwrap() {
-        "object" => value.is_object(),
-        "array" => value.is_array(),
-        "string" => value.is_string(),
-        "number" => value.is_number(),
-        "integer" => value.is_i64() || value.is_u64(),
-        "boolean" => value.is_boolean(),
-        other => panic!("type {other}"),
+/// What of a design the schema does not allow, each as `/path/to/the/value keyword: what is wrong`.
+fn against_schema(design: &Value) -> Vec<String> {
+    static SCHEMA: LazyLock<Validator> = LazyLock::new(|| jsonschema::draft202012::new(&fusion::schema::design()).unwrap());
+    SCHEMA.iter_errors(design).flat_map(|error| innermost(&error)).collect()
+}
+
+/// Where none of several choices fits, why the nearest one does not: of blocks the one of that type.
+fn innermost(error: &ValidationError<'_>) -> Vec<String> {
+    let (ValidationErrorKind::AnyOf { context } | ValidationErrorKind::OneOfNotValid { context }) = error.kind() else {
+        return vec![format!("{} {}: {error}", error.instance_path(), error.kind().keyword())];
     };
-    let typed = match &schema["type"] {
-        Value::Null => true,
-        Value::Array(any) => any.iter().any(is),
-        one => is(one),
-    };
-    if !typed {
-        return vec![format!("{path}: {value} is not {}", schema["type"])];
-    }
-    if schema.get("const").is_some_and(|c| c != value) {
-        found.push(format!("{path}: {value} is not {}", schema["const"]));
-    }
-    if schema["enum"].as_array().is_some_and(|e| !e.contains(value)) {
-        found.push(format!("{path}: {value} is none of {}", schema["enum"]));
-    }
-    if let Some(n) = value.as_f64() {
-        let beyond = |key: &str, wrong: fn(f64, f64) -> bool| schema[key].as_f64().is_some_and(|limit| wrong(n, limit));
-        if beyond("minimum", |n, l| n < l) || beyond("maximum", |n, l| n > l) || beyond("exclusiveMinimum", |n, l| n <= l) {
-            found.push(format!("{path}: {n} is out of range"));
-        }
-    }
-    if let Some(items) = value.as_array() {
-        let count = items.len() as u64;
-        if schema["minItems"].as_u64().is_some_and(|n| count < n) || schema["maxItems"].as_u64().is_some_and(|n| count > n) {
-            found.push(format!("{path}: {count} elements"));
-        }
-        for (k, item) in items.iter().enumerate().filter(|_| schema.get("items").is_some()) {
-            found.extend(complaints(&schema["items"], item, root, &format!("{path}[{k}]")));
-        }
-    }
-    if let Some(object) = value.as_object() {
-        for name in schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str) {
-            if !object.contains_key(name) {
-                found.push(format!("{path}: no `{name}`"));
-            }
-        }
-        for (key, inner) in object {
-            let path = format!("{path}.{key}");
-            match (schema["properties"].get(key), schema.get("additionalProperties")) {
-                (Some(of), _) => found.extend(complaints(of, inner, root, &path)),
-                (None, Some(Value::Bool(false))) => found.push(format!("{path} is not known")),
-                (None, Some(of @ Value::Object(_))) => found.extend(complaints(of, inner, root, &path)),
-                _ => {}
-            }
-        }
-    }
-    found
+    let other_type = format!("{}/type ", error.instance_path());
+    let choices = context.iter().map(|errors| errors.iter().flat_map(innermost).collect::<Vec<_>>());
+    choices
+        .min_by_key(|errors| (errors.iter().any(|e| e.starts_with(&other_type)), errors.len()))
+        .unwrap_or_default()
 }
 
 fn read(toml: &str) -> Value {
     serde_json::to_value(toml::from_str::<toml::Table>(toml).unwrap()).unwrap()
-}
-
-fn against_schema(design: &Value) -> Vec<String> {
-    let schema = fusion::schema::design();
-    complaints(&schema, design, &schema, "")
 }
 
 /// The example of every block where it belongs in a design.
@@ -148,37 +88,45 @@ fn every_shipped_design_is_valid() {
 /// That the comparison can fail.
 #[test]
 fn slips_are_invalid() {
+    let sensor = "[sensor.x]\ntype = \"zero_velocity\"\nsource = \"gnss\"\nnoise = { sigma = 1 }\n";
+    let stage = "[stage.x]\ntype = \"periodic\"\nsource = \"gnss\"\n";
+    let simulation = "[simulation]\ntrajectory = [{ type = \"rest\", duration = 1 }]\n[simulation.imu]\nrate = 1\n";
     let slips = [
-        ("[sensor.x]\ntype = \"zero_velocity\"\nnoise = { sigma = 1 }", "no `source`"),
+        // What is missing.
+        (sensor.replace("source = \"gnss\"\n", ""), ["/sensor/x required"].as_slice()),
+        (stage.to_owned(), &["/stage/x required"]),
+        (sensor.replace("type = \"zero_velocity\"\n", ""), &["/sensor/x required"]),
+        // Values of a wrong type.
+        (format!("{sensor}enabled = 1"), &["/sensor/x/enabled type"]),
+        (format!("{sensor}only_with = [\"gnss\"]"), &["/sensor/x/only_with type"]),
+        (format!("{stage}rate = true"), &["/stage/x/rate type"]),
         (
-            "[sensor.x]\ntype = \"zero_velocity\"\nsource = \"gnss\"\nnoise = { sigma = 1 }\nenabled = 1",
-            ".enabled: 1 is not",
+            sensor.replace("zero_velocity", "gnss_position") + "lever_arm = [1, 2]",
+            &["/sensor/x/lever_arm minItems"],
+        ),
+        // Names that there are not: of a table, a key, a block, a choice.
+        ("[sensors.x]".to_owned(), &[" additionalProperties"]),
+        (format!("{sensor}lever_rm = 1"), &["/sensor/x additionalProperties"]),
+        (sensor.replace("zero_velocity", "zero_velocty"), &["/sensor/x/type const"]),
+        ("[filter]\nbackend = \"ekff\"".to_owned(), &["/filter/backend const"]),
+        (
+            "[initial.x]\ntype = \"course\"\nsource = \"gnss\"\nmin_speed = 3\nsigma = 1\nlever_arm = 1".to_owned(),
+            &["/initial/x additionalProperties"],
+        ),
+        // A fault without its rate and with a key of another, of a source and of the simulated unit.
+        (
+            "[source.gnss.fault.x]\ntype = \"drop\"\nshare = 0.1".to_owned(),
+            &["/source/gnss/fault/x required", "/source/gnss/fault/x additionalProperties"],
         ),
         (
-            "[sensor.x]\ntype = \"zero_velocity\"\nsource = \"gnss\"\nnoise = { sigma = 1 }\nonly_with = [\"gnss\"]",
-            ".only_with: [\"gnss\"] is not",
-        ),
-        ("[sensors.x]", ".sensors is not known"),
-        ("[filter]\nbackend = \"ekff\"", "is not"),
-        ("[stage.x]\ntype = \"periodic\"\nsource = \"gnss\"", "no `rate`"),
-        ("[stage.x]\ntype = \"periodic\"\nsource = \"gnss\"\nrate = true", "is not"),
-        (
-            "[initial.x]\ntype = \"course\"\nsource = \"gnss\"\nmin_speed = 3\nsigma = 1\nlever_arm = 1",
-            "is not known",
-        ),
-        (
-            "[sensor.x]\ntype = \"gnss_position\"\nsource = \"gnss\"\nnoise = {}\nlever_arm = [1, 2]",
-            "lever_arm",
-        ),
-        ("[source.gnss.fault.x]\ntype = \"drop\"\nshare = 0.1", "not"),
-        (
-            "[simulation]\ntrajectory = []\n[simulation.imu]\nrate = 1\nfault.x = { type = \"drop\", share = 0.1 }",
-            "imu.fault.x",
+            format!("{simulation}fault.x = {{ type = \"drop\", share = 0.1 }}"),
+            &["/simulation/imu/fault/x required", "/simulation/imu/fault/x additionalProperties"],
         ),
     ];
-    for (slip, word) in slips {
+    for (slip, expected) in slips {
         let found = against_schema(&read(&format!("{}\n{slip}\n", crate::support::DESIGN)));
-        assert!(found.iter().any(|f| f.contains(word)), "{slip}: {found:?}");
+        let kinds: Vec<&str> = found.iter().map(|f| f.split(':').next().unwrap()).collect();
+        assert_eq!(kinds, expected, "{slip}\n{found:#?}");
     }
     assert_eq!(against_schema(&read(crate::support::DESIGN)), [] as [&str; 0]);
 }
