@@ -10,7 +10,7 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use fusion::assembly::{assemble, declared_streams};
 use fusion::config::Document;
-use fusion::core::runner::Event;
+use fusion::core::runner::{self, Event};
 use fusion::core::time::Time;
 use fusion::design::Design;
 use fusion::run::{Options, run};
@@ -68,11 +68,11 @@ fn rows(design: &Design) -> Vec<Row> {
 fn feed(design: &Design, rows: &[Row]) -> u64 {
     let mut runner = assemble(design, declared_streams(design).unwrap()).unwrap().runner;
     let mut epochs = 0;
-    let mut count = |event: &Event<'_>| epochs += u64::from(matches!(event, Event::Predicted { .. }));
+    let mut count = |event: &Event<'_>| epochs += u64::from(matches!(event, Event::Estimate { .. }));
     for (stream, time, row) in rows {
-        runner.feed(*stream, *time, row, &mut count).unwrap();
+        runner.feed(&runner::Row::new(*stream, *time, row), &mut count).unwrap();
     }
-    runner.finish(&mut count);
+    runner.finish(&mut count).unwrap();
     assert!(runner.belief().is_sound());
     epochs
 }

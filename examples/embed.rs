@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             nav.feed_stream(gnss, time, &[0.63, 2.26, height], &mut listen)?;
         }
     }
-    nav.finish(&mut listen);
+    nav.finish(&mut listen)?;
     let belief = nav.belief().ok_or("it never started")?;
     for block in nav.layout().blocks() {
         let (value, sigma) = (&belief.x[block.storage_range()], belief.covariance.sigma(block.tangent));

@@ -4,13 +4,13 @@ use crate::assembly::{Assembly, StreamLayout, assemble, declared_streams};
 use crate::config::{Diagnostics, Document};
 use crate::design::Design;
 use crate::solution::{Solution, SolutionReader};
-use fusion_core::runner::{Event, Observer, StreamId, WrongWidth};
+use fusion_core::runner::{Event, Halt, Observer, Row, RunError, StreamId, WrongWidth};
 use fusion_core::state::{Belief, Layout};
 use fusion_core::time::Time;
 use thiserror::Error;
 
-/// Why a row was not taken.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
+/// Why a row was not taken, or the filter not listened to any more.
+#[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum FeedError {
     /// No stream of that name.
@@ -31,6 +31,9 @@ pub enum FeedError {
         /// What a row consists of.
         channels: String,
     },
+    /// An observer could not go on; the row that caused the event has been processed in part.
+    #[error("{0}")]
+    Observer(Halt),
 }
 
 /// A navigation filter that a program feeds and reads.
@@ -65,6 +68,8 @@ pub enum FeedError {
 pub struct Navigator {
     assembly: Assembly,
     reader: SolutionReader,
+    /// Rows fed so far, per stream.
+    counts: Vec<u64>,
 }
 
 impl Navigator {
@@ -96,7 +101,8 @@ impl Navigator {
     #[must_use]
     pub fn from_assembly(assembly: Assembly) -> Self {
         let reader = SolutionReader::new(&assembly.layout, assembly.process.clone());
-        Self { assembly, reader }
+        let counts = vec![0; assembly.streams.len()];
+        Self { assembly, reader, counts }
     }
 
     /// The number of a stream, for [`Navigator::feed_stream`].
@@ -131,13 +137,31 @@ impl Navigator {
         self.feed_stream(id, Time::from_seconds(seconds), row, &mut |_: &Event<'_>| {})
     }
 
-    /// Feeds a row and hears the events it causes.
+    /// Feeds a row and hears the events it causes; rows of a stream are numbered from 0.
     ///
     /// # Errors
-    /// [`FeedError`]; the filter is untouched.
+    /// [`FeedError`]; of a row that is refused the filter is untouched.
     pub fn feed_stream(&mut self, stream: StreamId, time: Time, row: &[f64], observer: &mut dyn Observer) -> Result<(), FeedError> {
-        self.assembly.runner.feed(stream, time, row, observer).map_err(|error| {
-            let layout = self.assembly.streams.get(stream);
+        let row = Row {
+            number: self.counts.get(stream).copied().unwrap_or_default(),
+            ..Row::new(stream, time, row)
+        };
+        self.feed_row(&row, observer)?;
+        self.counts[stream] += 1;
+        Ok(())
+    }
+
+    /// Feeds a row that knows its own number, and hears the events it causes.
+    ///
+    /// # Errors
+    /// [`FeedError`]; of a row that is refused the filter is untouched.
+    pub fn feed_row(&mut self, row: &Row<'_>, observer: &mut dyn Observer) -> Result<(), FeedError> {
+        self.assembly.runner.feed(row, observer).map_err(|error| {
+            let error = match error {
+                RunError::Width(error) => error,
+                RunError::Observer(halt) => return FeedError::Observer(halt),
+            };
+            let layout = self.assembly.streams.get(row.stream);
             let channels = layout.map_or(&[][..], |l| &l.channels).iter();
             FeedError::Width {
                 stream: layout.map(|l| l.name.clone()).unwrap_or_default(),
@@ -148,8 +172,11 @@ impl Navigator {
     }
 
     /// Processes what has been held back: the end of the data.
-    pub fn finish(&mut self, observer: &mut dyn Observer) {
-        self.assembly.runner.finish(observer);
+    ///
+    /// # Errors
+    /// [`FeedError::Observer`].
+    pub fn finish(&mut self, observer: &mut dyn Observer) -> Result<(), FeedError> {
+        self.assembly.runner.finish(observer).map_err(FeedError::Observer)
     }
 
     /// Position, velocity and attitude; `None` until the filter has started.
@@ -219,7 +246,7 @@ mod tests {
         nav.feed("imu", 0.0, &[0.0; 3]).unwrap();
         nav.feed("imu", 1.0, &[0.0; 3]).unwrap();
         nav.feed("mocap", 1.0, &[1.0, 0.0, 0.0, 0.0, 0.01, 0.015, 0.02]).unwrap();
-        nav.finish(&mut |_: &Event<'_>| {});
+        nav.finish(&mut |_: &Event<'_>| {}).unwrap();
         let belief = nav.belief().unwrap();
         let attitude = nav.layout().blocks()[0].tangent;
         for (i, reported) in [0.02, 0.03, 0.04].into_iter().enumerate() {

@@ -10,7 +10,7 @@ use crate::score::{ReferenceEpoch, Scorer};
 use crate::solution::SolutionReader;
 use crate::tally::Follower;
 use core::ops::Range;
-use fusion_core::runner::{Event, Observer, StreamId};
+use fusion_core::runner::{Event, Halt, Observer, StreamId};
 use fusion_core::state::Belief;
 use fusion_core::time::{Time, nanos};
 use fusion_models::earth::LocalFrame;
@@ -153,11 +153,11 @@ impl Recorder {
 }
 
 impl Observer for Recorder {
-    fn on(&mut self, event: &Event<'_>) {
+    fn on(&mut self, event: &Event<'_>) -> Result<(), Halt> {
         let clock = self.timed.then(Instant::now);
         match event {
             Event::Started { belief } => self.started = Some(belief.time.seconds()),
-            Event::Predicted { belief } => {
+            Event::Estimate { belief } => {
                 self.epochs += 1;
                 let write = self.estimates.is_some() && belief.time >= self.next_output;
                 if write || self.scorer.is_some() || self.recording.is_some() {
@@ -177,7 +177,7 @@ impl Observer for Recorder {
                     }
                 }
             }
-            Event::Updated { sensor, update, time } => {
+            Event::Updated { sensor, update, time, .. } => {
                 self.followers[*sensor].judged(*time, update);
                 if let Some(recording) = &mut self.recording {
                     recording.updated(*sensor, *time, update);
@@ -194,5 +194,6 @@ impl Observer for Recorder {
         if let Some(clock) = clock {
             self.spent += clock.elapsed();
         }
+        Ok(())
     }
 }

@@ -11,7 +11,7 @@ use crate::tally::SensorTally;
 use crate::world::SimulatedRows;
 use core::ops::Range;
 use fusion_core::geometry::wgs84::Geodetic;
-use fusion_core::runner::StreamId;
+use fusion_core::runner::{Row, RunError, StreamId};
 use fusion_core::state::{Attitude, Manifold};
 use fusion_core::time::Time;
 use nalgebra::Vector3;
@@ -160,15 +160,21 @@ fn run_with(
         // picked so that no period of the streams can favour some of them.
         recorder.timed = fed.wrapping_mul(0x9E37_79B9) >> 28 == 0;
         let clock = recorder.timed.then(Instant::now);
-        let taken = runner.feed(stream, time, row, &mut recorder);
+        let row = Row {
+            stream,
+            time,
+            values: row,
+            number: 0,
+            disturbed: lent.disturbed,
+        };
+        runner.feed(&row, &mut recorder).map_err(stopped)?;
         if let Some(clock) = clock {
             in_feed += clock.elapsed();
             timed += 1;
         }
-        debug_assert!(taken.is_ok(), "rows have the width of their stream");
     }
     recorder.timed = false;
-    runner.finish(&mut recorder);
+    runner.finish(&mut recorder).map_err(|halt| stopped(halt.into()))?;
     let waiting = if runner.started() { Vec::new() } else { runner.waits_for() };
     let sources = feed.reports();
     let in_filter = in_feed.saturating_sub(recorder.spent);
@@ -201,6 +207,10 @@ pub fn unknown_reference(design: &Design, reference: &Named<ReferenceSpec>) -> D
 
 pub(crate) fn unwritable(path: &Path, error: &std::io::Error) -> Diagnostics {
     Diagnostic::error(format!("cannot write {}: {error}", path.display())).into()
+}
+
+fn stopped(error: RunError) -> Diagnostics {
+    Diagnostic::error(error.to_string()).into()
 }
 
 /// Rows from recorded sources or from a simulated world.

@@ -284,6 +284,9 @@ mod tests {
     fn judge(f: &mut Follower, t: f64, verdict: Verdict, residual: f64, mode: Mode) {
         let update = Update {
             verdict,
+            value: &[],
+            predicted: &[],
+            noise: &[],
             residual: &[residual],
             innovation_sigma: &[],
             nis: 1.0,

@@ -212,7 +212,7 @@ fn the_runner_allocates_nothing_in_steady_state() {
         let mut run = |steps: core::ops::Range<i64>| {
             (predicted, offered, rejected) = (0, [0; 4], [0; 4]);
             let mut observer = |event: &Event<'_>| match event {
-                Event::Predicted { .. } => predicted += 1,
+                Event::Estimate { .. } => predicted += 1,
                 Event::Updated { sensor, update, .. } => {
                     offered[*sensor] += 1;
                     rejected[*sensor] += usize::from(update.verdict == Verdict::Rejected);

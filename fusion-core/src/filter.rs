@@ -1,6 +1,10 @@
 //! The estimator: predict and update. The only place where gains, gates and corrections are
 //! computed; it knows blocks and Jacobians, and no sensor.
 
+mod step;
+
+pub use step::Step;
+
 use crate::chart::{AdditiveEuler, AdditiveQuaternion, Body, Chart, Navigation};
 use crate::covariance::{Covariance, Form, Scratch, cholesky, solve_lower, solve_rows};
 use crate::gate::{Answer, Decision, Gate, GateInput, Mode};
@@ -64,12 +68,12 @@ impl Backend {
 }
 
 impl ChartKind {
-    fn make(self) -> Box<dyn Chart> {
+    fn make(self) -> Arc<dyn Chart> {
         match self {
-            Self::AdditiveEuler => Box::new(AdditiveEuler),
-            Self::AdditiveQuaternion => Box::new(AdditiveQuaternion),
-            Self::Body => Box::new(Body),
-            Self::Navigation => Box::new(Navigation),
+            Self::AdditiveEuler => Arc::new(AdditiveEuler),
+            Self::AdditiveQuaternion => Arc::new(AdditiveQuaternion),
+            Self::Body => Arc::new(Body),
+            Self::Navigation => Arc::new(Navigation),
         }
     }
 }
@@ -111,6 +115,12 @@ pub enum Verdict {
 pub struct Update<'a> {
     /// What became of it.
     pub verdict: Verdict,
+    /// The measured value z, as it was offered.
+    pub value: &'a [f64],
+    /// The predicted value h(x̂) before the update; not a number where it is undefined.
+    pub predicted: &'a [f64],
+    /// R, m×m, row by row, before any robust weight.
+    pub noise: &'a [f64],
     /// r = z ⊟ h(x̂) before the update.
     pub residual: &'a [f64],
     /// √S_ii, the predicted 1σ of each residual.
@@ -156,22 +166,35 @@ pub trait Estimator: core::fmt::Debug + Send {
     fn predict(&mut self, to: Time, input: &Input<'_>) -> Result<(), FilterError>;
 
     /// Offers a measurement valid now.
-    fn update(&mut self, observed: &Observed<'_>, gate: &mut dyn Gate, loss: &dyn Loss) -> Update<'_>;
+    fn update<'a>(&'a mut self, observed: &Observed<'a>, gate: &mut dyn Gate, loss: &dyn Loss) -> Update<'a>;
 
     /// The state and the process's signals, as models see them.
     fn view(&mut self) -> View<'_>;
 
-    /// Copies the estimator, for snapshots and look-ahead.
+    /// Whether it keeps its steps for [`Estimator::steps`]; not at first.
+    fn keep_steps(&mut self, keep: bool);
+
+    /// What the latest prediction or update consisted of, where steps are kept.
+    fn steps(&self) -> &[Step];
+
+    /// Copies the estimator with all that it has learnt: the copy continues bit for bit as the
+    /// original would.
     fn boxed_clone(&self) -> Box<dyn Estimator>;
 }
 
+impl Clone for Box<dyn Estimator> {
+    fn clone(&self) -> Self {
+        self.boxed_clone()
+    }
+}
+
 /// The Kalman filter on manifolds.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Filter {
     layout: Arc<Layout>,
     process: Arc<dyn Process>,
     backend: Backend,
-    chart: Box<dyn Chart>,
+    chart: Arc<dyn Chart>,
     belief: Belief,
     transition: Transition,
     own: Vec<OwnDynamics>,
@@ -182,6 +205,8 @@ pub struct Filter {
     reset: BlockMatrix,
     scratch: Scratch,
     rows: RowScratch,
+    /// The steps of the latest call, where they are kept.
+    steps: Option<Vec<Step>>,
 }
 
 /// How much of the signals is evaluated at the belief.
@@ -300,6 +325,7 @@ impl Filter {
                 p_before: Covariance::zeros(n),
             },
             chart: backend.chart.make(),
+            steps: None,
             layout,
             process,
             backend,
@@ -308,7 +334,8 @@ impl Filter {
 
     /// One step; false where its result is not finite, with a state then to be restored and a
     /// covariance as before.
-    fn step(&mut self, input: &Input<'_>, dt: f64) -> bool {
+    fn step(&mut self, input: &Input<'_>, to: Time, dt: f64) -> bool {
+        let prior = self.steps.is_some().then(|| self.belief.clone());
         self.transition.reset();
         self.process.linearise(&self.belief.x, input, dt, &mut self.transition);
         // The process moves under the state it was linearised at, so blocks decay after it.
@@ -329,7 +356,18 @@ impl Filter {
                 }
             }
         }
-        self.belief.x.iter().all(|v| v.is_finite()) && self.belief.covariance.predict(&self.transition, &mut self.scratch)
+        if !(self.belief.x.iter().all(|v| v.is_finite()) && self.belief.covariance.predict(&self.transition, &mut self.scratch)) {
+            return false;
+        }
+        self.belief.time = to;
+        if let (Some(steps), Some(prior)) = (&mut self.steps, prior) {
+            steps.push(Step::Predicted {
+                prior,
+                transition: self.transition.clone(),
+                posterior: self.belief.clone(),
+            });
+        }
+        true
     }
 
     fn evaluate_signals(&mut self, wanted: Evaluated) {
@@ -395,7 +433,12 @@ impl Filter {
             }
             self.scratch.hph[..m * m].iter_mut().for_each(|p| *p *= 2.0);
         }
+        let prior = self.steps.is_some().then(|| self.belief.clone());
         self.belief.covariance.scale(growth);
+        if let (Some(steps), Some(prior)) = (&mut self.steps, prior) {
+            let posterior = self.belief.clone();
+            steps.push(Step::Inflated { prior, posterior });
+        }
         self.belief.covariance.project(&self.jacobian, &mut self.scratch);
         self.factor(m) && self.whiten(m).is_finite()
     }
@@ -414,19 +457,36 @@ impl Filter {
         if delta.iter().any(|d| !d.is_finite()) {
             return false;
         }
+        let prior = self.steps.is_some().then(|| self.belief.clone());
         self.belief
             .covariance
             .update(self.backend.form, &self.jacobian, &self.rows.noise[..m * m], w);
         self.reset.reset();
-        if self.chart.correct(&self.layout, &mut self.belief.x, delta, &mut self.reset) {
+        let is_moved = self.chart.correct(&self.layout, &mut self.belief.x, delta, &mut self.reset);
+        if is_moved {
             self.belief.covariance.congruence(&self.reset, w);
+        }
+        if let (Some(steps), Some(prior)) = (&mut self.steps, prior) {
+            steps.push(Step::Corrected {
+                prior,
+                jacobian: self.jacobian.clone(),
+                noise: self.rows.noise[..m * m].to_vec(),
+                residual: self.rows.residual[..m].to_vec(),
+                correction: delta.clone(),
+                reset: is_moved.then(|| self.reset.clone()),
+                posterior: self.belief.clone(),
+            });
         }
         true
     }
 
-    fn verdict(&self, verdict: Verdict, m: usize, nis: f64, answer: Answer, weight: f64) -> Update<'_> {
+    fn verdict<'a>(&'a self, observed: &Observed<'a>, verdict: Verdict, nis: f64, answer: Answer, weight: f64) -> Update<'a> {
+        let Size { value, residual: m } = observed.model.size();
         Update {
             verdict,
+            value: &observed.value[..value],
+            predicted: &self.rows.value[..value],
+            noise: &observed.noise[..m * m],
             residual: &self.rows.residual[..m],
             innovation_sigma: &self.rows.sigma[..m],
             nis,
@@ -457,6 +517,9 @@ impl Estimator for Filter {
         if to < from {
             return Err(FilterError::Backwards { from, to });
         }
+        if let Some(steps) = &mut self.steps {
+            steps.clear();
+        }
         let total = to.seconds_since(from);
         if total > 0.0 {
             let steps = (total / self.process.max_step()).ceil().clamp(1.0, 1e6);
@@ -464,9 +527,15 @@ impl Estimator for Filter {
             if steps > 1.0 {
                 self.rows.p_before.copy_from(&self.belief.covariance);
             }
-            for _ in 0..steps as usize {
-                if self.step(input, total / steps) {
+            for k in 1..=steps as usize {
+                let part = crate::time::nanos(total / steps * k as f64);
+                let end = if k == steps as usize { to } else { from.shifted(part) };
+                if self.step(input, end, total / steps) {
                     continue;
+                }
+                self.belief.time = from;
+                if let Some(steps) = &mut self.steps {
+                    steps.clear();
                 }
                 self.belief.x.copy_from_slice(&self.rows.x_before);
                 if steps > 1.0 {
@@ -474,14 +543,16 @@ impl Estimator for Filter {
                 }
                 return Err(FilterError::Diverged(to));
             }
-            self.belief.time = to;
         }
         self.held.hold(input);
         self.evaluated = Evaluated::Nothing;
         Ok(())
     }
 
-    fn update(&mut self, observed: &Observed<'_>, gate: &mut dyn Gate, loss: &dyn Loss) -> Update<'_> {
+    fn update<'a>(&'a mut self, observed: &Observed<'a>, gate: &mut dyn Gate, loss: &dyn Loss) -> Update<'a> {
+        if let Some(steps) = &mut self.steps {
+            steps.clear();
+        }
         let m = observed.model.size().residual;
         let silent = Answer {
             decision: Decision::Reject,
@@ -492,10 +563,11 @@ impl Estimator for Filter {
         self.rows.sigma[..m].fill(f64::NAN);
         let nis = match self.linearise(observed) {
             Ok(Some(nis)) => nis,
-            Ok(None) => return self.verdict(Verdict::Unusable, m, f64::NAN, silent, 0.0),
+            Ok(None) => return self.verdict(observed, Verdict::Unusable, f64::NAN, silent, 0.0),
             Err(why) => {
                 self.rows.residual[..m].fill(f64::NAN);
-                return self.verdict(Verdict::Undefined(why), m, f64::NAN, silent, 0.0);
+                self.rows.value[..observed.model.size().value].fill(f64::NAN);
+                return self.verdict(observed, Verdict::Undefined(why), f64::NAN, silent, 0.0);
             }
         };
         for i in 0..m {
@@ -512,12 +584,12 @@ impl Estimator for Filter {
         let mut verdict = Verdict::Accepted;
         let mut weight = 1.0;
         match answer.decision {
-            Decision::Reject => return self.verdict(Verdict::Rejected, m, nis, answer, 0.0),
+            Decision::Reject => return self.verdict(observed, Verdict::Rejected, nis, answer, 0.0),
             Decision::Readopt => {
                 self.rows.p_before.copy_from(&self.belief.covariance);
                 if !self.inflate(m) {
                     self.belief.covariance.copy_from(&self.rows.p_before);
-                    return self.verdict(Verdict::Unusable, m, nis, answer, 0.0);
+                    return self.verdict(observed, Verdict::Unusable, nis, answer, 0.0);
                 }
                 verdict = Verdict::Readopted;
             }
@@ -526,7 +598,7 @@ impl Estimator for Filter {
                 if weight < 1.0 {
                     self.rows.noise[..m * m].iter_mut().for_each(|r| *r /= weight);
                     if !self.factor(m) {
-                        return self.verdict(Verdict::Unusable, m, nis, answer, 0.0);
+                        return self.verdict(observed, Verdict::Unusable, nis, answer, 0.0);
                     }
                 }
             }
@@ -538,7 +610,7 @@ impl Estimator for Filter {
             verdict = Verdict::Unusable;
         }
         self.evaluated = Evaluated::Nothing;
-        self.verdict(verdict, m, nis, answer, weight)
+        self.verdict(observed, verdict, nis, answer, weight)
     }
 
     fn view(&mut self) -> View<'_> {
@@ -546,15 +618,16 @@ impl Estimator for Filter {
         self.signals.view(&self.belief.x)
     }
 
+    fn keep_steps(&mut self, keep: bool) {
+        self.steps = keep.then(Vec::new);
+    }
+
+    fn steps(&self) -> &[Step] {
+        self.steps.as_deref().unwrap_or_default()
+    }
+
     fn boxed_clone(&self) -> Box<dyn Estimator> {
-        let largest = Size {
-            value: self.rows.value.len(),
-            residual: self.rows.residual.len(),
-        };
-        let mut copy = Self::new(self.layout.clone(), self.process.clone(), self.backend, largest);
-        copy.belief = self.belief.clone();
-        copy.held = self.held.clone();
-        Box::new(copy)
+        Box::new(self.clone())
     }
 }
 

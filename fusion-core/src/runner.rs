@@ -8,18 +8,27 @@
 //! An input sample is valid over the interval that ends at its stamp. A measurement inside that
 //! interval waits for the sample and then splits it.
 
+mod event;
 mod parts;
+mod rows;
 
-pub use parts::{Emitter, Event, Initialiser, InitialiserUnit, Noise, Observer, Port, Sensor, Stage, StageUnit, StreamId};
+pub use event::{Event, Halt, Observer, Observers, RowId};
+pub use parts::{Emitter, Initialiser, InitialiserUnit, Noise, Port, Sensor, Stage, StageUnit};
+pub use rows::Row;
 
 use crate::filter::{Estimator, Observed, Verdict};
 use crate::gate::{Closed, Gate, Mode};
 use crate::model::{Input, Process};
 use crate::state::Belief;
 use crate::time::Time;
+use parts::Emitted;
+use rows::{Consumer, Entry, Queue, Rows};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use thiserror::Error;
+
+/// The number of a stream, as given by [`Runner::add_stream`].
+pub type StreamId = usize;
 
 /// A row does not have the width its stream was declared with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
@@ -31,77 +40,26 @@ pub struct WrongWidth {
     pub found: usize,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Stream {
     name: String,
     width: usize,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Consumer {
-    Input,
-    Initialiser(usize, usize),
-    Stage(usize, usize),
-    /// Its rank, its number.
-    Sensor(usize, usize),
+/// Why a row could not be fed, or the run not go on.
+#[derive(Debug, Error)]
+pub enum RunError {
+    /// The row has another width than its stream. It is not used, and nothing has changed.
+    #[error(transparent)]
+    Width(#[from] WrongWidth),
+    /// An observer could not go on.
+    #[error("{0}")]
+    Observer(Halt),
 }
 
-/// An entry of the reorder queue.
-#[derive(Clone, Copy, Debug)]
-struct Entry {
-    time: Time,
-    consumer: Consumer,
-    row: usize,
-}
-
-/// Entries by time of validity, then consumer, then arrival.
-///
-/// Sorted, not a heap: rows come nearly in order, and one in order is put at the end at once.
-#[derive(Debug)]
-struct Queue(VecDeque<Entry>);
-
-impl Queue {
-    fn put(&mut self, entry: Entry) {
-        let precedes = |other: &Entry| (other.time, other.consumer) <= (entry.time, entry.consumer);
-        if self.0.back().is_none_or(precedes) {
-            self.0.push_back(entry);
-        } else {
-            self.0.insert(self.0.partition_point(precedes), entry);
-        }
-    }
-
-    /// Takes the first entry, unless it is later than `until`.
-    fn take(&mut self, until: Time) -> Option<Entry> {
-        self.0.front().is_some_and(|e| e.time <= until).then(|| self.0.pop_front())?
-    }
-}
-
-/// Rows in flight, reused: a row is freed when its last consumer has seen it.
-#[derive(Debug, Default)]
-struct Rows {
-    rows: Vec<Vec<f64>>,
-    uses: Vec<u32>,
-    free: Vec<usize>,
-}
-
-impl Rows {
-    fn put(&mut self, row: &[f64]) -> usize {
-        let at = self.free.pop().unwrap_or_else(|| {
-            self.rows.push(Vec::new());
-            self.uses.push(0);
-            self.rows.len() - 1
-        });
-        self.rows[at].clear();
-        self.rows[at].extend_from_slice(row);
-        self.uses[at] = 0;
-        at
-    }
-
-    fn release(&mut self, at: usize) {
-        self.uses[at] -= 1;
-        if self.uses[at] == 0 {
-            self.free.push(at);
-        }
+impl From<Halt> for RunError {
+    fn from(halt: Halt) -> Self {
+        Self::Observer(halt)
     }
 }
 
@@ -124,7 +82,9 @@ impl Sample {
 const SILENCE: f64 = 10.0;
 
 /// Merges streams in time and drives an estimator.
-#[derive(Debug)]
+///
+/// Cloned, it continues bit for bit as the original would.
+#[derive(Clone, Debug)]
 pub struct Runner {
     streams: Vec<Stream>,
     input: Option<Port>,
@@ -150,7 +110,12 @@ pub struct Runner {
     spare: Vec<Vec<f64>>,
     /// Measurements that wait for the input sample which covers them, in order.
     waiting: VecDeque<(Time, usize, usize)>,
-    emitter: Emitter,
+    emitted: Emitted,
+    /// Rows that each stage has emitted so far.
+    emissions: Vec<u64>,
+    /// The epoch whose estimate has not been told yet.
+    epoch: Option<Time>,
+    keeps_steps: bool,
     value: Vec<f64>,
     noise: Vec<f64>,
     process: Arc<dyn Process>,
@@ -173,7 +138,7 @@ impl Runner {
             pairs: process.pairs_samples(),
             buffer: crate::time::nanos(buffer.max(0.0)),
             lag: crate::time::nanos(buffer.max(0.0)),
-            queue: Queue(VecDeque::with_capacity(64)),
+            queue: Queue::new(),
             rows: Rows::default(),
             watermark: Time::MIN,
             released: Time::MIN,
@@ -183,7 +148,10 @@ impl Runner {
             held: None,
             spare: Vec::new(),
             waiting: VecDeque::with_capacity(64),
-            emitter: Emitter::default(),
+            emitted: Emitted::default(),
+            emissions: Vec::new(),
+            epoch: None,
+            keeps_steps: false,
             value: Vec::new(),
             noise: Vec::new(),
             process,
@@ -259,6 +227,7 @@ impl Runner {
     pub fn add_stage(&mut self, stage: StageUnit) {
         stage.inputs.iter().for_each(|p| self.reach(p));
         self.stages.push(stage);
+        self.emissions.push(0);
     }
 
     /// Adds an initialiser; without any, the filter starts at its first row.
@@ -306,121 +275,139 @@ impl Runner {
         self.lag as f64 * 1e-9
     }
 
-    /// Takes a row of `stream` stamped `time` and processes everything it completes.
+    /// Takes a row and processes everything it completes.
     ///
     /// # Errors
-    /// A row of the wrong width.
-    pub fn feed(&mut self, stream: StreamId, time: Time, row: &[f64], observer: &mut dyn Observer) -> Result<(), WrongWidth> {
-        let wanted = self.streams.get(stream).map_or(0, |s| s.width);
-        if row.len() != wanted {
-            return Err(WrongWidth { wanted, found: row.len() });
+    /// A row of the wrong width, which changes nothing; an observer that cannot go on.
+    pub fn feed(&mut self, row: &Row<'_>, observer: &mut dyn Observer) -> Result<(), RunError> {
+        let (wanted, found) = (self.streams.get(row.stream).map_or(0, |s| s.width), row.values.len());
+        if found != wanted {
+            return Err(WrongWidth { wanted, found }.into());
         }
-        self.enqueue(stream, time, row, observer);
-        self.watermark = self.watermark.max(time);
-        self.drain(self.watermark.shifted(-self.lag), observer);
+        self.listen(observer);
+        self.watermark = self.watermark.max(row.time);
+        self.enqueue(row, observer)?;
+        self.drain(self.watermark.shifted(-self.lag), observer)?;
         Ok(())
     }
 
     /// Processes everything that has been held back: the end of the log.
-    pub fn finish(&mut self, observer: &mut dyn Observer) {
-        self.drain(Time::MAX, observer);
+    ///
+    /// # Errors
+    /// An observer that cannot go on.
+    pub fn finish(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
+        self.listen(observer);
+        self.drain(Time::MAX, observer)?;
         if let Some(last) = self.held.take() {
             // A pair without its second sample.
-            self.run_over(last, observer);
+            self.run_over(last, observer)?;
         }
         // What lies after the last input sample is carried there by that sample.
         while let Some((time, sensor, row)) = self.waiting.pop_front() {
-            self.predict(time, observer);
-            self.offer(sensor, time, row, observer);
-            observer.on(&Event::Predicted {
-                belief: self.estimator.belief(),
-            });
+            self.predict(time, observer)?;
+            self.offer(sensor, time, row, observer)?;
+            self.epoch = Some(time);
+        }
+        self.tell_epoch(observer)
+    }
+
+    /// Keeps steps where the observer wants them.
+    fn listen(&mut self, observer: &dyn Observer) {
+        let wanted = observer.wants_steps();
+        if wanted != self.keeps_steps {
+            self.keeps_steps = wanted;
+            self.estimator.keep_steps(wanted);
         }
     }
 
-    fn enqueue(&mut self, stream: StreamId, time: Time, row: &[f64], observer: &mut dyn Observer) {
-        let at = self.rows.put(row);
+    fn enqueue(&mut self, row: &Row<'_>, observer: &mut dyn Observer) -> Result<(), Halt> {
+        let at = self.rows.put(row, self.watermark);
         let mut offer = |consumer: Consumer, port: &Port, name: &str| {
-            if port.stream != stream {
-                return;
+            if port.stream != row.stream {
+                return Ok(());
             }
-            let time = time.shifted(-port.delay);
+            let time = row.time.shifted(-port.delay);
             if time < self.released {
-                observer.on(&Event::Late {
-                    consumer: name,
-                    time,
-                    now: self.released,
-                });
-                return;
+                let (consumer, now) = (name, self.released);
+                return observer.on(&Event::Late { consumer, time, now });
             }
-            self.rows.uses[at] += 1;
+            self.rows.hold(at);
             self.queue.put(Entry { time, consumer, row: at });
+            Ok(())
         };
         if let Some(port) = &self.input {
-            offer(Consumer::Input, port, "process");
+            offer(Consumer::Input, port, "process")?;
         }
         if !self.started {
             for (u, unit) in self.initialisers.iter().enumerate() {
                 for (i, port) in unit.inputs.iter().enumerate() {
-                    offer(Consumer::Initialiser(u, i), port, &unit.name);
+                    offer(Consumer::Initialiser(u, i), port, &unit.name)?;
                 }
             }
         }
         for (u, unit) in self.stages.iter().enumerate() {
             for (i, port) in unit.inputs.iter().enumerate() {
-                offer(Consumer::Stage(u, i), port, &unit.name);
+                offer(Consumer::Stage(u, i), port, &unit.name)?;
             }
         }
         for (s, sensor) in self.sensors.iter().enumerate() {
-            offer(Consumer::Sensor(self.ranks[s], s), &sensor.port, &sensor.name);
+            offer(Consumer::Sensor(self.ranks[s], s), &sensor.port, &sensor.name)?;
         }
-        if self.rows.uses[at] == 0 {
-            self.rows.free.push(at);
-        }
+        self.rows.free_unused(at);
+        Ok(())
     }
 
-    fn drain(&mut self, until: Time, observer: &mut dyn Observer) {
+    fn drain(&mut self, until: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
         while let Some(entry) = self.queue.take(until) {
             self.released = entry.time;
-            self.dispatch(entry, observer);
+            if self.epoch.is_some_and(|epoch| epoch < entry.time) {
+                self.tell_epoch(observer)?;
+            }
+            self.dispatch(entry, observer)?;
         }
+        Ok(())
     }
 
-    fn dispatch(&mut self, entry: Entry, observer: &mut dyn Observer) {
+    /// Tells the estimate of an epoch that nothing can change any more.
+    fn tell_epoch(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
+        if self.epoch.take().is_none() {
+            return Ok(());
+        }
+        observer.on(&Event::Estimate {
+            belief: self.estimator.belief(),
+        })
+    }
+
+    fn dispatch(&mut self, entry: Entry, observer: &mut dyn Observer) -> Result<(), Halt> {
         match entry.consumer {
-            Consumer::Input => self.input_row(entry.time, entry.row, observer),
-            Consumer::Initialiser(unit, input) => self.initialiser_row(unit, input, entry.time, entry.row, observer),
-            Consumer::Stage(unit, input) => self.stage_row(unit, input, entry.time, entry.row, observer),
-            Consumer::Sensor(_, sensor) => {
-                self.sensor_row(sensor, entry.time, entry.row, observer);
-                return;
-            }
+            Consumer::Input => self.input_row(entry.time, entry.row, observer)?,
+            Consumer::Initialiser(unit, input) => self.initialiser_row(unit, input, entry.time, entry.row, observer)?,
+            Consumer::Stage(unit, input) => self.stage_row(unit, input, entry.time, entry.row, observer)?,
+            Consumer::Sensor(_, sensor) => return self.sensor_row(sensor, entry.time, entry.row, observer),
         }
         self.rows.release(entry.row);
+        Ok(())
     }
 
-    fn initialiser_row(&mut self, unit: usize, input: usize, time: Time, row: usize, observer: &mut dyn Observer) {
+    fn initialiser_row(&mut self, unit: usize, input: usize, time: Time, row: usize, observer: &mut dyn Observer) -> Result<(), Halt> {
         if self.started {
-            return;
+            return Ok(());
         }
         let u = &mut self.initialisers[unit];
-        u.inputs[input].gather(&self.rows.rows[row], &mut self.value);
+        u.inputs[input].gather(&self.rows.get(row).values, &mut self.value);
         if self.value.iter().all(|v| v.is_finite()) {
             u.initialiser.row(input, time, &self.value);
         }
-        self.start_if_ready(time, observer);
+        self.start_if_ready(time, observer)
     }
 
     /// Starts at `time` once every initialiser can write; an input-driven process also needs the
     /// sample that opens the first interval.
-    fn start_if_ready(&mut self, time: Time, observer: &mut dyn Observer) {
+    fn start_if_ready(&mut self, time: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
         let driven = self.process.input_dim() == 0 || self.previous.is_some();
-        if !self.started && driven && self.initialisers.iter().all(|u| u.initialiser.waits_for().is_none()) {
-            self.start(time, observer);
+        if self.started || !driven || self.initialisers.iter().any(|u| u.initialiser.waits_for().is_some()) {
+            return Ok(());
         }
-    }
-
-    fn start(&mut self, time: Time, observer: &mut dyn Observer) {
         let mut belief = Belief::initial(self.estimator.layout(), time);
         for u in &self.initialisers {
             u.initialiser.write(time, self.estimator.layout(), &mut belief);
@@ -430,16 +417,15 @@ impl Runner {
         self.estimator.set_belief(belief);
         observer.on(&Event::Started {
             belief: self.estimator.belief(),
-        });
+        })
     }
 
-    fn input_row(&mut self, time: Time, row: usize, observer: &mut dyn Observer) {
+    fn input_row(&mut self, time: Time, row: usize, observer: &mut dyn Observer) -> Result<(), Halt> {
         if let Some(port) = &self.input {
-            port.gather(&self.rows.rows[row], &mut self.value);
+            port.gather(&self.rows.get(row).values, &mut self.value);
         }
         if !self.value.iter().all(|v| v.is_finite()) {
-            observer.on(&Event::NotFinite { consumer: "process", time });
-            return;
+            return observer.on(&Event::NotFinite { consumer: "process", time });
         }
         let last_end = self.held.as_ref().or(self.previous.as_ref()).map(|s| s.end);
         let Some(start) = last_end else {
@@ -449,16 +435,14 @@ impl Runner {
                 end: time,
                 rates: self.value.clone(),
             });
-            self.start_if_ready(time, observer);
-            return;
+            return self.start_if_ready(time, observer);
         };
         if time <= start {
-            observer.on(&Event::Late {
+            return observer.on(&Event::Late {
                 consumer: "process",
                 time,
                 now: start,
             });
-            return;
         }
         let mut rates = self.spare.pop().unwrap_or_default();
         rates.clone_from(&self.value);
@@ -466,22 +450,23 @@ impl Runner {
         match (self.pairs, self.held.take()) {
             (true, None) => self.held = Some(sample),
             (true, Some(first)) => {
-                self.advance(&first, &sample, false, observer);
-                self.advance(&sample, &first, true, observer);
+                self.advance(&first, &sample, false, observer)?;
+                self.advance(&sample, &first, true, observer)?;
                 self.spare.push(first.rates);
                 self.succeed(sample);
             }
-            (false, _) => self.run_over(sample, observer),
+            (false, _) => self.run_over(sample, observer)?,
         }
-        self.start_if_ready(time, observer);
+        self.start_if_ready(time, observer)
     }
 
     /// Runs over `sample` with the one before it as its neighbour.
-    fn run_over(&mut self, sample: Sample, observer: &mut dyn Observer) {
+    fn run_over(&mut self, sample: Sample, observer: &mut dyn Observer) -> Result<(), Halt> {
         let previous = self.previous.take().unwrap_or_else(|| sample.clone());
-        self.advance(&sample, &previous, true, observer);
+        self.advance(&sample, &previous, true, observer)?;
         self.previous = Some(previous);
         self.succeed(sample);
+        Ok(())
     }
 
     /// Makes `sample` the previous one.
@@ -492,9 +477,15 @@ impl Runner {
     }
 
     /// Runs the estimator over `sample`, serving the measurements that lie inside it.
-    fn advance(&mut self, sample: &Sample, neighbour: &Sample, neighbour_is_earlier: bool, observer: &mut dyn Observer) {
+    fn advance(
+        &mut self,
+        sample: &Sample,
+        neighbour: &Sample,
+        neighbour_is_earlier: bool,
+        observer: &mut dyn Observer,
+    ) -> Result<(), Halt> {
         if !self.started || sample.end <= self.estimator.belief().time {
-            return;
+            return Ok(());
         }
         let input = Input {
             sample: &sample.rates,
@@ -508,110 +499,130 @@ impl Runner {
                 break;
             }
             self.waiting.pop_front();
-            self.predict_under(time, &input, observer);
-            self.offer(sensor, time, row, observer);
+            self.move_to(time, &input, observer)?;
+            self.offer(sensor, time, row, observer)?;
         }
-        self.predict_under(sample.end, &input, observer);
-        observer.on(&Event::Predicted {
-            belief: self.estimator.belief(),
-        });
+        self.move_to(sample.end, &input, observer)?;
+        self.epoch = Some(sample.end);
+        Ok(())
     }
 
-    fn predict_under(&mut self, to: Time, input: &Input<'_>, observer: &mut dyn Observer) {
-        if let Err(error) = self.estimator.predict(to, input) {
-            observer.on(&Event::Failed { error });
+    /// Moves the estimate to `to`; the epoch that it leaves is told first.
+    fn move_to(&mut self, to: Time, input: &Input<'_>, observer: &mut dyn Observer) -> Result<(), Halt> {
+        if to > self.estimator.belief().time {
+            self.tell_epoch(observer)?;
         }
+        if let Err(error) = self.estimator.predict(to, input) {
+            observer.on(&Event::Failed { error })?;
+        }
+        self.tell_steps(observer)
+    }
+
+    fn tell_steps(&self, observer: &mut dyn Observer) -> Result<(), Halt> {
+        self.estimator.steps().iter().try_for_each(|step| observer.on(&Event::Step(step)))
     }
 
     /// Predicts beyond the input by holding its last sample, or by time alone.
-    fn predict(&mut self, to: Time, observer: &mut dyn Observer) {
+    fn predict(&mut self, to: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
         if to <= self.estimator.belief().time {
-            return;
+            return Ok(());
         }
-        let rates: &[f64] = self.previous.as_ref().map_or(&[], |s| &s.rates);
+        let rates: Vec<f64> = self.previous.as_ref().map(|s| s.rates.clone()).unwrap_or_default();
         if rates.len() < self.process.input_dim() {
-            return;
+            return Ok(());
         }
-        if let Err(error) = self.estimator.predict(to, &Input::alone(rates)) {
-            observer.on(&Event::Failed { error });
-        }
+        self.move_to(to, &Input::alone(&rates), observer)
     }
 
-    fn stage_row(&mut self, unit: usize, input: usize, time: Time, row: usize, observer: &mut dyn Observer) {
+    fn stage_row(&mut self, unit: usize, input: usize, time: Time, row: usize, observer: &mut dyn Observer) -> Result<(), Halt> {
         let u = &mut self.stages[unit];
-        u.inputs[input].gather(&self.rows.rows[row], &mut self.value);
-        let mut emitter = core::mem::take(&mut self.emitter);
-        emitter.clear();
+        let origin = self.rows.get(row);
+        u.inputs[input].gather(&origin.values, &mut self.value);
+        let is_disturbed = origin.id(&u.inputs[input].columns).disturbed;
+        let mut emitter = Emitter::new(core::mem::take(&mut self.emitted), &u.name, observer);
         let view = if self.started { Some(self.estimator.view()) } else { None };
         u.stage.row(input, time, &self.value, view.as_ref(), &mut emitter);
-        let output = u.output;
-        for (t, row) in emitter.rows() {
-            self.enqueue(output, t, row, observer);
+        let (output, emitted) = (u.output, emitter.finish()?);
+        let everything = 0..self.streams[output].width;
+        for (time, values) in emitted.rows() {
+            let row = Row {
+                stream: output,
+                time,
+                values,
+                number: self.emissions[unit],
+                disturbed: if is_disturbed { core::slice::from_ref(&everything) } else { &[] },
+            };
+            self.emissions[unit] += 1;
+            self.enqueue(&row, observer)?;
         }
-        self.emitter = emitter;
+        self.emitted = emitted;
+        Ok(())
     }
 
-    fn sensor_row(&mut self, sensor: usize, time: Time, row: usize, observer: &mut dyn Observer) {
+    fn sensor_row(&mut self, sensor: usize, time: Time, row: usize, observer: &mut dyn Observer) -> Result<(), Halt> {
         if self.process.input_dim() == 0 {
-            self.start_if_ready(time, observer);
+            self.start_if_ready(time, observer)?;
         }
         // What started the filter is not used a second time.
         if !self.started || time <= self.start_after {
             self.rows.release(row);
-            return;
+            return Ok(());
         }
         if self.process.input_dim() == 0 {
-            self.predict(time, observer);
-            self.offer(sensor, time, row, observer);
-            observer.on(&Event::Predicted {
-                belief: self.estimator.belief(),
-            });
+            self.predict(time, observer)?;
+            self.epoch = Some(time);
+            self.offer(sensor, time, row, observer)
         } else if time <= self.estimator.belief().time {
-            self.offer(sensor, time, row, observer);
+            self.offer(sensor, time, row, observer)
         } else {
             self.waiting.push_back((time, sensor, row));
+            Ok(())
         }
     }
 
     /// Offers a row to the estimator, which stands at its time, and releases the row.
-    fn offer(&mut self, sensor: usize, time: Time, row: usize, observer: &mut dyn Observer) {
+    fn offer(&mut self, sensor: usize, time: Time, row: usize, observer: &mut dyn Observer) -> Result<(), Halt> {
         let s = &mut self.sensors[sensor];
         let m = s.model.size().residual;
-        let data = &self.rows.rows[row];
+        let data = self.rows.get(row);
         if s.port.columns.is_empty() {
             self.value.clone_from(&s.constant);
         } else {
-            s.port.gather(data, &mut self.value);
+            s.port.gather(&data.values, &mut self.value);
         }
         let noise = &mut self.noise[..m * m];
-        s.noise.fill(data, noise);
-        if time < self.estimator.belief().time {
-            observer.on(&Event::Late {
-                consumer: &s.name,
-                time,
-                now: self.estimator.belief().time,
-            });
-        } else if !self.value.iter().chain(noise.iter()).all(|v| v.is_finite()) {
-            observer.on(&Event::NotFinite { consumer: &s.name, time });
-        } else {
-            let observed = Observed {
-                model: s.model.as_ref(),
-                value: &self.value,
-                noise,
-            };
-            let refusal = s.only_with.and_then(|leader| *self.unused.get(leader)?);
-            let recent = refusal.filter(|(since, _)| time.seconds_since(*since) < SILENCE);
-            let mut closed = recent.map(|(_, mode)| Closed(mode));
-            let gate: &mut dyn Gate = match &mut closed {
-                Some(closed) => closed,
-                None => s.gate.as_mut(),
-            };
-            let update = self.estimator.update(&observed, gate, s.loss.as_ref());
-            let is_used = matches!(update.verdict, Verdict::Accepted | Verdict::Readopted);
-            self.unused[sensor] = (!is_used).then_some((time, update.mode));
-            observer.on(&Event::Updated { sensor, update, time });
-        }
+        s.noise.fill(&data.values, noise);
+        let (id, now) = (data.id(&s.port.columns), self.estimator.belief().time);
         self.rows.release(row);
+        if time < now {
+            let consumer = &s.name;
+            return observer.on(&Event::Late { consumer, time, now });
+        }
+        if !self.value.iter().chain(noise.iter()).all(|v| v.is_finite()) {
+            return observer.on(&Event::NotFinite { consumer: &s.name, time });
+        }
+        let observed = Observed {
+            model: s.model.as_ref(),
+            value: &self.value,
+            noise,
+        };
+        let refusal = s.only_with.and_then(|leader| *self.unused.get(leader)?);
+        let recent = refusal.filter(|(since, _)| time.seconds_since(*since) < SILENCE);
+        let mut closed = recent.map(|(_, mode)| Closed(mode));
+        let gate: &mut dyn Gate = match &mut closed {
+            Some(closed) => closed,
+            None => s.gate.as_mut(),
+        };
+        let update = self.estimator.update(&observed, gate, s.loss.as_ref());
+        let is_used = matches!(update.verdict, Verdict::Accepted | Verdict::Readopted);
+        self.unused[sensor] = (!is_used).then_some((time, update.mode));
+        observer.on(&Event::Updated {
+            sensor,
+            update,
+            time,
+            row: id,
+        })?;
+        self.tell_steps(observer)
     }
 }
 

@@ -352,6 +352,9 @@ mod tests {
         let mut recording = Recording::new(Frame::default());
         let update = Update {
             verdict: Verdict::Accepted,
+            value: &[],
+            predicted: &[],
+            noise: &[],
             residual: &[0.1, 0.2],
             innovation_sigma: &[0.1, 0.1],
             nis: 5.0,

@@ -81,6 +81,9 @@ fn recording(seconds: f64, offset: f64) -> Recording {
 fn update(verdict: Verdict, nis: f64, threshold: f64, mode: Mode) -> Update<'static> {
     Update {
         verdict,
+        value: &[],
+        predicted: &[],
+        noise: &[],
         residual: &[],
         innovation_sigma: &[],
         nis,

@@ -276,7 +276,7 @@ fn simulated(text: &str, seed: u64) -> Flown {
     {
         nav.feed_stream(stream, time, row, &mut count).unwrap();
     }
-    nav.finish(&mut count);
+    nav.finish(&mut count).unwrap();
     Flown { nav, accepted, rejected }
 }
 
@@ -399,7 +399,7 @@ attitude_sigma = [0, 0, "3 deg"]
         nav.feed_stream(compass, time, &[wrap(heading + side.to_radians())], &mut see)
             .unwrap();
     }
-    nav.finish(&mut see);
+    nav.finish(&mut see).unwrap();
     let yaw = nav.solution().unwrap().rpy().unwrap().0.z;
     (wrap(yaw - heading), largest)
 }

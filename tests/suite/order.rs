@@ -111,7 +111,7 @@ fn fed(rows: &[(usize, Time, Vec<f64>)]) -> (Belief, usize, usize) {
     for (stream, time, row) in rows {
         nav.feed_stream(*stream, *time, row, &mut count).unwrap();
     }
-    nav.finish(&mut count);
+    nav.finish(&mut count).unwrap();
     (nav.belief().unwrap().clone(), updates, late)
 }
 

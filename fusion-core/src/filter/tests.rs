@@ -105,7 +105,7 @@ fn filter(layout: LayoutBuilder, process: impl Process + 'static, largest: usize
     )
 }
 
-fn accept<'a>(f: &'a mut Filter, model: &dyn Measurement, value: &[f64], noise: &[f64]) -> Update<'a> {
+fn accept<'a>(f: &'a mut Filter, model: &'a dyn Measurement, value: &'a [f64], noise: &'a [f64]) -> Update<'a> {
     f.update(&Observed { model, value, noise }, &mut Open, &Quadratic)
 }
 
@@ -253,7 +253,8 @@ fn the_update_equals_the_dense_reference_and_reports_its_statistics() {
     let gain = &p * full.transpose() * s.clone().try_inverse().unwrap();
     let residual = &z - &full * &x0;
     let nis = (residual.transpose() * s.clone().try_inverse().unwrap() * &residual)[0];
-    let update = accept(&mut f, &Linear { x: Param::State(x), h }, z.as_slice(), r.as_slice());
+    let model = Linear { x: Param::State(x), h };
+    let update = accept(&mut f, &model, z.as_slice(), r.as_slice());
     assert_eq!(update.verdict, Verdict::Accepted);
     // 1e-13: rounding of an inverse of condition about 10.
     assert!((update.nis - nis).abs() < 1e-13 * nis && (update.innovation_sigma[1] - s[(1, 1)].sqrt()).abs() < 1e-14);

@@ -71,8 +71,14 @@ pub trait Gate: Debug + Send {
     /// Judges one measurement.
     fn judge(&mut self, input: &GateInput<'_>) -> Answer;
 
-    /// Copies the gate with its memory, for snapshots.
+    /// Copies the gate with its memory: the copy continues bit for bit as the original would.
     fn boxed_clone(&self) -> Box<dyn Gate>;
+}
+
+impl Clone for Box<dyn Gate> {
+    fn clone(&self) -> Self {
+        self.boxed_clone()
+    }
 }
 
 /// Rejects what goes with a measurement that was not used, in that one's mode; the NIS is still reported.

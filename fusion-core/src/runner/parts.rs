@@ -1,6 +1,7 @@
-//! What a runner is put together from, and what it tells.
+//! What a runner is put together from.
 
-use crate::filter::{FilterError, Update};
+use super::StreamId;
+use super::event::{Event, Halt, Observer};
 use crate::gate::Gate;
 use crate::loss::Loss;
 use crate::model::Measurement;
@@ -8,9 +9,6 @@ use crate::state::{Belief, Layout, View};
 use crate::time::Time;
 use core::fmt::Debug;
 use std::sync::Arc;
-
-/// The number of a stream, as given by [`Runner::add_stream`](super::Runner::add_stream).
-pub type StreamId = usize;
 
 /// Which numbers of a stream's rows a consumer takes, in its own order.
 #[derive(Clone, Debug, Default)]
@@ -67,7 +65,7 @@ impl Noise {
 }
 
 /// One sensor: a model fed by a stream, with its noise, gate and loss as siblings.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Sensor {
     /// Unique name.
     pub name: String,
@@ -88,28 +86,38 @@ pub struct Sensor {
     pub only_with: Option<usize>,
 }
 
-/// Turns streams into a stream: a detector, a clock, an attitude reference.
+/// Turns streams into a stream: a detector, a clock, a filter of its own.
 pub trait Stage: Debug + Send {
     /// Sees a row of its input number `input`; `view` is the estimate once there is one.
-    fn row(&mut self, input: usize, time: Time, row: &[f64], view: Option<&View<'_>>, out: &mut Emitter);
+    fn row(&mut self, input: usize, time: Time, row: &[f64], view: Option<&View<'_>>, out: &mut Emitter<'_>);
+
+    /// Copies it with its memory: the copy continues bit for bit as the original would.
+    fn boxed_clone(&self) -> Box<dyn Stage>;
 }
 
-/// Collects the rows a stage emits.
-#[derive(Debug, Default)]
-pub struct Emitter {
+impl Clone for Box<dyn Stage> {
+    fn clone(&self) -> Self {
+        self.boxed_clone()
+    }
+}
+
+/// Takes what a stage has to give: rows for its stream, events of a filter inside.
+#[derive(Default)]
+pub struct Emitter<'a> {
+    pub(super) emitted: Emitted,
+    told: Option<(&'a str, &'a mut dyn Observer)>,
+    halt: Option<Halt>,
+}
+
+/// Rows that a stage has emitted.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Emitted {
     rows: Vec<(Time, usize)>,
     data: Vec<f64>,
 }
 
-impl Emitter {
-    /// Emits a row valid at `time`.
-    pub fn emit(&mut self, time: Time, row: &[f64]) {
-        self.rows.push((time, row.len()));
-        self.data.extend_from_slice(row);
-    }
-
-    /// The rows emitted so far.
-    pub fn rows(&self) -> impl Iterator<Item = (Time, &[f64])> {
+impl Emitted {
+    pub(super) fn rows(&self) -> impl Iterator<Item = (Time, &[f64])> {
         let mut start = 0;
         self.rows.iter().map(move |&(t, len)| {
             let row = &self.data[start..start + len];
@@ -117,15 +125,61 @@ impl Emitter {
             (t, row)
         })
     }
+}
 
-    pub(super) fn clear(&mut self) {
-        self.rows.clear();
-        self.data.clear();
+impl Debug for Emitter<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        self.emitted.fmt(f)
+    }
+}
+
+impl<'a> Emitter<'a> {
+    /// One whose events `observer` hears as those of `stage`; `emitted` lends its memory.
+    pub(super) fn new(mut emitted: Emitted, stage: &'a str, observer: &'a mut dyn Observer) -> Self {
+        emitted.rows.clear();
+        emitted.data.clear();
+        Self {
+            emitted,
+            told: Some((stage, observer)),
+            halt: None,
+        }
+    }
+
+    /// Emits a row valid at `time`, which is not before the row that the stage has just seen.
+    pub fn emit(&mut self, time: Time, row: &[f64]) {
+        self.emitted.rows.push((time, row.len()));
+        self.emitted.data.extend_from_slice(row);
+    }
+
+    /// Tells an event of the filter inside the stage, as [`Event::Nested`].
+    pub fn tell(&mut self, event: &Event<'_>) {
+        if let (None, Some((stage, observer))) = (&self.halt, &mut self.told) {
+            self.halt = observer.on(&Event::Nested { stage, event }).err();
+        }
+    }
+
+    /// Whether anyone wants the steps of the filter inside.
+    #[must_use]
+    pub fn wants_steps(&self) -> bool {
+        self.told.as_ref().is_some_and(|(_, observer)| observer.wants_steps())
+    }
+
+    /// The rows emitted so far.
+    pub fn rows(&self) -> impl Iterator<Item = (Time, &[f64])> {
+        self.emitted.rows()
+    }
+
+    /// The rows, unless an observer has stopped the run.
+    pub(super) fn finish(self) -> Result<Emitted, Halt> {
+        match self.halt {
+            Some(halt) => Err(halt),
+            None => Ok(self.emitted),
+        }
     }
 }
 
 /// A stage with its ports and the stream it feeds.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct StageUnit {
     /// Unique name.
     pub name: String,
@@ -147,10 +201,19 @@ pub trait Initialiser: Debug + Send {
 
     /// Writes its part of the belief at `time`; earlier initialisers have written theirs.
     fn write(&self, time: Time, layout: &Layout, belief: &mut Belief);
+
+    /// Copies it with its memory: the copy continues bit for bit as the original would.
+    fn boxed_clone(&self) -> Box<dyn Initialiser>;
+}
+
+impl Clone for Box<dyn Initialiser> {
+    fn clone(&self) -> Self {
+        self.boxed_clone()
+    }
 }
 
 /// An initialiser with its ports.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct InitialiserUnit {
     /// Unique name.
     pub name: String,
@@ -158,63 +221,4 @@ pub struct InitialiserUnit {
     pub initialiser: Box<dyn Initialiser>,
     /// What it listens to.
     pub inputs: Vec<Port>,
-}
-
-/// What the runner tells its observer.
-#[derive(Debug)]
-#[non_exhaustive]
-pub enum Event<'a> {
-    /// The filter starts from this belief.
-    Started {
-        /// The initial belief.
-        belief: &'a Belief,
-    },
-    /// An input sample has been processed whole; for a process driven by time alone, a
-    /// measurement.
-    Predicted {
-        /// The belief at its stamp.
-        belief: &'a Belief,
-    },
-    /// A sensor's measurement has been offered.
-    Updated {
-        /// The sensor's number.
-        sensor: usize,
-        /// What became of it.
-        update: Update<'a>,
-        /// Time of validity.
-        time: Time,
-    },
-    /// A row came too late for the buffer and was not used.
-    Late {
-        /// The consumer's name.
-        consumer: &'a str,
-        /// Its time of validity.
-        time: Time,
-        /// The estimate's time.
-        now: Time,
-    },
-    /// A row held a number that is not finite and was not used.
-    NotFinite {
-        /// The consumer's name.
-        consumer: &'a str,
-        /// Its time of validity.
-        time: Time,
-    },
-    /// The estimator could not go on; the belief is the last sound one.
-    Failed {
-        /// Why.
-        error: FilterError,
-    },
-}
-
-/// Receives typed events.
-pub trait Observer {
-    /// Called for every event, in order.
-    fn on(&mut self, event: &Event<'_>);
-}
-
-impl<F: FnMut(&Event<'_>)> Observer for F {
-    fn on(&mut self, event: &Event<'_>) {
-        self(event);
-    }
 }

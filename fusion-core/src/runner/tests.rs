@@ -70,7 +70,7 @@ fn port(stream: StreamId, column: usize, delay: f64) -> Port {
 fn fed(runner: &mut Runner, rows: &[(StreamId, Time, Vec<f64>)]) -> (Vec<Outcome>, Vec<f64>) {
     let mut outcomes = Vec::new();
     let mut observer = |event: &Event<'_>| match event {
-        Event::Updated { sensor, update, time } => outcomes.push(Outcome {
+        Event::Updated { sensor, update, time, .. } => outcomes.push(Outcome {
             sensor: *sensor,
             time: *time,
             verdict: update.verdict,
@@ -83,9 +83,9 @@ fn fed(runner: &mut Runner, rows: &[(StreamId, Time, Vec<f64>)]) -> (Vec<Outcome
         _ => {}
     };
     for (stream, time, row) in rows {
-        runner.feed(*stream, *time, row, &mut observer).unwrap();
+        runner.feed(&Row::new(*stream, *time, row), &mut observer).unwrap();
     }
-    runner.finish(&mut observer);
+    runner.finish(&mut observer).unwrap();
     (outcomes, runner.belief().x.clone())
 }
 

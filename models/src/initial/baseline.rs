@@ -64,7 +64,7 @@ impl InitialiserSpec for BaselineSpec {
     }
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Baseline {
     min_distance: f64,
     max_age: f64,
@@ -96,6 +96,10 @@ impl Initialiser for Baseline {
         if let Some(yaw) = self.yaw {
             write_yaw(layout, belief, yaw, self.sigma);
         }
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Initialiser> {
+        Box::new(self.clone())
     }
 }
 

@@ -76,7 +76,7 @@ impl InitialiserSpec for CompassSpec {
     }
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Compass {
     sigma: f64,
     declination: f64,
@@ -120,6 +120,10 @@ impl Initialiser for Compass {
         if !self.headings.is_empty() {
             write_yaw(layout, belief, self.heading(), self.sigma);
         }
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Initialiser> {
+        Box::new(self.clone())
     }
 }
 

@@ -64,7 +64,7 @@ impl InitialiserSpec for CourseSpec {
     }
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Course {
     min_speed: f64,
     sigma: f64,
@@ -89,5 +89,9 @@ impl Initialiser for Course {
         if let Some(yaw) = self.yaw {
             write_yaw(layout, belief, yaw, self.sigma);
         }
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Initialiser> {
+        Box::new(self.clone())
     }
 }

@@ -124,7 +124,7 @@ impl InitialiserSpec for ExplicitSpec {
     }
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Explicit {
     origin: Option<Geodetic>,
     place: Option<(Geodetic, [f64; 3])>,
@@ -153,5 +153,9 @@ impl Initialiser for Explicit {
         if let Some((yaw, sigma)) = self.heading {
             write_yaw(layout, belief, yaw, sigma);
         }
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Initialiser> {
+        Box::new(self.clone())
     }
 }

@@ -80,7 +80,7 @@ impl InitialiserSpec for FirstFixSpec {
     }
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct FirstFix {
     origin: Option<Geodetic>,
     position_sigma: [f64; 3],
@@ -135,6 +135,10 @@ impl Initialiser for FirstFix {
         if let (Some(v), Some(sigma)) = (&self.velocity, &self.velocity_sigma) {
             write_velocity(layout, belief, v, sigma);
         }
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Initialiser> {
+        Box::new(self.clone())
     }
 }
 

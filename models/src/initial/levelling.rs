@@ -167,7 +167,7 @@ struct Rest {
     f: Vector3<f64>,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Levelling {
     test: StillTest,
     duration: f64,
@@ -234,6 +234,10 @@ impl Initialiser for Levelling {
             Vector::<3>::write(bias, &mut belief.x[b.storage_range()]);
             belief.covariance.reset_block(b.tangent_range(), sigma);
         }
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Initialiser> {
+        Box::new(self.clone())
     }
 }
 

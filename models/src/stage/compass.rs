@@ -102,7 +102,7 @@ impl StageSpec for CompassStageSpec {
 /// How long the undisturbed field is averaged.
 const LEARNING: f64 = 1.0;
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct CompassStage {
     attitude: Quantity<Attitude>,
     declination: f64,
@@ -150,6 +150,10 @@ impl Stage for CompassStage {
             self.next = time.shifted(self.period);
             out.emit(time, &[wrap(so3::to_rpy(&q).z + seen.turn)]);
         }
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Stage> {
+        Box::new(self.clone())
     }
 }
 

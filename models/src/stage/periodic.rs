@@ -62,7 +62,7 @@ impl StageSpec for PeriodicSpec {
     }
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Periodic {
     period: i64,
     min_speed: Option<(Quantity<Velocity>, f64)>,
@@ -85,6 +85,10 @@ impl Stage for Periodic {
             }
         }
         out.emit(time, &[]);
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Stage> {
+        Box::new(self.clone())
     }
 }
 

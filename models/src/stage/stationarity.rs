@@ -127,7 +127,7 @@ impl StageSpec for StationaritySpec {
     }
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Stationarity {
     test: StillTest,
     gyro_bias: Option<Quantity<Vector<3>>>,
@@ -193,5 +193,9 @@ impl Stage for Stationarity {
         self.next_row = time.shifted(self.period);
         let [w, f] = self.test.means();
         out.emit(time, &[w.x, w.y, w.z, f.x, f.y, f.z]);
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Stage> {
+        Box::new(self.clone())
     }
 }

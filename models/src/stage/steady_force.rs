@@ -65,7 +65,7 @@ impl StageSpec for SteadyForceSpec {
     }
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct SteadyForce {
     gyro_bias: Option<Quantity<Vector<3>>>,
     time_constant: f64,
@@ -91,6 +91,10 @@ impl Stage for SteadyForce {
             self.next = time.shifted(self.period);
             out.emit(time, steady.as_slice());
         }
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Stage> {
+        Box::new(self.clone())
     }
 }
 

@@ -415,7 +415,7 @@ impl CompassSpec {
 }
 
 /// The stage at run time.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Runtime {
     reference: AttitudeReference,
     channel: CompassChannel,
@@ -459,5 +459,9 @@ impl Stage for Runtime {
             (_, CompassChannel::MagneticField) => self.reference.field(time, &Vector3::new(row[0], row[1], row[2])),
             (_, CompassChannel::Heading) => self.reference.heading(time, row[0]),
         }
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Stage> {
+        Box::new(self.clone())
     }
 }

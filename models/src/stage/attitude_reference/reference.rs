@@ -94,7 +94,7 @@ struct Alignment {
 }
 
 /// The attitude reference.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct AttitudeReference {
     settings: Settings,
     alignment: Alignment,

@@ -1,0 +1,136 @@
+//! What the runner tells: typed events, to observers that are independent of each other.
+
+use crate::filter::{FilterError, Step, Update};
+use crate::runner::StreamId;
+use crate::state::Belief;
+use crate::time::Time;
+
+/// Why an observer cannot go on; it stops the run.
+pub type Halt = Box<dyn core::error::Error + Send + Sync>;
+
+/// The row that a measurement came from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RowId {
+    /// The stream.
+    pub stream: StreamId,
+    /// Its number within the stream's source: what [`Row::number`](super::Row::number) said. Rows
+    /// that a stage emits are counted from 0.
+    pub number: u64,
+    /// Its stamp.
+    pub stamp: Time,
+    /// The latest stamp of any stream that had been fed when the row was, its own included: the
+    /// instant of the log at which the row was there.
+    pub arrival: Time,
+    /// Whether a declared fault changed a number that the consumer reads, or, of a row that a
+    /// stage emitted, any number of the row that made it emit.
+    pub disturbed: bool,
+}
+
+/// What the runner tells its observers.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum Event<'a> {
+    /// The filter starts from this belief.
+    Started {
+        /// The initial belief.
+        belief: &'a Belief,
+    },
+    /// The estimate of an epoch: after every measurement that is valid at that time was used.
+    ///
+    /// An epoch is the end of an input sample; for a process driven by time alone, a time at which
+    /// measurements are valid. The event comes as soon as a later row is processed, or the log ends.
+    Estimate {
+        /// The belief, valid at the epoch.
+        belief: &'a Belief,
+    },
+    /// A sensor's measurement has been offered to the estimator.
+    Updated {
+        /// The sensor's number.
+        sensor: usize,
+        /// The measurement, and what became of it.
+        update: Update<'a>,
+        /// Time of validity.
+        time: Time,
+        /// Where it came from.
+        row: RowId,
+    },
+    /// A step of the estimator, for smoothers and ledgers; told where an observer
+    /// [wants](Observer::wants_steps) steps.
+    Step(&'a Step),
+    /// A row came too late for the buffer and was not used.
+    Late {
+        /// The consumer's name.
+        consumer: &'a str,
+        /// Its time of validity.
+        time: Time,
+        /// The estimate's time.
+        now: Time,
+    },
+    /// A row held a number that is not finite and was not used.
+    NotFinite {
+        /// The consumer's name.
+        consumer: &'a str,
+        /// Its time of validity.
+        time: Time,
+    },
+    /// The estimator could not go on; the belief is the last sound one.
+    Failed {
+        /// Why.
+        error: FilterError,
+    },
+    /// What a filter inside a stage tells.
+    Nested {
+        /// The stage's name.
+        stage: &'a str,
+        /// The event of the filter inside; its sensors and streams have numbers of their own.
+        event: &'a Event<'a>,
+    },
+}
+
+/// Hears events. What it does with them changes nothing in the filter.
+pub trait Observer {
+    /// Called for every event, in order.
+    ///
+    /// # Errors
+    /// Where it cannot go on: the runner stops at once and returns the error.
+    fn on(&mut self, event: &Event<'_>) -> Result<(), Halt>;
+
+    /// Whether it hears [`Event::Step`]; priors are copied only where somebody does.
+    fn wants_steps(&self) -> bool {
+        false
+    }
+}
+
+impl<F: FnMut(&Event<'_>)> Observer for F {
+    fn on(&mut self, event: &Event<'_>) -> Result<(), Halt> {
+        self(event);
+        Ok(())
+    }
+}
+
+/// Observers that know nothing of each other, told one after the other.
+#[derive(Default)]
+pub struct Observers<'a>(Vec<&'a mut dyn Observer>);
+
+impl<'a> Observers<'a> {
+    /// Adds one.
+    pub fn add(&mut self, observer: &'a mut dyn Observer) {
+        self.0.push(observer);
+    }
+}
+
+impl core::fmt::Debug for Observers<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{} observers", self.0.len())
+    }
+}
+
+impl Observer for Observers<'_> {
+    fn on(&mut self, event: &Event<'_>) -> Result<(), Halt> {
+        self.0.iter_mut().try_for_each(|o| o.on(event))
+    }
+
+    fn wants_steps(&self) -> bool {
+        self.0.iter().any(|o| o.wants_steps())
+    }
+}

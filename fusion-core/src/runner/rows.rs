@@ -1,0 +1,158 @@
+//! Rows in flight, and the queue that orders them.
+
+use super::StreamId;
+use crate::runner::RowId;
+use crate::time::Time;
+use core::ops::Range;
+use std::collections::VecDeque;
+
+/// A row as it is fed.
+#[derive(Clone, Copy, Debug)]
+pub struct Row<'a> {
+    /// The stream.
+    pub stream: StreamId,
+    /// Its stamp.
+    pub time: Time,
+    /// Its numbers, as many as the stream is wide.
+    pub values: &'a [f64],
+    /// Its number within its source, for messages: a line, a message's index.
+    pub number: u64,
+    /// Ranges of `values` that declared faults have changed.
+    pub disturbed: &'a [Range<usize>],
+}
+
+impl<'a> Row<'a> {
+    /// A row that nobody has numbered and no fault has changed.
+    #[must_use]
+    pub const fn new(stream: StreamId, time: Time, values: &'a [f64]) -> Self {
+        Self {
+            stream,
+            time,
+            values,
+            number: 0,
+            disturbed: &[],
+        }
+    }
+}
+
+/// Who takes a row. Of one time of validity they are served in this order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Consumer {
+    Input,
+    /// Unit, input.
+    Initialiser(usize, usize),
+    /// Unit, input.
+    Stage(usize, usize),
+    /// Rank, number.
+    Sensor(usize, usize),
+}
+
+/// An entry of the reorder queue.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Entry {
+    pub(super) time: Time,
+    pub(super) consumer: Consumer,
+    pub(super) row: usize,
+}
+
+/// Entries by time of validity, then consumer, then arrival.
+///
+/// Sorted, not a heap: rows come nearly in order, and one in order is put at the end at once.
+#[derive(Clone, Debug)]
+pub(super) struct Queue(VecDeque<Entry>);
+
+impl Queue {
+    pub(super) fn new() -> Self {
+        Self(VecDeque::with_capacity(64))
+    }
+
+    pub(super) fn put(&mut self, entry: Entry) {
+        let precedes = |other: &Entry| (other.time, other.consumer) <= (entry.time, entry.consumer);
+        if self.0.back().is_none_or(precedes) {
+            self.0.push_back(entry);
+        } else {
+            self.0.insert(self.0.partition_point(precedes), entry);
+        }
+    }
+
+    /// Takes the first entry, unless it is later than `until`.
+    pub(super) fn take(&mut self, until: Time) -> Option<Entry> {
+        self.0.front().is_some_and(|e| e.time <= until).then(|| self.0.pop_front())?
+    }
+}
+
+/// One row in flight.
+#[derive(Clone, Debug)]
+pub(super) struct Slot {
+    pub(super) values: Vec<f64>,
+    disturbed: Vec<Range<usize>>,
+    id: RowId,
+    uses: u32,
+}
+
+impl Slot {
+    /// Its identity for a consumer that reads `columns`, or does not say which.
+    pub(super) fn id(&self, columns: &[usize]) -> RowId {
+        let is_hit = |range: &Range<usize>| columns.is_empty() || columns.iter().any(|c| range.contains(c));
+        RowId {
+            disturbed: self.disturbed.iter().any(is_hit),
+            ..self.id
+        }
+    }
+}
+
+/// Rows in flight, reused: a row is freed when its last consumer has seen it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Rows {
+    slots: Vec<Slot>,
+    free: Vec<usize>,
+}
+
+impl Rows {
+    pub(super) fn put(&mut self, row: &Row<'_>, arrival: Time) -> usize {
+        let id = RowId {
+            stream: row.stream,
+            number: row.number,
+            stamp: row.time,
+            arrival,
+            disturbed: false,
+        };
+        let at = self.free.pop().unwrap_or_else(|| {
+            self.slots.push(Slot {
+                values: Vec::new(),
+                disturbed: Vec::new(),
+                id,
+                uses: 0,
+            });
+            self.slots.len() - 1
+        });
+        let slot = &mut self.slots[at];
+        slot.values.clear();
+        slot.values.extend_from_slice(row.values);
+        slot.disturbed.clear();
+        slot.disturbed.extend_from_slice(row.disturbed);
+        slot.id = id;
+        slot.uses = 0;
+        at
+    }
+
+    pub(super) fn get(&self, at: usize) -> &Slot {
+        &self.slots[at]
+    }
+
+    pub(super) fn hold(&mut self, at: usize) {
+        self.slots[at].uses += 1;
+    }
+
+    pub(super) fn release(&mut self, at: usize) {
+        self.slots[at].uses -= 1;
+        self.free_unused(at);
+    }
+
+    /// Frees a row that nobody holds.
+    pub(super) fn free_unused(&mut self, at: usize) {
+        if self.slots[at].uses == 0 {
+            self.free.push(at);
+        }
+    }
+}
