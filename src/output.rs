@@ -6,6 +6,7 @@ use fusion_core::gate::Mode;
 use fusion_core::state::{Belief, Block, Kind, Layout};
 use fusion_core::time::Time;
 use fusion_models::earth::LocalFrame;
+use fusion_models::vocabulary::state;
 use nalgebra::Vector3;
 use std::io::{self, Write};
 
@@ -26,7 +27,12 @@ const SOLUTION: [&str; 12] = [
 ];
 
 /// Blocks that the solution's columns already show.
-const SHOWN: [&str; 4] = ["position", "velocity", "attitude", "local_position"];
+const SHOWN: [&str; 4] = [
+    state::POSITION.as_str(),
+    state::VELOCITY.as_str(),
+    state::ATTITUDE.as_str(),
+    state::LOCAL_POSITION.as_str(),
+];
 
 /// Names of a block's axes as they end its columns.
 fn axes(kind: Kind) -> Vec<String> {

@@ -11,7 +11,7 @@ use crate::solution::SolutionReader;
 use crate::tally::Follower;
 use core::ops::Range;
 use fusion_core::runner::{Event, Halt, Observer, StreamId};
-use fusion_core::state::Belief;
+use fusion_core::state::{Belief, StateRole};
 use fusion_core::time::{Time, nanos};
 use fusion_models::earth::LocalFrame;
 use std::fs::File;
@@ -123,11 +123,10 @@ impl Recorder {
         }
         let b = design.filter.backend();
         let layout = self.reader.layout();
-        let shown = ["position", "velocity", "attitude", "local_position", "heading", "speed", "yaw_rate"];
         let parameters = layout
             .blocks()
             .iter()
-            .filter(|b| !shown.contains(&b.name.as_str()))
+            .filter(|b| b.role != StateRole::Kinematic)
             .map(|b| FinalState {
                 name: b.name.clone(),
                 value: last.x[b.storage_range()].to_vec(),

@@ -8,6 +8,7 @@ use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::model::{Input, Process, SignalBuffer};
 use fusion_core::state::{Attitude, Belief, Layout, Quantity, Velocity};
 use fusion_core::time::Time;
+use fusion_models::vocabulary::state;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use std::sync::Arc;
 
@@ -81,9 +82,9 @@ impl SolutionReader {
     #[must_use]
     pub fn new(layout: &Arc<Layout>, process: Arc<dyn Process>) -> Self {
         let (position, velocity, attitude) = (
-            layout.quantity("position").ok(),
-            layout.quantity("velocity").ok(),
-            layout.quantity("attitude").ok(),
+            layout.quantity(state::POSITION).ok(),
+            layout.quantity(state::VELOCITY).ok(),
+            layout.quantity(state::ATTITUDE).ok(),
         );
         let from_signals = matches!(position, Some(Quantity::Signal(_)))
             || matches!(velocity, Some(Quantity::Signal(_)))

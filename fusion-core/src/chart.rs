@@ -173,7 +173,7 @@ attitude_chart!(AdditiveQuaternion, |before, after| {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::state::{Declaration, Dynamics, Geodetic, LayoutBuilder, Scalar};
+    use crate::state::{Declaration, Dynamics, Geodetic, LayoutBuilder, Scalar, StateRole};
     use crate::testing::{Lcg, check_chart, check_reset};
 
     fn layout(q: UnitQuaternion<f64>) -> Layout {
@@ -185,6 +185,7 @@ mod tests {
                 unit: "",
                 initial,
                 sigma,
+                role: StateRole::Kinematic,
                 dynamics: Dynamics::Process,
             })
             .unwrap();

@@ -428,7 +428,7 @@ pub(crate) fn solve_rows(l: &[f64], b: &mut [f64], m: usize, ld: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::state::{Declaration, Dynamics, Layout, LayoutBuilder, Quantity, Scalar, Slot};
+    use crate::state::{Declaration, Dynamics, Layout, LayoutBuilder, Quantity, Scalar, Slot, StateRole};
     use crate::testing::Lcg;
     use nalgebra::{DMatrix, Matrix1};
 
@@ -443,6 +443,7 @@ mod tests {
                 unit: "",
                 initial: 0.0,
                 sigma: vec![1.0],
+                role: StateRole::Calibration,
                 dynamics: Dynamics::Constant,
             })
             .unwrap()

@@ -456,7 +456,7 @@ impl Jacobian {
 mod tests {
     use super::*;
     use crate::model::SignalsOut;
-    use crate::state::{Declaration, Dynamics, LayoutBuilder, Position, Scalar, Vector};
+    use crate::state::{Declaration, Dynamics, LayoutBuilder, Position, Scalar, StateRole, Vector};
     use nalgebra::{Matrix1, Matrix2x3, Matrix3, Vector3};
 
     fn declare<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M::Value) -> Slot<M> {
@@ -467,6 +467,7 @@ mod tests {
             unit: "",
             initial,
             sigma,
+            role: StateRole::Kinematic,
             dynamics: Dynamics::Process,
         })
         .unwrap()

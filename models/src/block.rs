@@ -6,13 +6,16 @@
 use crate::earth::Gravity;
 use crate::param::{ParamSpec, ParamValue};
 use crate::units::{Dimension, Dimensional, UnitError, dim};
+use crate::vocabulary::channel;
 use core::fmt::Debug;
 use fusion_core::gate::Gate;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::loss::Loss;
 use fusion_core::model::{Measurement, Process};
 use fusion_core::runner::{Initialiser, Stage};
-use fusion_core::state::{Declaration, Dynamics, LayoutBuilder, LayoutError, Manifold, Param, Quantity, Signal, Slot};
+use fusion_core::state::{
+    Declaration, Dynamics, LayoutBuilder, LayoutError, Manifold, Param, Quantity, QuantityName, Signal, Slot, StateRole,
+};
 use std::borrow::Cow;
 use thiserror::Error;
 
@@ -94,26 +97,37 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// `width` numbers of `dimension`.
-    #[must_use]
-    pub const fn vector(name: &'static str, width: usize, dimension: Dimension) -> Self {
+    const fn new(name: &'static str, width: usize, dimension: Dimension, shape: Shape) -> Self {
         Self {
             name: Cow::Borrowed(name),
             width,
             dimension,
-            shape: Shape::Vector,
+            shape,
         }
+    }
+
+    /// `width` numbers of `dimension`.
+    #[must_use]
+    pub const fn vector(name: &'static str, width: usize, dimension: Dimension) -> Self {
+        Self::new(name, width, dimension, Shape::Vector)
     }
 
     /// A geodetic position.
     #[must_use]
     pub const fn geodetic(name: &'static str) -> Self {
-        Self {
-            name: Cow::Borrowed(name),
-            width: 3,
-            dimension: Dimension::NONE,
-            shape: Shape::Geodetic,
-        }
+        Self::new(name, 3, Dimension::NONE, Shape::Geodetic)
+    }
+
+    /// An angle \[rad\].
+    #[must_use]
+    pub const fn angle(name: &'static str) -> Self {
+        Self::new(name, 1, dim::Angle::KIND.dimension, Shape::Angle)
+    }
+
+    /// An attitude.
+    #[must_use]
+    pub const fn quaternion(name: &'static str) -> Self {
+        Self::new(name, 4, Dimension::NONE, Shape::Quaternion)
     }
 
     /// How many numbers a displacement of it has, and so its reported 1σ: a quaternion turns
@@ -130,10 +144,7 @@ impl Channel {
 /// The channels of an inertial measurement unit.
 #[must_use]
 pub fn imu_channels() -> Vec<Channel> {
-    vec![
-        Channel::vector("angular_rate", 3, dim::AngularRate::KIND.dimension),
-        Channel::vector("specific_force", 3, dim::Acceleration::KIND.dimension),
-    ]
+    vec![channel::ANGULAR_RATE, channel::SPECIFIC_FORCE]
 }
 
 /// The longest delay that a sensor or a channel may declare, 1 h \[s\]: every row is held back as
@@ -287,11 +298,12 @@ pub struct Build<'a> {
 }
 
 impl Build<'_> {
-    /// A quantity of the process, by name: a state or a signal.
+    /// A quantity of the process, a state or a signal, by one of the names of
+    /// [`vocabulary::state`](crate::vocabulary::state) or by another.
     ///
     /// # Errors
     /// Where it is missing or of another kind.
-    pub fn quantity<M: Manifold>(&self, name: &str) -> Result<Quantity<M>, BuildError> {
+    pub fn quantity<'n, M: Manifold>(&self, name: impl Into<QuantityName<'n, M>>) -> Result<Quantity<M>, BuildError> {
         self.layout
             .so_far()
             .quantity(name)
@@ -308,25 +320,25 @@ impl Build<'_> {
             .ok_or_else(|| BuildError::new("this block needs an origin of local coordinates").help(help))
     }
 
-    /// Declares a state block under a name of its own.
+    /// Declares a state of the process: a kinematic one, see [`StateRole`].
     ///
     /// # Errors
     /// A duplicate name, or numbers that do not fit.
-    pub fn declare<M: Manifold>(
+    pub fn declare<'n, M: Manifold>(
         &mut self,
-        name: &str,
+        name: impl Into<QuantityName<'n, M>>,
         unit: &'static str,
         initial: M::Value,
         sigma: Vec<f64>,
         dynamics: Dynamics,
     ) -> Result<Slot<M>, BuildError> {
-        let (name, owner) = (name.to_owned(), self.name.to_owned());
         Ok(self.layout.declare::<M>(Declaration {
-            name,
-            owner,
+            name: name.into().as_str().to_owned(),
+            owner: self.name.to_owned(),
             unit,
             initial,
             sigma,
+            role: StateRole::Kinematic,
             dynamics,
         })?)
     }
@@ -335,24 +347,45 @@ impl Build<'_> {
     ///
     /// # Errors
     /// A duplicate name.
-    pub fn signal<M: Manifold>(&mut self, name: &str) -> Result<Signal<M>, BuildError> {
+    pub fn signal<'n, M: Manifold>(&mut self, name: impl Into<QuantityName<'n, M>>) -> Result<Signal<M>, BuildError> {
         Ok(self.layout.signal::<M>(name)?)
     }
 
-    /// A calibration parameter: fixed, estimated as `block.field`, or shared with another block.
+    /// A parameter: fixed, estimated as `block.field`, or shared with another block. Estimated it is
+    /// a calibration, and with a correlation time a nuisance, see [`StateRole`].
     ///
     /// # Errors
     /// A bad declaration, or a shared state that is not there yet.
     pub fn param<V: ParamValue>(&mut self, field: &str, spec: &ParamSpec<V>) -> Result<Param<V::Manifold>, BuildError> {
-        let name = format!("{}.{field}", self.name);
-        self.param_named(&name, field, spec)
+        let role = if spec.is_correlated() {
+            StateRole::Nuisance
+        } else {
+            StateRole::Calibration
+        };
+        self.parameter(&format!("{}.{field}", self.name), field, spec, role)
     }
 
-    /// The same under a full name of its own: for the states of a process.
+    /// A parameter of a process, under a full name of its own; estimated it is a calibration,
+    /// however it moves.
     ///
     /// # Errors
     /// As [`Build::param`].
-    pub fn param_named<V: ParamValue>(&mut self, name: &str, field: &str, spec: &ParamSpec<V>) -> Result<Param<V::Manifold>, BuildError> {
+    pub fn param_named<'n, V: ParamValue>(
+        &mut self,
+        name: impl Into<QuantityName<'n, V::Manifold>>,
+        field: &str,
+        spec: &ParamSpec<V>,
+    ) -> Result<Param<V::Manifold>, BuildError> {
+        self.parameter(name.into().as_str(), field, spec, StateRole::Calibration)
+    }
+
+    fn parameter<V: ParamValue>(
+        &mut self,
+        name: &str,
+        field: &str,
+        spec: &ParamSpec<V>,
+        role: StateRole,
+    ) -> Result<Param<V::Manifold>, BuildError> {
         match spec {
             ParamSpec::Fixed(value) => Ok(Param::Fixed(value.value())),
             ParamSpec::Shared(other) => {
@@ -372,6 +405,7 @@ impl Build<'_> {
                     unit: V::SYMBOL,
                     initial,
                     sigma,
+                    role,
                     dynamics,
                 };
                 let slot = self.layout.declare::<V::Manifold>(declared);

@@ -17,9 +17,11 @@ pub mod registry;
 mod seed;
 pub mod sensor;
 pub mod sim;
+pub mod spelling;
 pub mod stage;
 pub mod testing;
 pub mod units;
+pub mod vocabulary;
 
 pub use fusion_core;
 pub use inventory;

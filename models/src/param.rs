@@ -128,6 +128,11 @@ impl<V: ParamValue> ParamSpec<V> {
         }
     }
 
+    /// Whether the parameter is a state of its own with a correlation time.
+    pub(crate) const fn is_correlated(&self) -> bool {
+        matches!(self, Self::Estimated(e) if e.correlation_time.is_some())
+    }
+
     /// Whether the parameter is a state.
     #[must_use]
     pub const fn is_state(&self) -> bool {

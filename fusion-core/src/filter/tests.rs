@@ -1,7 +1,7 @@
 use super::*;
 use crate::gate::{Nis, Open, Recovery};
 use crate::loss::{Huber, Quadratic};
-use crate::state::{Attitude, Declaration, LayoutBuilder, Manifold, Param, Scalar, Slot, Vector};
+use crate::state::{Attitude, Declaration, LayoutBuilder, Manifold, Param, Scalar, Slot, StateRole, Vector};
 use crate::testing::Lcg;
 use nalgebra::{DMatrix, Matrix1, SMatrix, SVector};
 
@@ -13,6 +13,7 @@ pub(crate) fn declare<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M
         unit: "",
         initial,
         sigma,
+        role: StateRole::Kinematic,
         dynamics,
     })
     .unwrap()

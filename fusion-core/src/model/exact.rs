@@ -209,7 +209,7 @@ mod tests {
     use super::*;
     use crate::geometry::so3::{from_rpy, rotation, skew};
     use crate::model::{Input, Process, SignalsOut};
-    use crate::state::{Declaration, Dynamics, Layout, LayoutBuilder, Signal, Slot};
+    use crate::state::{Declaration, Dynamics, Layout, LayoutBuilder, Signal, Slot, StateRole};
     use crate::testing::check_measurement;
 
     /// Reads a block of every kind, one of them twice, one fixed and one a signal.
@@ -265,6 +265,7 @@ mod tests {
                 unit: "",
                 initial,
                 sigma,
+                role: StateRole::Kinematic,
                 dynamics: Dynamics::Process,
             })
             .unwrap()

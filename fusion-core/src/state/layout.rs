@@ -1,6 +1,7 @@
 //! The layout of the state vector: who brings which block, and where it lies.
 
 use super::manifold::{Kind, Manifold};
+use super::name::QuantityName;
 use super::quantity::{Quantity, Signal, Slot};
 use thiserror::Error;
 
@@ -26,6 +27,19 @@ pub enum Dynamics {
     },
 }
 
+/// What a block is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum StateRole {
+    /// The motion: what the process moves.
+    Kinematic,
+    /// A property of the equipment or the surroundings that the filter estimates: a bias, a lever
+    /// arm, the level of the sea.
+    Calibration,
+    /// An error of one sensor's measurements that is correlated in time: a state only so that it is
+    /// not taken for white noise.
+    Nuisance,
+}
+
 /// One named block of the state vector.
 #[derive(Clone, Debug)]
 pub struct Block {
@@ -37,6 +51,8 @@ pub struct Block {
     pub storage: usize,
     /// Offset in the tangent space, i.e. in the covariance.
     pub tangent: usize,
+    /// What it is for.
+    pub role: StateRole,
     /// Its own dynamics.
     pub dynamics: Dynamics,
     /// The model that brought it.
@@ -74,6 +90,8 @@ pub struct Declaration<V> {
     pub initial: V,
     /// Initial 1σ per tangent axis.
     pub sigma: Vec<f64>,
+    /// What it is for.
+    pub role: StateRole,
     /// Its own dynamics.
     pub dynamics: Dynamics,
 }
@@ -149,8 +167,8 @@ impl Layout {
 
     /// The block of that name.
     #[must_use]
-    pub fn block(&self, name: &str) -> Option<&Block> {
-        self.blocks.iter().find(|b| b.name == name)
+    pub fn block(&self, name: impl AsRef<str>) -> Option<&Block> {
+        self.blocks.iter().find(|b| b.name == name.as_ref())
     }
 
     /// Numbers in state storage.
@@ -207,7 +225,8 @@ impl Layout {
     ///
     /// # Errors
     /// [`LayoutError::Missing`] or [`LayoutError::WrongKind`].
-    pub fn slot<M: Manifold>(&self, name: &str) -> Result<Slot<M>, LayoutError> {
+    pub fn slot<'n, M: Manifold>(&self, name: impl Into<QuantityName<'n, M>>) -> Result<Slot<M>, LayoutError> {
+        let name = name.into().as_str();
         match self.block(name) {
             Some(b) if b.kind == M::KIND => Ok(Slot::new(b.storage, b.tangent)),
             Some(b) => Err(wrong_kind(name, b.kind, M::KIND)),
@@ -219,7 +238,8 @@ impl Layout {
     ///
     /// # Errors
     /// [`LayoutError::Missing`] or [`LayoutError::WrongKind`].
-    pub fn quantity<M: Manifold>(&self, name: &str) -> Result<Quantity<M>, LayoutError> {
+    pub fn quantity<'n, M: Manifold>(&self, name: impl Into<QuantityName<'n, M>>) -> Result<Quantity<M>, LayoutError> {
+        let name = name.into().as_str();
         if self.block(name).is_some() {
             return self.slot(name).map(Quantity::State);
         }
@@ -315,6 +335,7 @@ impl LayoutBuilder {
             kind: M::KIND,
             storage: l.storage,
             tangent: l.dim,
+            role: d.role,
             dynamics: d.dynamics,
             owner: d.owner,
             unit: d.unit,
@@ -329,7 +350,8 @@ impl LayoutBuilder {
     ///
     /// # Errors
     /// A duplicate name.
-    pub fn signal<M: Manifold>(&mut self, name: &str) -> Result<Signal<M>, LayoutError> {
+    pub fn signal<'n, M: Manifold>(&mut self, name: impl Into<QuantityName<'n, M>>) -> Result<Signal<M>, LayoutError> {
+        let name = name.into().as_str();
         let l = &mut self.layout;
         if l.signals.iter().any(|s| s.name == name) || l.block(name).is_some() {
             let process = "process".to_owned();

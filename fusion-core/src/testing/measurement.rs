@@ -97,7 +97,7 @@ fn round_trip(model: &dyn Measurement, z: &[f64], m: usize) -> Result<(), String
 mod tests {
     use super::*;
     use crate::model::Undefined;
-    use crate::state::{Angle, Declaration, Dynamics, LayoutBuilder, Manifold, Position, Quantity, Slot, View};
+    use crate::state::{Angle, Declaration, Dynamics, LayoutBuilder, Manifold, Position, Quantity, Slot, StateRole, View};
     use nalgebra::{RowVector3, Vector3};
 
     /// The distance from the origin, its slope off by a factor, its errors undone wrongly.
@@ -139,6 +139,7 @@ mod tests {
                 unit: "",
                 initial,
                 sigma,
+                role: StateRole::Kinematic,
                 dynamics: Dynamics::Process,
             })
             .unwrap()

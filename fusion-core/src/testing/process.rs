@@ -216,7 +216,7 @@ fn check_signals(layout: &Layout, process: &dyn Process, x: &[f64], input: &Inpu
 mod tests {
     use super::*;
     use crate::model::SignalsOut;
-    use crate::state::{Declaration, LayoutBuilder, Scalar, Signal, Slot};
+    use crate::state::{Declaration, LayoutBuilder, Scalar, Signal, Slot, StateRole};
     use nalgebra::Matrix1;
 
     /// What is wrong with a pendulum.
@@ -280,6 +280,7 @@ mod tests {
                 unit: "",
                 initial,
                 sigma: vec![1.0],
+                role: StateRole::Kinematic,
                 dynamics,
             })
             .unwrap()

@@ -94,25 +94,12 @@ pub trait FaultSpec: Debug + Send + Sync {
 #[cfg(test)]
 mod testing {
     use super::{FaultContext, ProvidedChannel};
-    use crate::block::{Channel, Shape};
-    use crate::units::{Dimensional, dim};
+    use crate::block::Channel;
+    use crate::vocabulary::channel;
 
     /// A source of position, velocity, heading and attitude: 3 + 3 + 1 + 4 numbers.
     pub(super) fn channels() -> Vec<ProvidedChannel> {
-        let heading = Channel {
-            shape: Shape::Angle,
-            ..Channel::vector("heading", 1, dim::Angle::KIND.dimension)
-        };
-        let attitude = Channel {
-            shape: Shape::Quaternion,
-            ..Channel::vector("attitude", 4, crate::units::Dimension::NONE)
-        };
-        let channels = [
-            Channel::geodetic("position"),
-            Channel::vector("velocity", 3, dim::Speed::KIND.dimension),
-            heading,
-            attitude,
-        ];
+        let channels = [channel::POSITION, channel::VELOCITY, channel::HEADING, channel::ATTITUDE];
         let mut offset = 0;
         let place = |channel: Channel| {
             let at = offset;

@@ -4,8 +4,9 @@
 //! Valid for a vehicle that has driven forward and about straight over that line.
 
 use super::write_yaw;
-use crate::block::{Build, BuildError, Channel, InitialiserSpec, Listen};
+use crate::block::{Build, BuildError, InitialiserSpec, Listen};
 use crate::units::{NonNegative, Positive, dim};
+use crate::vocabulary::{channel, state};
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Belief, Layout, Manifold};
@@ -45,12 +46,12 @@ impl InitialiserSpec for BaselineSpec {
     fn inputs(&self) -> Vec<Listen> {
         vec![Listen {
             source: self.source.clone(),
-            channels: vec![Channel::geodetic("position")],
+            channels: vec![channel::POSITION],
         }]
     }
 
     fn writes(&self) -> Vec<&'static str> {
-        vec!["heading"]
+        vec![state::HEADING.as_str()]
     }
 
     fn build(&self, _: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {

@@ -4,14 +4,14 @@
 //! earlier in the file, roll and pitch are those it found. Valid while the body keeps its heading.
 
 use super::write_yaw;
-use crate::block::{Build, BuildError, Channel, InitialiserSpec, Listen, Shape};
-use crate::units::{self, Dimensional, NonNegative, Positive, dim};
+use crate::block::{Build, BuildError, InitialiserSpec, Listen};
+use crate::units::{self, NonNegative, Positive, dim};
+use crate::vocabulary::{channel, state};
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Belief, Layout, wrap};
 use fusion_core::time::Time;
 use schemars::JsonSchema;
 use serde::Deserialize;
-use std::borrow::Cow;
 use std::collections::VecDeque;
 
 /// Heading from a compass, averaged.
@@ -49,12 +49,7 @@ duration = "1 s"
 #[typetag::deserialize(name = "compass")]
 impl InitialiserSpec for CompassSpec {
     fn inputs(&self) -> Vec<Listen> {
-        let heading = Channel {
-            name: Cow::Borrowed("heading"),
-            width: 1,
-            dimension: dim::Angle::KIND.dimension,
-            shape: Shape::Angle,
-        };
+        let heading = channel::HEADING;
         vec![Listen {
             source: self.source.clone(),
             channels: vec![heading],
@@ -62,7 +57,7 @@ impl InitialiserSpec for CompassSpec {
     }
 
     fn writes(&self) -> Vec<&'static str> {
-        vec!["heading"]
+        vec![state::HEADING.as_str()]
     }
 
     fn build(&self, _: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {

@@ -4,8 +4,9 @@
 //! vehicle that drives forward without side slip; a boat in a current needs a compass.
 
 use super::write_yaw;
-use crate::block::{Build, BuildError, Channel, InitialiserSpec, Listen};
-use crate::units::{Angle, Dimensional, NonNegative, Positive, dim};
+use crate::block::{Build, BuildError, InitialiserSpec, Listen};
+use crate::units::{Angle, NonNegative, Positive, dim};
+use crate::vocabulary::{channel, state};
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Belief, Layout, wrap};
 use fusion_core::time::Time;
@@ -42,7 +43,7 @@ mounting_yaw = "0 deg"
 #[typetag::deserialize(name = "course")]
 impl InitialiserSpec for CourseSpec {
     fn inputs(&self) -> Vec<Listen> {
-        let velocity = Channel::vector("velocity", 3, dim::Speed::KIND.dimension);
+        let velocity = channel::VELOCITY;
         vec![Listen {
             source: self.source.clone(),
             channels: vec![velocity],
@@ -50,7 +51,7 @@ impl InitialiserSpec for CourseSpec {
     }
 
     fn writes(&self) -> Vec<&'static str> {
-        vec!["heading"]
+        vec![state::HEADING.as_str()]
     }
 
     fn build(&self, _: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {

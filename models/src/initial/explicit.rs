@@ -4,6 +4,7 @@ use super::{write_attitude, write_position, write_velocity, write_yaw};
 use crate::block::{Build, BuildError, InitialiserSpec, Listen};
 use crate::param::Rpy;
 use crate::units::{Angle, Axes, Length, NonNegative, Vec3Of, dim, range};
+use crate::vocabulary::state;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Belief, Layout};
@@ -81,16 +82,16 @@ impl InitialiserSpec for ExplicitSpec {
     fn writes(&self) -> Vec<&'static str> {
         let mut blocks = Vec::new();
         if self.position_sigma.is_some() {
-            blocks.extend(["position", "local_position"]);
+            blocks.extend([state::POSITION.as_str(), state::LOCAL_POSITION.as_str()]);
         }
         if self.velocity_sigma.is_some() {
-            blocks.extend(["velocity", "speed"]);
+            blocks.extend([state::VELOCITY.as_str(), state::SPEED.as_str()]);
         }
         if self.attitude_sigma.is_some() {
-            blocks.push("attitude");
+            blocks.push(state::ATTITUDE.as_str());
         }
         if self.heading_sigma.is_some() {
-            blocks.push("heading");
+            blocks.push(state::HEADING.as_str());
         }
         blocks
     }

@@ -1,8 +1,9 @@
 //! Position and velocity from the latest fix before the start, or the median of the latest few.
 
 use super::{write_position, write_velocity};
-use crate::block::{Build, BuildError, Channel, InitialiserSpec, Listen};
-use crate::units::{Axes, Dimensional, dim, range};
+use crate::block::{Build, BuildError, InitialiserSpec, Listen};
+use crate::units::{Axes, dim, range};
+use crate::vocabulary::{channel, state};
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Belief, Layout, Manifold};
@@ -53,17 +54,17 @@ impl InitialiserSpec for FirstFixSpec {
             source: self.source.clone(),
             channels: vec![channel],
         };
-        let mut inputs = vec![listen(Channel::geodetic("position"))];
+        let mut inputs = vec![listen(channel::POSITION)];
         if self.velocity_sigma.is_some() {
-            inputs.push(listen(Channel::vector("velocity", 3, dim::Speed::KIND.dimension)));
+            inputs.push(listen(channel::VELOCITY));
         }
         inputs
     }
 
     fn writes(&self) -> Vec<&'static str> {
-        let mut blocks = vec!["position", "local_position"];
+        let mut blocks = vec![state::POSITION.as_str(), state::LOCAL_POSITION.as_str()];
         if self.velocity_sigma.is_some() {
-            blocks.extend(["velocity", "speed"]);
+            blocks.extend([state::VELOCITY.as_str(), state::SPEED.as_str()]);
         }
         blocks
     }

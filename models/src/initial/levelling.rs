@@ -13,6 +13,7 @@ use super::write_attitude;
 use crate::block::{Build, BuildError, InitialiserSpec, Listen, imu_channels};
 use crate::stage::still::{StillSpec, StillTest};
 use crate::units::{Axes, NonNegative, Positive, dim, range};
+use crate::vocabulary::state;
 use fusion_core::geometry::{so3, wgs84};
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Belief, Layout, Manifold, Vector};
@@ -79,9 +80,9 @@ impl InitialiserSpec for LevellingSpec {
     }
 
     fn writes(&self) -> Vec<&'static str> {
-        let mut blocks = vec!["attitude"];
+        let mut blocks = vec![state::ATTITUDE.as_str()];
         if self.gyro_bias_sigma.is_some() {
-            blocks.push("gyro_bias");
+            blocks.push(state::GYRO_BIAS.as_str());
         }
         blocks
     }
@@ -230,7 +231,7 @@ impl Initialiser for Levelling {
         let Some((q, bias)) = &self.found else { return };
         let yaw = self.compass.map_or(core::f64::consts::PI, |c| c.sigma);
         write_attitude(layout, belief, q, &[self.tilt_sigma, self.tilt_sigma, yaw]);
-        if let (Some(sigma), Some(b)) = (&self.gyro_bias_sigma, layout.block("gyro_bias")) {
+        if let (Some(sigma), Some(b)) = (&self.gyro_bias_sigma, layout.block(state::GYRO_BIAS)) {
             Vector::<3>::write(bias, &mut belief.x[b.storage_range()]);
             belief.covariance.reset_block(b.tangent_range(), sigma);
         }

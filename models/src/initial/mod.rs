@@ -11,16 +11,17 @@ pub mod first_fix;
 pub mod levelling;
 
 use crate::earth::LocalFrame;
+use crate::vocabulary::state;
 use fusion_core::geometry::{so3, wgs84};
 use fusion_core::state::{Angle, Attitude, Belief, Geodetic, Kind, Layout, Manifold, Position, Velocity};
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// Writes a geodetic position to the block `position`, or `local_position` about `origin`.
 fn write_position(layout: &Layout, belief: &mut Belief, origin: Option<wgs84::Geodetic>, place: &wgs84::Geodetic, sigma: &[f64]) {
-    if let Some(b) = layout.block("position").filter(|b| b.kind == Kind::Geodetic) {
+    if let Some(b) = layout.block(state::POSITION).filter(|b| b.kind == Kind::Geodetic) {
         Geodetic::write(place, &mut belief.x[b.storage_range()]);
         belief.covariance.reset_block(b.tangent_range(), sigma);
-    } else if let (Some(b), Some(origin)) = (layout.block("local_position"), origin) {
+    } else if let (Some(b), Some(origin)) = (layout.block(state::LOCAL_POSITION), origin) {
         Position::write(&LocalFrame::new(origin).to_ned(place), &mut belief.x[b.storage_range()]);
         belief.covariance.reset_block(b.tangent_range(), sigma);
     }
@@ -28,17 +29,17 @@ fn write_position(layout: &Layout, belief: &mut Belief, origin: Option<wgs84::Ge
 
 /// Writes a velocity to the block `velocity`, or its horizontal magnitude to `speed`.
 fn write_velocity(layout: &Layout, belief: &mut Belief, v: &Vector3<f64>, sigma: &[f64]) {
-    if let Some(b) = layout.block("velocity") {
+    if let Some(b) = layout.block(state::VELOCITY) {
         Velocity::write(v, &mut belief.x[b.storage_range()]);
         belief.covariance.reset_block(b.tangent_range(), sigma);
-    } else if let Some(b) = layout.block("speed") {
+    } else if let Some(b) = layout.block(state::SPEED) {
         belief.x[b.storage] = v.x.hypot(v.y);
         belief.covariance.reset_block(b.tangent_range(), &sigma[..1]);
     }
 }
 
 fn write_attitude(layout: &Layout, belief: &mut Belief, q: &UnitQuaternion<f64>, sigma: &[f64]) {
-    if let Some(b) = layout.block("attitude") {
+    if let Some(b) = layout.block(state::ATTITUDE) {
         Attitude::write(q, &mut belief.x[b.storage_range()]);
         belief.covariance.reset_block(b.tangent_range(), sigma);
     }
@@ -48,7 +49,7 @@ fn write_attitude(layout: &Layout, belief: &mut Belief, q: &UnitQuaternion<f64>,
 ///
 /// The yaw variance is laid about the vertical: P_b = Cᵀ diag(tilt², tilt², σ²) C.
 fn write_yaw(layout: &Layout, belief: &mut Belief, yaw: f64, sigma: f64) {
-    if let Some(b) = layout.block("attitude") {
+    if let Some(b) = layout.block(state::ATTITUDE) {
         let range = b.storage_range();
         let rpy = so3::to_rpy(&Attitude::read(&belief.x[range.clone()]));
         let q = so3::from_rpy(rpy.x, rpy.y, yaw);
@@ -62,7 +63,7 @@ fn write_yaw(layout: &Layout, belief: &mut Belief, yaw: f64, sigma: f64) {
                 belief.covariance.set(t + i, t + j, p[(i, j)]);
             }
         }
-    } else if let Some(b) = layout.block("heading") {
+    } else if let Some(b) = layout.block(state::HEADING) {
         Angle::write(&yaw, &mut belief.x[b.storage_range()]);
         belief.covariance.reset_block(b.tangent_range(), &[sigma]);
     }

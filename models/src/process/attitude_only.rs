@@ -13,7 +13,8 @@
 use crate::block::{Build, BuildError, Channel, ProcessSpec};
 use crate::earth::rates::earth_rate_n;
 use crate::param::VectorParam;
-use crate::units::{self, Axes, Dimensional, dim, range};
+use crate::units::{self, Axes, dim, range};
+use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3;
 use fusion_core::linear::Transition;
 use fusion_core::model::{Input, Process, SignalsOut};
@@ -50,16 +51,16 @@ latitude = "36.1 deg"
 #[typetag::deserialize(name = "attitude_only")]
 impl ProcessSpec for AttitudeOnlySpec {
     fn input(&self) -> Vec<Channel> {
-        vec![Channel::vector("angular_rate", 3, dim::AngularRate::KIND.dimension)]
+        vec![channel::ANGULAR_RATE]
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
         let lat = self.latitude.map(|l| l.si()).or(b.origin.map(|o| o.lat));
         let unset = vec![0.0; 3];
         Ok(Box::new(AttitudeOnly {
-            attitude: b.declare::<Attitude>("attitude", "rad", UnitQuaternion::identity(), unset, Dynamics::Process)?,
-            gyro_bias: b.param_named("gyro_bias", "gyro_bias", &self.gyro_bias)?,
-            angular_rate: b.signal("angular_rate")?,
+            attitude: b.declare(state::ATTITUDE, "rad", UnitQuaternion::identity(), unset, Dynamics::Process)?,
+            gyro_bias: b.param_named(state::GYRO_BIAS, "gyro_bias", &self.gyro_bias)?,
+            angular_rate: b.signal(state::ANGULAR_RATE)?,
             gyro_psd: Matrix3::from_diagonal(&Vector3::from(self.gyro_noise.si().map(|n| n * n))),
             w_ie_n: lat.map_or_else(Vector3::zeros, earth_rate_n),
         }))

@@ -12,6 +12,7 @@ use crate::block::{Build, BuildError, Channel, ProcessSpec};
 use crate::earth::LocalFrame;
 use crate::earth::frames::rotation_en;
 use crate::units::{Axes, Vec3Of, dim, range};
+use crate::vocabulary::state;
 use fusion_core::linear::Transition;
 use fusion_core::model::{Input, Process, SignalsOut};
 use fusion_core::state::{Dynamics, Geodetic, Position, Signal, Slot, Vector, Velocity};
@@ -61,15 +62,21 @@ impl ProcessSpec for ConstantVelocitySpec {
         let (position, velocity) = (Vector3::from(self.initial_position.si()), Vector3::from(self.initial_velocity.si()));
         Ok(Box::new(ConstantVelocity {
             position: b.declare(
-                "local_position",
+                state::LOCAL_POSITION,
                 "m",
                 position,
                 self.position_sigma.si().to_vec(),
                 Dynamics::Process,
             )?,
-            velocity: b.declare("velocity", "m/s", velocity, self.velocity_sigma.si().to_vec(), Dynamics::Process)?,
-            geodetic: b.signal("position")?,
-            acceleration: b.signal("acceleration")?,
+            velocity: b.declare(
+                state::VELOCITY,
+                "m/s",
+                velocity,
+                self.velocity_sigma.si().to_vec(),
+                Dynamics::Process,
+            )?,
+            geodetic: b.signal(state::POSITION)?,
+            acceleration: b.signal(state::ACCELERATION)?,
             psd: Vector3::from(self.acceleration_noise.si()).map(|density| density * density),
             c_en: rotation_en(frame.origin().lat, frame.origin().lon),
             frame,

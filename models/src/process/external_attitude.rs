@@ -18,12 +18,13 @@
 //!            the reference's errors have in common
 //! Not here   gyro biases, which the reference takes out or does not
 
-use crate::block::{Build, BuildError, Channel, ProcessSpec, Shape};
+use crate::block::{Build, BuildError, Channel, ProcessSpec};
 use crate::earth::{Gravity, LocalEarth};
 use crate::param::VectorParam;
 use crate::process::strapdown::error_model::{self, Blocks};
 use crate::process::strapdown::mechanisation::{self, Nav};
-use crate::units::{Axes, Dimension, Dimensional, dim, range};
+use crate::units::{Axes, dim, range};
+use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic as Place;
 use fusion_core::linear::Transition;
@@ -32,7 +33,6 @@ use fusion_core::state::{Attitude, Dynamics, Geodetic, Param, Signal, Slot, Vect
 use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector4};
 use schemars::JsonSchema;
 use serde::Deserialize;
-use std::borrow::Cow;
 
 use super::strapdown::GravitySpec;
 
@@ -69,15 +69,7 @@ gravity = "somigliana"
 #[typetag::deserialize(name = "strapdown_external_attitude")]
 impl ProcessSpec for ExternalAttitudeSpec {
     fn input(&self) -> Vec<Channel> {
-        vec![
-            Channel::vector("specific_force", 3, dim::Acceleration::KIND.dimension),
-            Channel {
-                name: Cow::Borrowed("attitude"),
-                width: 4,
-                dimension: Dimension::NONE,
-                shape: Shape::Quaternion,
-            },
-        ]
+        vec![channel::SPECIFIC_FORCE, channel::ATTITUDE]
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
@@ -92,12 +84,12 @@ impl ProcessSpec for ExternalAttitudeSpec {
         let unset = vec![0.0; 3];
         let square = |n: [f64; 3]| Matrix3::from_diagonal(&Vector3::from(n.map(|n| n * n)));
         Ok(Box::new(ExternalAttitude {
-            position: b.declare::<Geodetic>("position", "m", place, unset.clone(), Dynamics::Process)?,
-            velocity: b.declare::<Velocity>("velocity", "m/s", Vector3::zeros(), unset.clone(), Dynamics::Process)?,
-            attitude: b.declare::<Attitude>("attitude", "rad", UnitQuaternion::identity(), unset, Dynamics::Process)?,
-            accel_bias: b.param_named("accel_bias", "accelerometer_bias", &self.accelerometer_bias)?,
-            angular_rate: b.signal("angular_rate")?,
-            acceleration: b.signal("acceleration")?,
+            position: b.declare(state::POSITION, "m", place, unset.clone(), Dynamics::Process)?,
+            velocity: b.declare(state::VELOCITY, "m/s", Vector3::zeros(), unset.clone(), Dynamics::Process)?,
+            attitude: b.declare(state::ATTITUDE, "rad", UnitQuaternion::identity(), unset, Dynamics::Process)?,
+            accel_bias: b.param_named(state::ACCEL_BIAS, "accelerometer_bias", &self.accelerometer_bias)?,
+            angular_rate: b.signal(state::ANGULAR_RATE)?,
+            acceleration: b.signal(state::ACCELERATION)?,
             attitude_psd: square(self.attitude_noise.si()),
             accel_psd: square(self.accelerometer_noise.si()),
             gravity,

@@ -7,10 +7,11 @@
 
 use crate::block::{Build, BuildError, Channel, ProcessSpec};
 use crate::units::{Axes, dim, range};
+use crate::vocabulary::state;
 use fusion_core::geometry::wgs84::Geodetic as Place;
 use fusion_core::linear::Transition;
 use fusion_core::model::{Input, Process};
-use fusion_core::state::{Dynamics, Geodetic};
+use fusion_core::state::Dynamics;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -47,8 +48,8 @@ impl ProcessSpec for HoldSpec {
             height: 0.0,
         });
         let psd = self.walk.si().map(|w| w * w).to_vec();
-        b.declare::<Geodetic>(
-            "position",
+        b.declare(
+            state::POSITION,
             "m",
             place,
             self.position_sigma.si().to_vec(),

@@ -13,6 +13,7 @@
 
 use crate::block::{Build, BuildError, Channel, ProcessSpec};
 use crate::units::{self, Axes, Duration, NonNegative, Positive, dim, range};
+use crate::vocabulary::state;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::{Radii, divisible_cos, radii, radii_derivative};
 use fusion_core::linear::Transition;
@@ -152,20 +153,20 @@ impl ProcessSpec for UnicycleSpec {
         let psd = |density: f64| density * density;
         let heading = wrap(self.initial_heading.si());
         Ok(Box::new(Unicycle {
-            position: b.declare("position", "m", origin, self.position_sigma.si().to_vec(), Dynamics::Process)?,
-            heading: b.declare("heading", "rad", heading, vec![self.heading_sigma.si()], Dynamics::Process)?,
+            position: b.declare(state::POSITION, "m", origin, self.position_sigma.si().to_vec(), Dynamics::Process)?,
+            heading: b.declare(state::HEADING, "rad", heading, vec![self.heading_sigma.si()], Dynamics::Process)?,
             speed: b.declare(
-                "speed",
+                state::SPEED,
                 "m/s",
                 self.initial_speed.si(),
                 vec![self.speed_sigma.si()],
                 Dynamics::Process,
             )?,
-            yaw_rate: b.declare("yaw_rate", "rad/s", 0.0, vec![self.yaw_rate_sigma.si()], Dynamics::Process)?,
-            velocity: b.signal("velocity")?,
-            attitude: b.signal("attitude")?,
-            angular_rate: b.signal("angular_rate")?,
-            acceleration: b.signal("acceleration")?,
+            yaw_rate: b.declare(state::YAW_RATE, "rad/s", 0.0, vec![self.yaw_rate_sigma.si()], Dynamics::Process)?,
+            velocity: b.signal(state::VELOCITY)?,
+            attitude: b.signal(state::ATTITUDE)?,
+            angular_rate: b.signal(state::ANGULAR_RATE)?,
+            acceleration: b.signal(state::ACCELERATION)?,
             position_psd: Vector3::from(self.position_noise.si()).map(psd),
             heading_psd: psd(self.heading_noise.si()),
             speed_psd: psd(self.speed_noise.si()),

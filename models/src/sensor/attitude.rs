@@ -10,9 +10,10 @@
 //! Source     Sola, Deray, Atchuthan 2018 (arXiv 1812.01537), eqs. 66-71
 
 use super::XYZ;
-use crate::block::{Build, BuildError, Channel, Reading, SensorSpec, Shape};
+use crate::block::{Build, BuildError, Reading, SensorSpec};
 use crate::param::RotationParam;
 use crate::units::{Dimension, Dimensional, dim};
+use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3;
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
@@ -20,7 +21,6 @@ use fusion_core::state::{Attitude, Manifold, Param, Quantity, View};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector4};
 use schemars::JsonSchema;
 use serde::Deserialize;
-use std::borrow::Cow;
 
 /// Attitude as a quaternion, from an attitude reference or a motion-capture system.
 #[derive(Debug, Deserialize, JsonSchema)]
@@ -43,12 +43,7 @@ mounting = { estimate = true, initial = [0, "1 deg", "30 deg"], sigma = "2 deg" 
 #[typetag::deserialize(name = "attitude")]
 impl SensorSpec for AttitudeSpec {
     fn reading(&self) -> Reading {
-        Reading::Channel(Channel {
-            name: Cow::Borrowed("attitude"),
-            width: 4,
-            dimension: Dimension::NONE,
-            shape: Shape::Quaternion,
-        })
+        Reading::Channel(channel::ATTITUDE)
     }
 
     fn noise(&self) -> Vec<Dimension> {
@@ -61,7 +56,7 @@ impl SensorSpec for AttitudeSpec {
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
         Ok(Box::new(MeasuredAttitude {
-            attitude: b.quantity("attitude")?,
+            attitude: b.quantity(state::ATTITUDE)?,
             mounting: b.param("mounting", &self.mounting)?,
         }))
     }

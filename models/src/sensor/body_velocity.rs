@@ -14,6 +14,7 @@
 use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
 use crate::param::{RotationParam, ScalarParam, VectorParam};
 use crate::units::{Dimension, Dimensional, dim};
+use crate::vocabulary::state;
 use fusion_core::geometry::so3::{rotation, skew};
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
@@ -222,10 +223,14 @@ impl BodyVelocity {
         let lever_arm = b.param("lever_arm", lever_arm)?;
         let at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
         Ok(Self {
-            velocity: b.quantity("velocity")?,
-            attitude: b.quantity("attitude")?,
+            velocity: b.quantity(state::VELOCITY)?,
+            attitude: b.quantity(state::ATTITUDE)?,
             // Without a lever arm the rate does not matter, and not every process has one.
-            rate: if at_the_body { None } else { Some(b.quantity("angular_rate")?) },
+            rate: if at_the_body {
+                None
+            } else {
+                Some(b.quantity(state::ANGULAR_RATE)?)
+            },
             lever_arm,
             mounting: b.param("mounting", mounting)?,
             scale,

@@ -10,9 +10,10 @@
 //! Source     Groves 2013, §14.3.1
 
 use super::NED;
-use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+use crate::block::{Build, BuildError, Reading, SensorSpec};
 use crate::param::{ScalarParam, VectorParam};
 use crate::units::{Dimension, Dimensional, dim};
+use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3::skew;
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
@@ -53,7 +54,7 @@ bias = { estimate = true, initial = [0, 0, 0], sigma = "1 m", correlation_time =
 #[typetag::deserialize(name = "gnss_position")]
 impl SensorSpec for GnssPositionSpec {
     fn reading(&self) -> Reading {
-        Reading::Channel(Channel::geodetic("position"))
+        Reading::Channel(channel::POSITION)
     }
 
     fn noise(&self) -> Vec<Dimension> {
@@ -73,11 +74,15 @@ impl SensorSpec for GnssPositionSpec {
         let time_offset = b.param("time_offset", &self.time_offset)?;
         let fixed_at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
         Ok(Box::new(GnssPosition {
-            position: b.quantity("position")?,
+            position: b.quantity(state::POSITION)?,
             // A process without an attitude or velocity serves an antenna at the body origin.
-            attitude: if fixed_at_the_body { None } else { Some(b.quantity("attitude")?) },
+            attitude: if fixed_at_the_body {
+                None
+            } else {
+                Some(b.quantity(state::ATTITUDE)?)
+            },
             velocity: if self.time_offset.is_state() {
-                Some(b.quantity("velocity")?)
+                Some(b.quantity(state::VELOCITY)?)
             } else {
                 None
             },

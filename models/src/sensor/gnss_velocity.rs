@@ -11,9 +11,10 @@
 //! Source     Groves 2013, §14.3.1
 
 use super::NED;
-use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+use crate::block::{Build, BuildError, Reading, SensorSpec};
 use crate::param::{ScalarParam, VectorParam};
 use crate::units::{Dimension, Dimensional, dim};
+use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3::{rotation, skew};
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
@@ -51,7 +52,7 @@ horizontal = false
 #[typetag::deserialize(name = "gnss_velocity")]
 impl SensorSpec for GnssVelocitySpec {
     fn reading(&self) -> Reading {
-        Reading::Channel(Channel::vector("velocity", 3, dim::Speed::KIND.dimension))
+        Reading::Channel(channel::VELOCITY)
     }
 
     fn noise(&self) -> Vec<Dimension> {
@@ -70,15 +71,15 @@ impl SensorSpec for GnssVelocitySpec {
         let lever_arm = b.param("lever_arm", &self.lever_arm)?;
         let at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
         Ok(Box::new(GnssVelocity {
-            velocity: b.quantity("velocity")?,
+            velocity: b.quantity(state::VELOCITY)?,
             // A process that does not turn serves an antenna at the body origin.
             turning: if at_the_body {
                 None
             } else {
-                Some((b.quantity("attitude")?, b.quantity("angular_rate")?))
+                Some((b.quantity(state::ATTITUDE)?, b.quantity(state::ANGULAR_RATE)?))
             },
             acceleration: if self.time_offset.is_state() {
-                Some(b.quantity("acceleration")?)
+                Some(b.quantity(state::ACCELERATION)?)
             } else {
                 None
             },

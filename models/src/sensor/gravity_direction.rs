@@ -10,10 +10,11 @@
 //! Source     the derivative of C_nbᵀ e₃ with C_nb ← C_nb Exp(δφ_b)
 
 use super::XYZ;
-use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+use crate::block::{Build, BuildError, Reading, SensorSpec};
 use crate::earth::LocalEarth;
 use crate::param::VectorParam;
 use crate::units::{Dimension, Dimensional, Positive, STANDARD_GRAVITY, dim};
+use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3::skew;
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
@@ -46,7 +47,7 @@ gravity = "9.81 m/s^2"
 #[typetag::deserialize(name = "gravity_direction")]
 impl SensorSpec for GravityDirectionSpec {
     fn reading(&self) -> Reading {
-        Reading::Channel(Channel::vector("specific_force", 3, dim::Acceleration::KIND.dimension))
+        Reading::Channel(channel::SPECIFIC_FORCE)
     }
 
     fn noise(&self) -> Vec<Dimension> {
@@ -60,7 +61,7 @@ impl SensorSpec for GravityDirectionSpec {
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
         let at_origin = b.origin.map_or(STANDARD_GRAVITY, |o| LocalEarth::at(&o).gravity(b.gravity));
         Ok(Box::new(GravityDirection {
-            attitude: b.quantity("attitude")?,
+            attitude: b.quantity(state::ATTITUDE)?,
             bias: b.param("bias", &self.bias)?,
             gravity: self.gravity.map_or(at_origin, |g| g.si()),
         }))

@@ -9,9 +9,10 @@
 //! Not here   tilt compensation of raw magnetometers
 //! Source     the derivative of atan2 with C ← C (I + [δφ_b ×])
 
-use crate::block::{Build, BuildError, Channel, Reading, SensorSpec, Shape};
+use crate::block::{Build, BuildError, Reading, SensorSpec};
 use crate::param::ScalarParam;
 use crate::units::{self, Dimension, Dimensional, dim};
+use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3::{GIMBAL_LOCK_C31, rotation};
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
@@ -19,7 +20,6 @@ use fusion_core::state::{Angle, Attitude, Param, Quantity, Scalar, View, wrap};
 use nalgebra::{Matrix1, Matrix3, RowVector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
-use std::borrow::Cow;
 
 /// ψ and ∂ψ/∂δφ_b of an attitude `c_nb`; undefined where the nose points straight up or down.
 fn yaw(c_nb: &Matrix3<f64>) -> Result<(f64, RowVector3<f64>), Undefined> {
@@ -56,13 +56,7 @@ declination = "-8 deg"
 #[typetag::deserialize(name = "heading")]
 impl SensorSpec for HeadingSpec {
     fn reading(&self) -> Reading {
-        let dimension = dim::Angle::KIND.dimension;
-        Reading::Channel(Channel {
-            name: Cow::Borrowed("heading"),
-            width: 1,
-            dimension,
-            shape: Shape::Angle,
-        })
+        Reading::Channel(channel::HEADING)
     }
 
     fn noise(&self) -> Vec<Dimension> {
@@ -71,9 +65,9 @@ impl SensorSpec for HeadingSpec {
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
         // A planar process that estimates its heading knows it best.
-        let heading = match b.quantity("heading") {
+        let heading = match b.quantity(state::HEADING) {
             Ok(heading) => Source::Heading(heading),
-            Err(_) => Source::Attitude(b.quantity("attitude")?),
+            Err(_) => Source::Attitude(b.quantity(state::ATTITUDE)?),
         };
         Ok(Box::new(Heading {
             heading,

@@ -9,6 +9,7 @@ use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
 use crate::earth::frames::ecef_from_geodetic;
 use crate::param::{ScalarParam, VectorParam};
 use crate::units::{Angle, Dimension, Dimensional, Length, dim};
+use crate::vocabulary::state;
 use core::f64::consts::FRAC_PI_2;
 use fusion_core::geometry::wgs84::{ECCENTRICITY_SQUARED, Geodetic, SEMI_MAJOR_AXIS};
 use fusion_core::model::{Exact, ExactModel, ExactView, Measurement, Real, Undefined};
@@ -70,8 +71,8 @@ impl SensorSpec for RangeSpec {
         let at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
         Ok(Box::new(Exact(Range {
             beacon_e: ecef_from_geodetic(&Geodetic::new(self.latitude.si(), self.longitude.si(), self.height.si())),
-            position: b.quantity("position")?,
-            attitude: if at_the_body { None } else { Some(b.quantity("attitude")?) },
+            position: b.quantity(state::POSITION)?,
+            attitude: if at_the_body { None } else { Some(b.quantity(state::ATTITUDE)?) },
             lever_arm,
             scale: b.param("scale", &self.scale)?,
             bias: b.param("bias", &self.bias)?,
@@ -126,7 +127,7 @@ mod tests {
     use fusion_core::geometry::so3::{rotation, skew};
     use fusion_core::geometry::wgs84::{Radii, radii};
     use fusion_core::linear::Jacobian;
-    use fusion_core::state::{Declaration, Dynamics, Layout, LayoutBuilder, Manifold, View};
+    use fusion_core::state::{Declaration, Dynamics, Layout, LayoutBuilder, Manifold, StateRole, View};
     use nalgebra::RowVector3;
 
     /// The same model with its Jacobian by hand.
@@ -166,6 +167,7 @@ mod tests {
                     unit: "",
                     initial,
                     sigma,
+                    role: StateRole::Calibration,
                     dynamics,
                 })
                 .unwrap(),

@@ -6,6 +6,7 @@
 use crate::block::{Build, BuildError};
 use crate::param::VectorParam;
 use crate::units::dim;
+use crate::vocabulary::state;
 use fusion_core::geometry::so3::{rotation, skew};
 use fusion_core::linear::Jacobian;
 use fusion_core::state::{Attitude, Geodetic, Param, Quantity, Vector, View};
@@ -24,8 +25,8 @@ impl Vertical {
         let lever_arm = b.param("lever_arm", lever_arm)?;
         let at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
         Ok(Self {
-            position: b.quantity("position")?,
-            attitude: if at_the_body { None } else { Some(b.quantity("attitude")?) },
+            position: b.quantity(state::POSITION)?,
+            attitude: if at_the_body { None } else { Some(b.quantity(state::ATTITUDE)?) },
             lever_arm,
         })
     }

@@ -8,6 +8,7 @@
 use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
 use crate::param::ScalarParam;
 use crate::units::{Dimension, Dimensional, dim};
+use crate::vocabulary::state;
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Param, Quantity, Scalar, View};
@@ -45,7 +46,7 @@ impl SensorSpec for YawRateSpec {
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
         Ok(Box::new(YawRate {
-            rate: b.quantity("yaw_rate")?,
+            rate: b.quantity(state::YAW_RATE)?,
             bias: b.param("bias", &self.bias)?,
         }))
     }

@@ -9,9 +9,10 @@
 //! Source     Groves 2013, §15.3
 
 use super::XYZ;
-use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+use crate::block::{Build, BuildError, Reading, SensorSpec};
 use crate::earth::LocalEarth;
 use crate::units::{Dimension, Dimensional, dim};
+use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3::{rotation, skew};
 use fusion_core::geometry::wgs84::{EARTH_RATE, radii_derivative};
 use fusion_core::linear::Jacobian;
@@ -51,7 +52,7 @@ crate::register!(Sensor, "zero_angular_rate", ZeroAngularRateSpec, "");
 #[typetag::deserialize(name = "zero_angular_rate")]
 impl SensorSpec for ZeroAngularRateSpec {
     fn reading(&self) -> Reading {
-        Reading::Channel(Channel::vector("angular_rate", 3, dim::AngularRate::KIND.dimension))
+        Reading::Channel(channel::ANGULAR_RATE)
     }
 
     fn noise(&self) -> Vec<Dimension> {
@@ -65,10 +66,10 @@ impl SensorSpec for ZeroAngularRateSpec {
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
         let help = "let the process estimate its gyro bias: `gyro_bias = { estimate = true, … }`; without it this block corrects nothing";
         Ok(Box::new(ZeroAngularRate {
-            gyro_bias: b.quantity("gyro_bias").map_err(|e| e.help(help))?,
-            position: b.quantity("position")?,
-            velocity: b.quantity("velocity")?,
-            attitude: b.quantity("attitude")?,
+            gyro_bias: b.quantity(state::GYRO_BIAS).map_err(|e| e.help(help))?,
+            position: b.quantity(state::POSITION)?,
+            velocity: b.quantity(state::VELOCITY)?,
+            attitude: b.quantity(state::ATTITUDE)?,
         }))
     }
 }

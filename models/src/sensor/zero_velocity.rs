@@ -9,6 +9,7 @@
 use super::NED;
 use crate::block::{Build, BuildError, Reading, SensorSpec};
 use crate::units::{Dimension, Dimensional, dim};
+use crate::vocabulary::state;
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Quantity, Velocity, View};
@@ -39,7 +40,7 @@ impl SensorSpec for ZeroVelocitySpec {
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
         Ok(Box::new(ZeroVelocity {
-            velocity: b.quantity("velocity")?,
+            velocity: b.quantity(state::VELOCITY)?,
         }))
     }
 }

@@ -10,9 +10,10 @@
 //! Valid      the heading is as wrong as the tilt times tan(dip)
 
 use super::attitude_reference::field_gate::{FieldGate, FieldGateSpec};
-use super::attitude_reference::{heading_channel, kernel, no_soft_iron, thirty_hertz};
+use super::attitude_reference::{kernel, no_soft_iron, thirty_hertz};
 use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
-use crate::units::{self, Dimensional, Positive, Vec3Of, dim};
+use crate::units::{self, Positive, Vec3Of, dim};
+use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Attitude, Quantity, View, wrap};
@@ -64,13 +65,13 @@ gate = { magnitude = "5 %", dip = "3 deg", adopt_after = "60 s" }
 #[typetag::deserialize(name = "compass")]
 impl StageSpec for CompassStageSpec {
     fn inputs(&self) -> Vec<Listen> {
-        let field = Channel::vector("magnetic_field", 3, dim::MagneticField::KIND.dimension);
+        let field = channel::MAGNETIC_FIELD;
         let mut inputs = vec![Listen {
             source: self.source.clone(),
             channels: vec![field],
         }];
         if let Some(source) = &self.level_source {
-            let force = Channel::vector("specific_force", 3, dim::Acceleration::KIND.dimension);
+            let force = channel::SPECIFIC_FORCE;
             inputs.push(Listen {
                 source: source.clone(),
                 channels: vec![force],
@@ -80,12 +81,12 @@ impl StageSpec for CompassStageSpec {
     }
 
     fn output(&self) -> Vec<Channel> {
-        vec![heading_channel()]
+        vec![channel::HEADING]
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
         Ok(Box::new(CompassStage {
-            attitude: b.quantity("attitude")?,
+            attitude: b.quantity(state::ATTITUDE)?,
             declination: self.declination.si(),
             soft_iron: Matrix3::from_rows(&self.soft_iron.map(|row| Vector3::from(row.si()).transpose())),
             hard_iron: self.hard_iron.si().into(),

@@ -6,6 +6,7 @@
 
 use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
 use crate::units::{NonNegative, Positive, dim};
+use crate::vocabulary::state;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Quantity, Velocity, View};
 use fusion_core::time::{Time, nanos};
@@ -50,7 +51,7 @@ impl StageSpec for PeriodicSpec {
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
         let min_speed = match self.min_speed {
-            Some(speed) => Some((b.quantity("velocity")?, speed.si())),
+            Some(speed) => Some((b.quantity(state::VELOCITY)?, speed.si())),
             None => None,
         };
         Ok(Box::new(Periodic {

@@ -11,7 +11,8 @@
 
 use super::still::{StillSpec, StillTest};
 use crate::block::{Build, BuildError, Channel, Listen, StageSpec, imu_channels};
-use crate::units::{Dimensional, Positive, dim};
+use crate::units::{Positive, dim};
+use crate::vocabulary::{channel, state};
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Attitude, Quantity, Vector, Velocity, View};
 use fusion_core::time::{Time, nanos};
@@ -88,7 +89,7 @@ impl StageSpec for StationaritySpec {
             channels: imu_channels(),
         }];
         if let Some(gnss) = &self.gnss {
-            let velocity = Channel::vector("velocity", 3, dim::Speed::KIND.dimension);
+            let velocity = channel::VELOCITY;
             inputs.push(Listen {
                 source: gnss.source.clone(),
                 channels: vec![velocity],
@@ -104,15 +105,15 @@ impl StageSpec for StationaritySpec {
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
         let mut filter_speed = None;
         if let Some(max) = self.max_speed {
-            filter_speed = Some((b.quantity("velocity")?, max.si()));
+            filter_speed = Some((b.quantity(state::VELOCITY)?, max.si()));
         }
         let mut lift = None;
         if let Some(max) = self.max_mean_acceleration {
-            lift = Some((b.quantity("attitude")?, b.quantity("accel_bias").ok(), max.si()));
+            lift = Some((b.quantity(state::ATTITUDE)?, b.quantity(state::ACCEL_BIAS).ok(), max.si()));
         }
         Ok(Box::new(Stationarity {
             test: StillTest::new(&self.still),
-            gyro_bias: b.quantity("gyro_bias").ok(),
+            gyro_bias: b.quantity(state::GYRO_BIAS).ok(),
             lift,
             filter_speed,
             witness: self.gnss.as_ref().map(|g| (g.max_speed.si(), g.max_age.si())),

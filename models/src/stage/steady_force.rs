@@ -10,7 +10,8 @@
 
 use super::attitude_reference::kernel;
 use crate::block::{Build, BuildError, Channel, Listen, StageSpec, imu_channels};
-use crate::units::{Dimensional, Positive, dim};
+use crate::units::{Positive, dim};
+use crate::vocabulary::{channel, state};
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Quantity, Vector, View};
 use fusion_core::time::{Time, nanos};
@@ -51,12 +52,12 @@ impl StageSpec for SteadyForceSpec {
     }
 
     fn output(&self) -> Vec<Channel> {
-        vec![Channel::vector("specific_force", 3, dim::Acceleration::KIND.dimension)]
+        vec![channel::SPECIFIC_FORCE]
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
         Ok(Box::new(SteadyForce {
-            gyro_bias: b.quantity("gyro_bias").ok(),
+            gyro_bias: b.quantity(state::GYRO_BIAS).ok(),
             time_constant: self.time_constant.si(),
             period: nanos(1.0 / self.rate.si()),
             last: None,

@@ -123,25 +123,10 @@ pub(super) fn suggest(symbol: &str) -> Option<String> {
         .flat_map(|unit| PREFIXES.iter().map(|(prefix, _)| format!("{prefix}{}", unit.symbol)));
     // Case alone is no mistake worth counting; otherwise a third of the letters may differ.
     bare.chain(scaled)
-        .map(|known| (distance(&wanted, &known.to_lowercase()), known))
+        .map(|known| (strsim::osa_distance(&wanted, &known.to_lowercase()), known))
         .filter(|(distance, _)| distance * 3 <= wanted.chars().count())
         .min_by_key(|(distance, _)| *distance)
         .map(|(_, known)| known)
-}
-
-/// Levenshtein distance, one row at a time.
-fn distance(from: &str, to: &str) -> usize {
-    let mut row: Vec<usize> = (0..=to.chars().count()).collect();
-    for (i, a) in from.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, b) in to.chars().enumerate() {
-            let replaced = diagonal + usize::from(a != b);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row.last().copied().unwrap_or_default()
 }
 
 #[cfg(test)]

@@ -17,6 +17,7 @@ use crate::block::{Build, BuildError, Channel, ProcessSpec, imu_channels};
 use crate::earth::Gravity;
 use crate::param::VectorParam;
 use crate::units::{Axes, dim, range};
+use crate::vocabulary::state;
 use error_model::Blocks;
 use fusion_core::geometry::wgs84::Geodetic as Place;
 use fusion_core::linear::Transition;
@@ -152,20 +153,20 @@ impl ProcessSpec for StrapdownSpec {
             height: 0.0,
         });
         let unset = vec![0.0; 3];
-        let position = b.declare::<Geodetic>("position", "m", place, unset.clone(), Dynamics::Process)?;
-        let velocity = b.declare::<Velocity>("velocity", "m/s", Vector3::zeros(), unset.clone(), Dynamics::Process)?;
-        let attitude = b.declare::<Attitude>("attitude", "rad", UnitQuaternion::identity(), unset, Dynamics::Process)?;
+        let position = b.declare(state::POSITION, "m", place, unset.clone(), Dynamics::Process)?;
+        let velocity = b.declare(state::VELOCITY, "m/s", Vector3::zeros(), unset.clone(), Dynamics::Process)?;
+        let attitude = b.declare(state::ATTITUDE, "rad", UnitQuaternion::identity(), unset, Dynamics::Process)?;
         let square = |n: [f64; 3]| Matrix3::from_diagonal(&Vector3::from(n.map(|n| n * n)));
         Ok(Box::new(Strapdown {
             position,
             velocity,
             attitude,
-            gyro_bias: b.param_named("gyro_bias", "gyro.bias", &self.gyro.bias)?,
-            accel_bias: b.param_named("accel_bias", "accelerometer.bias", &self.accelerometer.bias)?,
-            gyro_scale: b.param_named("gyro_scale", "gyro.scale", &self.gyro.scale)?,
-            accel_scale: b.param_named("accel_scale", "accelerometer.scale", &self.accelerometer.scale)?,
-            angular_rate: b.signal("angular_rate")?,
-            acceleration: b.signal("acceleration")?,
+            gyro_bias: b.param_named(state::GYRO_BIAS, "gyro.bias", &self.gyro.bias)?,
+            accel_bias: b.param_named(state::ACCEL_BIAS, "accelerometer.bias", &self.accelerometer.bias)?,
+            gyro_scale: b.param_named(state::GYRO_SCALE, "gyro.scale", &self.gyro.scale)?,
+            accel_scale: b.param_named(state::ACCEL_SCALE, "accelerometer.scale", &self.accelerometer.scale)?,
+            angular_rate: b.signal(state::ANGULAR_RATE)?,
+            acceleration: b.signal(state::ACCELERATION)?,
             gyro_psd: square(self.gyro.noise.si()),
             accel_psd: square(self.accelerometer.noise.si()),
             integrator: self.integrator,

@@ -21,10 +21,11 @@ use super::inverse::{self, Correction, Sample, before_correction, pair_before_co
 use super::noise::SensorError;
 use super::spec::SimulationSpec;
 use super::world::{OpenLoop, Truth, World};
-use crate::block::{BuildError, Channel, Shape, imu_channels};
+use crate::block::{BuildError, Channel, imu_channels};
 use crate::earth::Gravity;
 use crate::process::strapdown::mechanisation::Nav;
-use crate::units::{Dimension, Dimensional, dim};
+use crate::units::Dimension;
+use crate::vocabulary::channel;
 use core::cmp::Reverse;
 use fusion_core::Time;
 use fusion_core::geometry::so3;
@@ -32,7 +33,6 @@ use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::model::{Measurement, Process};
 use fusion_core::state::Layout;
 use fusion_core::time::nanos;
-use std::borrow::Cow;
 use std::collections::BinaryHeap;
 use std::sync::Arc;
 use true_state::TrueState;
@@ -443,17 +443,8 @@ impl Simulator {
 /// The channels of the `reference` stream.
 #[must_use]
 pub fn reference_channels() -> Vec<Channel> {
-    let attitude = Channel {
-        name: Cow::Borrowed("attitude"),
-        width: 4,
-        dimension: Dimension::NONE,
-        shape: Shape::Quaternion,
-    };
-    vec![
-        Channel::geodetic("position"),
-        Channel::vector("velocity", 3, dim::Speed::KIND.dimension),
-        attitude,
-    ]
+    let attitude = channel::ATTITUDE;
+    vec![channel::POSITION, channel::VELOCITY, attitude]
 }
 
 #[cfg(test)]

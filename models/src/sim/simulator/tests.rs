@@ -1,7 +1,8 @@
 use super::*;
 use crate::block::{Build, ProcessSpec, SensorSpec};
+use crate::vocabulary::state;
 use fusion_core::model::Input;
-use fusion_core::state::{Angle, Attitude, LayoutBuilder, Manifold, Scalar, Vector};
+use fusion_core::state::{Attitude, Dynamics, LayoutBuilder, Manifold, Vector, Velocity};
 use nalgebra::Vector3;
 
 const ORIGIN: Geodetic = Geodetic::new(0.612_167, 2.252_993, 10.0);
@@ -249,12 +250,12 @@ fn the_true_state_holds_the_errors_of_the_unit() {
         }
     }
     let x = simulator.reference_state();
-    let bias = layout.slot::<Vector<3>>("gyro_bias").unwrap().read(x);
+    let bias = layout.slot(state::GYRO_BIAS).unwrap().read(x);
     assert!(bias.norm() > 1e-7);
     let truth = simulator.truth().imu;
     // 1e-15: rounding at rates of 1e-4.
     assert!((Vector3::from_column_slice(&imu[..3]) - truth.rate - bias).norm() < 1e-15);
-    let bias = layout.slot::<Vector<3>>("accel_bias").unwrap().read(x);
+    let bias = layout.slot(state::ACCEL_BIAS).unwrap().read(x);
     assert!((Vector3::from_column_slice(&imu[3..]) - truth.force - bias).norm() < 1e-12 && bias.norm() > 1e-4);
     assert_eq!(Geodetic::read(x), simulator.truth().nav.position);
 }
@@ -288,6 +289,49 @@ fn parameters_stay_at_their_initial_values_or_are_drawn_about_them() {
 }
 
 #[test]
+fn a_moved_state_that_the_world_does_not_know_is_refused_with_the_name_that_was_meant() {
+    #[derive(Debug)]
+    struct Still;
+    impl Process for Still {
+        fn input_dim(&self) -> usize {
+            0
+        }
+        fn propagate(&self, _: &mut [f64], _: &Input<'_>, _: f64) {}
+        fn linearise(&self, _: &[f64], _: &Input<'_>, _: f64, _: &mut fusion_core::linear::Transition) {}
+    }
+    let refusal = |name: &str| {
+        let mut layout = LayoutBuilder::new();
+        let mut build = Build {
+            name: "process",
+            layout: &mut layout,
+            origin: Some(ORIGIN),
+            gravity: Gravity::default(),
+        };
+        build
+            .declare::<Velocity>(name, "m/s", Vector3::zeros(), vec![1.0; 3], Dynamics::Process)
+            .unwrap();
+        let setup = Setup {
+            layout: layout.so_far(),
+            process: Arc::new(Still),
+            input: &[],
+            origin: ORIGIN,
+            gravity: Gravity::default(),
+            sensors: Vec::new(),
+        };
+        let spec: SimulationSpec = toml::from_str("trajectory = [{ rest = { duration = 1 } }]").unwrap();
+        Simulator::new(&spec, setup, 1).map_err(|e| e.message).err()
+    };
+    assert_eq!(refusal("velocity"), None);
+    let message = refusal("velocty").unwrap();
+    assert!(
+        message.contains("`velocty`") && message.ends_with("did you mean `velocity`?"),
+        "{message}"
+    );
+    assert!(refusal("current").unwrap().ends_with("`current`, which the process moves"));
+    assert!(refusal("attitude").unwrap().contains("Velocity, and Attitude is needed"));
+}
+
+#[test]
 fn memory_is_bounded_by_the_longest_delay() {
     let text = strapdown("one_sample", false) + GNSS + &simulation("imu = { rate = 100 }\nsensor.gnss = { rate = 50 }", &short());
     let (_, _, mut simulator) = simulate(&text, 1).unwrap();
@@ -309,13 +353,13 @@ fn a_process_without_input_needs_no_unit_and_one_with_input_does() {
     while simulator.next_row(&mut row).is_some() {
         let truth = simulator.truth();
         let x = simulator.reference_state();
-        let speed = layout.slot::<Scalar>("speed").unwrap().read(x);
-        let rate = layout.slot::<Scalar>("yaw_rate").unwrap().read(x);
+        let speed = layout.slot(state::SPEED).unwrap().read(x);
+        let rate = layout.slot(state::YAW_RATE).unwrap().read(x);
         // 1e-11 m/s: the plane of the origin is tilted by 4e-6 rad at 25 m, squared.
         assert!((speed - truth.nav.v_eb_n.norm()).abs() < 1e-11, "{speed}");
         assert!((-1e-9..0.2).contains(&rate), "{rate}");
     }
-    let heading = layout.slot::<Angle>("heading").unwrap().read(simulator.reference_state());
+    let heading = layout.slot(state::HEADING).unwrap().read(simulator.reference_state());
     // The last reference row is up to 0.1 s before the end of the turn, where the rate is small.
     assert!((heading - (20_f64.to_radians() + 1.0)).abs() < 1e-3, "{heading}");
     assert_eq!(simulator.streams().len(), 1);

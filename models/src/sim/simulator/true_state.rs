@@ -7,11 +7,15 @@ use super::super::world::Truth;
 use super::Setup;
 use crate::block::{BuildError, Channel};
 use crate::earth::{LocalEarth, LocalFrame};
+use crate::spelling::did_you_mean;
+use crate::vocabulary::{channel, state};
 use fusion_core::Time;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::model::{Input, Process, SignalBuffer};
-use fusion_core::state::{Angle, Attitude, Block, Dynamics, Kind, Layout, Manifold, Position, Scalar, Slot, Vector, Velocity, View};
+use fusion_core::state::{
+    Angle, Attitude, Block, Dynamics, Kind, Layout, LayoutError, Manifold, Position, Scalar, Slot, StateRole, Vector, Velocity, View,
+};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -54,28 +58,38 @@ enum Known {
     AccelScale(Slot<Vector<3>>),
 }
 
+/// The names that a simulated world knows, each with the handle to it in a layout.
+type KnownName = (&'static str, fn(&Layout) -> Result<Known, LayoutError>);
+const KNOWN: [KnownName; 11] = [
+    (state::POSITION.as_str(), |l| l.slot(state::POSITION).map(Known::Geodetic)),
+    (state::LOCAL_POSITION.as_str(), |l| l.slot(state::LOCAL_POSITION).map(Known::Local)),
+    (state::VELOCITY.as_str(), |l| l.slot(state::VELOCITY).map(Known::Velocity)),
+    (state::ATTITUDE.as_str(), |l| l.slot(state::ATTITUDE).map(Known::Attitude)),
+    (state::HEADING.as_str(), |l| l.slot(state::HEADING).map(Known::Heading)),
+    (state::SPEED.as_str(), |l| l.slot(state::SPEED).map(Known::Speed)),
+    (state::YAW_RATE.as_str(), |l| l.slot(state::YAW_RATE).map(Known::YawRate)),
+    (state::GYRO_BIAS.as_str(), |l| l.slot(state::GYRO_BIAS).map(Known::GyroBias)),
+    (state::ACCEL_BIAS.as_str(), |l| l.slot(state::ACCEL_BIAS).map(Known::AccelBias)),
+    (state::GYRO_SCALE.as_str(), |l| l.slot(state::GYRO_SCALE).map(Known::GyroScale)),
+    (state::ACCEL_SCALE.as_str(), |l| l.slot(state::ACCEL_SCALE).map(Known::AccelScale)),
+];
+
 impl Known {
+    /// How the world gives a block its value; `None` for a parameter, whose declaration gives it.
     fn of(layout: &Layout, block: &Block) -> Result<Option<Self>, BuildError> {
-        fn slot<M: Manifold>(layout: &Layout, name: &str) -> Result<Slot<M>, BuildError> {
-            layout
-                .slot(name)
-                .map_err(|e| BuildError::new(e.to_string()).help("the simulator does not know this state"))
+        match KNOWN.iter().find(|(name, _)| *name == block.name) {
+            Some((_, handle)) => handle(layout).map(Some).map_err(|e| BuildError::new(e.to_string())),
+            None if block.role != StateRole::Kinematic => Ok(None),
+            None => {
+                let names = KNOWN.map(|(name, _)| name);
+                let message = format!(
+                    "a simulated world does not know the true `{}`, which the process moves{}",
+                    block.name,
+                    did_you_mean(&block.name, &names).map_or_else(String::new, |meant| format!("; did you mean `{meant}`?"))
+                );
+                Err(BuildError::new(message).help(format!("it knows `{}`", names.join("`, `"))))
+            }
         }
-        let name = block.name.as_str();
-        Ok(Some(match (name, block.kind) {
-            ("position", Kind::Geodetic) => Self::Geodetic(slot(layout, name)?),
-            ("position" | "local_position", _) => Self::Local(slot(layout, name)?),
-            ("velocity", _) => Self::Velocity(slot(layout, name)?),
-            ("attitude", _) => Self::Attitude(slot(layout, name)?),
-            ("heading", _) => Self::Heading(slot(layout, name)?),
-            ("speed", _) => Self::Speed(slot(layout, name)?),
-            ("yaw_rate", _) => Self::YawRate(slot(layout, name)?),
-            ("gyro_bias", _) => Self::GyroBias(slot(layout, name)?),
-            ("accel_bias", _) => Self::AccelBias(slot(layout, name)?),
-            ("gyro_scale", _) => Self::GyroScale(slot(layout, name)?),
-            ("accel_scale", _) => Self::AccelScale(slot(layout, name)?),
-            _ => return Ok(None),
-        }))
     }
 }
 
@@ -109,13 +123,13 @@ impl TrueState {
                 });
             }
         }
-        let part = |channel: &Channel| match channel.name.as_ref() {
-            "angular_rate" => Ok(InputPart::Rate),
-            "specific_force" => Ok(InputPart::Force),
-            "attitude" => Ok(InputPart::Attitude),
+        let part = |wanted: &Channel| match wanted {
+            c if *c == channel::ANGULAR_RATE => Ok(InputPart::Rate),
+            c if *c == channel::SPECIFIC_FORCE => Ok(InputPart::Force),
+            c if *c == channel::ATTITUDE => Ok(InputPart::Attitude),
             other => Err(BuildError::at(
                 "imu",
-                format!("the process is driven by `{other}`, which no simulated unit measures"),
+                format!("the process is driven by `{}`, which no simulated unit measures", other.name),
             )),
         };
         Ok(Self {

@@ -1,0 +1,60 @@
+//! The well-known states, signals and channels: each name written once, with its type.
+//!
+//! A process brings those of [`state`] that it has, as states or as signals; sensors, stages,
+//! initialisers, the simulator and the score find them by these constants. A block may bring
+//! others, under names of its own. A [`channel`] is what a stream carries, under the name of the
+//! quantity it measures.
+
+/// Names of states and signals, typed by the manifold of their values.
+pub mod state {
+    use fusion_core::state::{Angle, Attitude, Geodetic, Position, QuantityName, Scalar, Vector, Velocity};
+
+    /// Geodetic position of the body.
+    pub const POSITION: QuantityName<'static, Geodetic> = QuantityName::new("position");
+    /// Position of the body, north, east, down of the origin of the run \[m\].
+    pub const LOCAL_POSITION: QuantityName<'static, Position> = QuantityName::new("local_position");
+    /// Velocity v_eb_n \[m/s\].
+    pub const VELOCITY: QuantityName<'static, Velocity> = QuantityName::new("velocity");
+    /// Attitude q_nb, body to north-east-down.
+    pub const ATTITUDE: QuantityName<'static, Attitude> = QuantityName::new("attitude");
+    /// Heading, clockwise from north \[rad\].
+    pub const HEADING: QuantityName<'static, Angle> = QuantityName::new("heading");
+    /// Speed along the heading \[m/s\].
+    pub const SPEED: QuantityName<'static, Scalar> = QuantityName::new("speed");
+    /// Rate of the heading \[rad/s\].
+    pub const YAW_RATE: QuantityName<'static, Scalar> = QuantityName::new("yaw_rate");
+    /// Angular rate w_ib_b, body axes \[rad/s\].
+    pub const ANGULAR_RATE: QuantityName<'static, Vector<3>> = QuantityName::new("angular_rate");
+    /// Acceleration dv_eb_n/dt \[m/s²\].
+    pub const ACCELERATION: QuantityName<'static, Vector<3>> = QuantityName::new("acceleration");
+    /// Gyro bias, body axes \[rad/s\].
+    pub const GYRO_BIAS: QuantityName<'static, Vector<3>> = QuantityName::new("gyro_bias");
+    /// Accelerometer bias, body axes \[m/s²\].
+    pub const ACCEL_BIAS: QuantityName<'static, Vector<3>> = QuantityName::new("accel_bias");
+    /// Scale factor errors of the gyros, body axes.
+    pub const GYRO_SCALE: QuantityName<'static, Vector<3>> = QuantityName::new("gyro_scale");
+    /// Scale factor errors of the accelerometers, body axes.
+    pub const ACCEL_SCALE: QuantityName<'static, Vector<3>> = QuantityName::new("accel_scale");
+}
+
+/// Channels of streams: name, width, dimension and shape.
+pub mod channel {
+    use super::state;
+    use crate::block::Channel;
+    use crate::units::{Dimensional, dim};
+
+    /// Geodetic position.
+    pub const POSITION: Channel = Channel::geodetic(state::POSITION.as_str());
+    /// Velocity north, east, down \[m/s\].
+    pub const VELOCITY: Channel = Channel::vector(state::VELOCITY.as_str(), 3, dim::Speed::KIND.dimension);
+    /// Attitude as a unit quaternion, body to north-east-down.
+    pub const ATTITUDE: Channel = Channel::quaternion(state::ATTITUDE.as_str());
+    /// Heading, clockwise from north \[rad\].
+    pub const HEADING: Channel = Channel::angle(state::HEADING.as_str());
+    /// Angular rate, body axes \[rad/s\].
+    pub const ANGULAR_RATE: Channel = Channel::vector(state::ANGULAR_RATE.as_str(), 3, dim::AngularRate::KIND.dimension);
+    /// Specific force, body axes \[m/s²\].
+    pub const SPECIFIC_FORCE: Channel = Channel::vector("specific_force", 3, dim::Acceleration::KIND.dimension);
+    /// Magnetic field, body axes \[T\].
+    pub const MAGNETIC_FIELD: Channel = Channel::vector("magnetic_field", 3, dim::MagneticField::KIND.dimension);
+}
