@@ -13,8 +13,9 @@ use fusion::config::Document;
 use fusion::core::runner::{self, Event};
 use fusion::core::time::Time;
 use fusion::design::Design;
+use fusion::rows::{Merged, RowStream};
 use fusion::run::{Options, run};
-use fusion::source::{Merged, OpenContext, Source};
+use fusion::source::OpenContext;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -40,7 +41,7 @@ fn design() -> Design {
 fn rows(design: &Design) -> Vec<Row> {
     let runner = assemble(design, declared_streams(design).unwrap()).unwrap().runner;
     let reference = design.reference.as_ref().map(|r| r.block.source.clone());
-    let mut sources: Vec<Box<dyn Source>> = Vec::new();
+    let mut sources: Vec<Box<dyn RowStream>> = Vec::new();
     let mut streams = Vec::new();
     for named in design.sources.iter().filter(|s| Some(&s.name) != reference.as_ref()) {
         let origin = design.run.origin.map(Into::into);
@@ -56,9 +57,9 @@ fn rows(design: &Design) -> Vec<Row> {
     let mut merged = Merged::new(sources);
     let start = design.run.start.map_or(Time::MIN, |t| Time::from_seconds(t.si()));
     let mut rows = Vec::new();
-    while let Some(lent) = merged.next().unwrap() {
-        if lent.time >= start {
-            rows.push((streams[lent.from], lent.time, lent.row.to_vec()));
+    while let Some(row) = merged.next().unwrap() {
+        if row.time >= start {
+            rows.push((streams[row.stream], row.time, row.values.to_vec()));
         }
     }
     rows

@@ -20,6 +20,7 @@ mod navigator;
 pub mod output;
 mod recorder;
 pub mod report;
+pub mod rows;
 pub mod run;
 pub mod schema;
 pub mod score;

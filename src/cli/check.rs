@@ -8,8 +8,8 @@ use fusion::core::state::{Dynamics, Kind};
 use fusion::design::{Design, Named, SensorDesign};
 use fusion::models::block::Listen;
 use fusion::models::fault::FaultContext;
-use fusion::run::{Options, data_dir, unknown_reference};
-use fusion::source::{Faulted, OpenContext};
+use fusion::run::{Options, data_dir, open_one, unknown_reference};
+use fusion::source::OpenContext;
 use fusion::table::{Table, backend_name, numbers, readable, short};
 use fusion::world::{IMU, SimulatedRows};
 use std::fmt::Write;
@@ -297,8 +297,7 @@ fn sources(design: &Design, options: &Options) -> Result<Table, Diagnostics> {
         if missing {
             check_faults(named, &context, &mut d);
         } else {
-            let opened = named.block.source.open(&context);
-            if let Err(e) = opened.and_then(|s| Ok(Faulted::new(s, &named.block.faults, &context)?)) {
+            if let Err(e) = open_one(&named.block, &context) {
                 d.extend(e.diagnostics(&named.node));
             }
         }
@@ -314,7 +313,7 @@ fn sources(design: &Design, options: &Options) -> Result<Table, Diagnostics> {
 fn check_faults(named: &Named<fusion::design::SourceDesign>, context: &OpenContext, d: &mut Diagnostics) {
     let Ok(channels) = named.block.source.channels() else { return };
     for (name, fault) in &named.block.faults {
-        let seed = context.seed_of(&format!("fault.{name}"));
+        let seed = context.fault_seed(name);
         if let Err(e) = fault.build(&FaultContext { channels: &channels, seed }) {
             let path = format!("fault.{name}.{}", e.field);
             let wrong = Diagnostic::error(&e.message).at(named.node.place_of(path.trim_end_matches('.')));

@@ -1,31 +1,22 @@
-//! Where rows come from: recorded files now, simulated and live ones behind the same trait.
+//! Recorded sources: from what a `[source.NAME]` table declares to decoded rows.
 //!
 //! ```text
-//! SourceSpec ── open ──▶ Source ── Faulted ──▶ Source ── Merged ──▶ rows of all sources by time
-//!  (declared)            (streams rows)        (declared faults)
+//! file ── a format's reader ──▶ raw rows ── decode ──▶ rows (time, numbers in SI)
+//!            RawRows             cells                RowStream
 //! ```
 //!
-//! A source streams: it holds one row, not the file. What it leaves out it counts, with the
-//! reason and the first examples; nothing is lost without a word.
+//! A format knows how its rows lie in a file, and nothing else. What the cells mean (stamps,
+//! channels, units, validity, what to do with a bad row) is declared and decoded alike for all.
 
 mod csv;
-mod error;
-mod fault;
-mod merge;
-mod report;
+mod decode;
+mod file;
 
 pub use self::csv::CsvSpec;
-pub use error::{DataError, SourceError};
-pub(crate) use fault::Chain;
-pub use fault::{Faulted, outages};
-pub use fusion_models::fault::ProvidedChannel;
-pub use merge::{Failed, Lent, Merged};
-pub use report::{Example, Skipped, SourceReport};
 
+use crate::rows::{ProvidedChannel, RowStream, SourceError};
 use core::fmt::Debug;
-use core::ops::Range;
 use fusion_core::geometry::wgs84::Geodetic;
-use fusion_core::time::Time;
 use fusion_models::block::BuildError;
 use fusion_models::fault::derive_seed;
 use std::path::{Path, PathBuf};
@@ -50,17 +41,17 @@ impl OpenContext {
         self.data_dir.join(path)
     }
 
-    /// The seed of something random that belongs to this source.
+    /// The seed of one of this source's faults.
     #[must_use]
-    pub fn seed_of(&self, what: &str) -> u64 {
-        derive_seed(self.seed, &[&self.name, what])
+    pub fn fault_seed(&self, fault: &str) -> u64 {
+        derive_seed(self.seed, &[&self.name, &format!("fault.{fault}")])
     }
 }
 
 /// A source as declared.
 #[typetag::deserialize]
 pub trait SourceSpec: Debug + Send + Sync {
-    /// The files it reads, as declared; none for a simulated one.
+    /// The files it reads, as declared.
     fn files(&self) -> Vec<PathBuf>;
 
     /// What its rows consist of, from the declaration alone.
@@ -73,85 +64,5 @@ pub trait SourceSpec: Debug + Send + Sync {
     ///
     /// # Errors
     /// As [`channels`](Self::channels), and what is wrong with the file.
-    fn open(&self, context: &OpenContext) -> Result<Box<dyn Source>, SourceError>;
-}
-
-/// A stream of rows.
-pub trait Source: Debug + Send {
-    /// What a row consists of.
-    fn channels(&self) -> &[ProvidedChannel];
-
-    /// Writes the next row and returns its stamp; `None` after the last.
-    ///
-    /// # Errors
-    /// What is wrong with the data; the source has ended then.
-    fn next(&mut self, row: &mut Vec<f64>) -> Result<Option<Time>, SourceError>;
-
-    /// The numbers of the last row that a fault changed.
-    fn disturbed(&self) -> &[Range<usize>] {
-        &[]
-    }
-
-    /// The numbers of its rows that declared faults may change.
-    fn disturbable(&self) -> Vec<Range<usize>> {
-        Vec::new()
-    }
-
-    /// What has been read so far.
-    fn report(&self) -> SourceReport;
-}
-
-/// The width of a row.
-#[must_use]
-pub fn width(channels: &[ProvidedChannel]) -> usize {
-    channels.iter().map(|c| c.offset + c.channel.width).max().unwrap_or(0)
-}
-
-#[cfg(test)]
-mod testing {
-    use super::*;
-
-    /// Rows held in memory: one number each, or an error in their place.
-    #[derive(Debug)]
-    pub(super) struct Listed {
-        rows: std::vec::IntoIter<Result<(f64, f64), &'static str>>,
-        channels: Vec<ProvidedChannel>,
-        tally: report::Tally,
-    }
-
-    pub(super) fn listed(rows: Vec<Result<(f64, f64), &'static str>>) -> Box<dyn Source> {
-        use fusion_models::units::{Dimensional, dim};
-        let channel = fusion_models::block::Channel::vector("speed", 1, dim::Speed::KIND.dimension);
-        let channels = vec![ProvidedChannel {
-            channel,
-            offset: 0,
-            delay_ns: 0,
-        }];
-        Box::new(Listed {
-            rows: rows.into_iter(),
-            channels,
-            tally: report::Tally::default(),
-        })
-    }
-
-    impl Source for Listed {
-        fn channels(&self) -> &[ProvidedChannel] {
-            &self.channels
-        }
-
-        fn next(&mut self, row: &mut Vec<f64>) -> Result<Option<Time>, SourceError> {
-            let Some(next) = self.rows.next() else { return Ok(None) };
-            let (t, value) = next.map_err(|what| DataError::new("listed", what))?;
-            row.clear();
-            row.push(value);
-            let time = Time::from_seconds(t);
-            self.tally.row();
-            self.tally.used(time);
-            Ok(Some(time))
-        }
-
-        fn report(&self) -> SourceReport {
-            self.tally.report()
-        }
-    }
+    fn open(&self, context: &OpenContext) -> Result<Box<dyn RowStream>, SourceError>;
 }

@@ -239,7 +239,7 @@ fn faults_of_a_simulated_unit_are_checked_and_applied() {
     w.fusion(&["run", "--set", &set, "--out", "results"]).success().stderr("");
     let summary: Value = serde_json::from_str(&w.read("results/summary.json")).unwrap();
     let imu = summary["sources"].as_array().unwrap().iter().find(|s| s["name"] == "imu").unwrap();
-    assert_eq!(imu["skipped"][0], serde_json::json!(["withheld by a fault", 100]));
+    assert_eq!(imu["skipped"][0], serde_json::json!(["withheld by fault gap", 100]));
 }
 
 #[test]

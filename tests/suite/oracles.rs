@@ -270,11 +270,8 @@ fn simulated(text: &str, seed: u64) -> Flown {
             }
         }
     };
-    while let Some(fusion::source::Lent {
-        from: stream, time, row, ..
-    }) = world.next()
-    {
-        nav.feed_stream(stream, time, row, &mut count).unwrap();
+    while let Some(row) = world.next() {
+        nav.feed_stream(row.stream, row.time, row.values, &mut count).unwrap();
     }
     nav.finish(&mut count).unwrap();
     Flown { nav, accepted, rejected }

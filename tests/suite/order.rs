@@ -93,8 +93,8 @@ fn rows() -> Vec<(usize, Time, Vec<f64>)> {
     let assembly = assemble(&design, declared_streams(&design).unwrap()).unwrap();
     let mut world = SimulatedRows::new(&design, design.simulation.as_ref().unwrap(), &assembly, Some(7)).unwrap();
     let mut rows = Vec::new();
-    while let Some(lent) = world.next() {
-        rows.push((lent.from, lent.time, lent.row.to_vec()));
+    while let Some(row) = world.next() {
+        rows.push((row.stream, row.time, row.values.to_vec()));
     }
     rows
 }

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::config::{Diagnostics, Document, Node};
+use crate::rows::{SourceReport, width};
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_models::block::Shape;
 use std::io::Write;
@@ -77,9 +78,9 @@ fn read(toml: &str, bytes: &[u8]) -> Result<(Rows, SourceReport), String> {
     let mut source = spec.open(&log.context()).map_err(shown)?;
     assert_eq!(source.channels(), spec.channels().unwrap());
     let (mut rows, mut row) = (Vec::new(), Vec::new());
-    while let Some(time) = source.next(&mut row).map_err(shown)? {
+    while let Some(stamp) = source.next(&mut row).map_err(shown)? {
         assert_eq!(row.len(), width(source.channels()));
-        rows.push((time.nanos(), row.clone()));
+        rows.push((stamp.time.nanos(), row.clone()));
     }
     let report = source.report();
     assert_eq!((report.used, report.rows), (rows.len() as u64, report.used + report.left_out()));
@@ -471,7 +472,7 @@ error: `logg.csv` cannot be read: there is no such file
 #[test]
 fn files_without_usable_rows_are_errors() {
     assert_eq!(said(TV, ""), "error: this file is empty\n--> log.csv");
-    assert_eq!(said(TV, "t,v\n"), "error: this file has a header, but no rows\n--> log.csv");
+    assert_eq!(said(TV, "t,v\n"), "error: this file has no rows\n--> log.csv");
     let late = said(&TV.replace("'t' }", "'t', start = '1 h' }"), "t,v\n1,1\n2,1\n");
     assert_eq!(
         late,
@@ -550,10 +551,10 @@ fn all_mistakes_of_a_declaration_are_found_at_once() {
         "channels.i.scale: 2 factors are given for 3 columns",
         "channels.i.offset: \"1 deg\" is an angle [rad]; a pure number [1] is wanted here, e.g. \"2 %\"",
         "channels.k.average: angles that wrap have no plain mean",
-        "delimiter: this is one plain character, such as \",\", \";\" or \"\\t\"",
         "valid: no condition is set on column `q`",
         "keep: rows are kept by `every` or by `except_every`",
         "keep: `j` holds increments, and rows that are left out would take their motion with them",
+        "delimiter: this is one plain character, such as \",\", \";\" or \"\\t\"",
     ];
     assert_eq!(seen, expected);
 }

@@ -1,6 +1,7 @@
-//! From the text of a stamp to the time of the log, to the nanosecond.
+//! From the cell of a stamp to the time of the log, to the nanosecond.
 
-use super::declaration::TimeSpec;
+use super::Cell;
+use super::spec::TimeSpec;
 use fusion_core::time::nanos;
 use fusion_models::block::BuildError;
 use fusion_models::units::{Dimensional, dim, parse_unit};
@@ -53,9 +54,14 @@ impl Clock {
         }
     }
 
-    /// The stamp in nanoseconds of the log's time; `Err` says what the text is not.
-    pub(super) fn read(&mut self, text: &str) -> Result<i64, &'static str> {
-        let raw = decimal_nanos(text, self.unit).ok_or("is not a number")?;
+    /// The stamp in nanoseconds of the log's time; `Err` says what the cell is not.
+    pub(super) fn read(&mut self, cell: Cell<'_>) -> Result<i64, &'static str> {
+        let raw = match cell {
+            Cell::Text(bytes) => decimal_nanos(core::str::from_utf8(bytes).map_err(|_| "is not text")?, self.unit),
+            Cell::Integer(count) => i128::from(count).checked_mul(self.unit),
+            Cell::Number(value) => rounded_nanos(value, self.unit),
+        };
+        let raw = raw.ok_or("is not a number")?;
         let beyond = "lies beyond the 292 years that a log spans: set `time.epoch`, or another `time.unit`";
         let stamp = i64::try_from(raw - self.epoch).map_err(|_| beyond)?;
         let about = *self.about.get_or_insert(stamp);
@@ -112,7 +118,11 @@ fn decimal_nanos(text: &str, unit: i128) -> Option<i128> {
 
 /// With an exponent, rounding is that of the floating-point number.
 fn float_nanos(text: &str, unit: i128) -> Option<i128> {
-    let nanos = text.parse::<f64>().ok()? * unit as f64;
+    rounded_nanos(text.parse().ok()?, unit)
+}
+
+fn rounded_nanos(value: f64, unit: i128) -> Option<i128> {
+    let nanos = value * unit as f64;
     (nanos.abs() < 1e30).then_some(nanos.round() as i128)
 }
 

@@ -90,21 +90,21 @@ impl fmt::Display for SourceReport {
 
 /// Counts towards a report.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Tally(SourceReport);
+pub(crate) struct Tally(SourceReport);
 
 impl Tally {
     /// A row was read.
-    pub(super) fn row(&mut self) {
+    pub(crate) fn row(&mut self) {
         self.0.rows += 1;
     }
 
     /// Rows read so far.
-    pub(super) fn rows(&self) -> u64 {
+    pub(crate) fn rows(&self) -> u64 {
         self.0.rows
     }
 
     /// A row is delivered.
-    pub(super) fn used(&mut self, time: Time) {
+    pub(crate) fn used(&mut self, time: Time) {
         self.0.used += 1;
         self.0.first.get_or_insert(time);
         if let Some(last) = self.0.last.replace(time) {
@@ -116,7 +116,7 @@ impl Tally {
     }
 
     /// A row is left out.
-    pub(super) fn skipped(&mut self, reason: &str, example: Option<(usize, String)>) {
+    pub(crate) fn skipped(&mut self, reason: &str, example: Option<(usize, String)>) {
         let entries = &mut self.0.skipped;
         let at = entries.iter().position(|s| s.reason == reason).unwrap_or_else(|| {
             entries.push(Skipped {
@@ -134,14 +134,14 @@ impl Tally {
     }
 
     /// A row is delivered, but disturbed.
-    pub(super) fn disturbed(&mut self, fault: &str) {
+    pub(crate) fn disturbed(&mut self, fault: &str) {
         match self.0.disturbed.iter_mut().find(|(name, _)| name == fault) {
             Some((_, count)) => *count += 1,
             None => self.0.disturbed.push((fault.to_owned(), 1)),
         }
     }
 
-    pub(super) fn report(&self) -> SourceReport {
+    pub(crate) fn report(&self) -> SourceReport {
         self.0.clone()
     }
 }

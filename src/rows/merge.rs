@@ -1,8 +1,6 @@
 //! The rows of several sources in order of their stamps.
 
-use super::{Source, SourceError};
-use core::ops::Range;
-use fusion_core::time::Time;
+use super::{Row, RowStream, SourceError, Stamp};
 use thiserror::Error;
 
 /// A source failed while it was read.
@@ -15,26 +13,12 @@ pub struct Failed {
     pub error: SourceError,
 }
 
-/// A row on loan.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lent<'a> {
-    /// Where it comes from: the number of a source among the merged ones, of a stream in an
-    /// assembly.
-    pub from: usize,
-    /// Its stamp.
-    pub time: Time,
-    /// Its numbers.
-    pub row: &'a [f64],
-    /// Which of them a fault changed.
-    pub disturbed: &'a [Range<usize>],
-}
-
 #[derive(Debug)]
 struct Head {
-    source: Box<dyn Source>,
+    source: Box<dyn RowStream>,
     /// The stamp of the row at hand; `None` at the end.
-    time: Option<Time>,
-    row: Vec<f64>,
+    stamp: Option<Stamp>,
+    values: Vec<f64>,
 }
 
 /// Merges sources by time, holding one row of each; rows of one stamp come in the order of
@@ -49,13 +33,13 @@ pub struct Merged {
 impl Merged {
     /// Nothing is read yet.
     #[must_use]
-    pub fn new(sources: Vec<Box<dyn Source>>) -> Self {
+    pub fn new(sources: Vec<Box<dyn RowStream>>) -> Self {
         let heads: Vec<Head> = sources
             .into_iter()
             .map(|source| Head {
                 source,
-                time: None,
-                row: Vec::new(),
+                stamp: None,
+                values: Vec::new(),
             })
             .collect();
         Self {
@@ -69,49 +53,53 @@ impl Merged {
     /// # Errors
     /// Where a source fails; the others can be read on.
     #[expect(clippy::should_implement_trait, reason = "a row is lent, which an iterator cannot do")]
-    pub fn next(&mut self) -> Result<Option<Lent<'_>>, Failed> {
+    pub fn next(&mut self) -> Result<Option<Row<'_>>, Failed> {
         for source in self.stale.by_ref() {
             let head = &mut self.heads[source];
-            head.time = None;
-            head.time = head.source.next(&mut head.row).map_err(|error| Failed { index: source, error })?;
+            head.stamp = None;
+            head.stamp = head
+                .source
+                .next(&mut head.values)
+                .map_err(|error| Failed { index: source, error })?;
         }
         // Few sources: a scan is faster than a heap, and keeps their order at equal stamps.
         let heads = self.heads.iter().enumerate();
-        let first = heads.filter_map(|(i, head)| Some((head.time?, i))).min();
-        let Some((time, source)) = first else { return Ok(None) };
+        let first = heads.filter_map(|(i, head)| Some((head.stamp?.time, i, head.stamp?.number))).min();
+        let Some((time, source, number)) = first else { return Ok(None) };
         self.stale = source..source + 1;
         let head = &self.heads[source];
-        Ok(Some(Lent {
-            from: source,
+        Ok(Some(Row {
+            stream: source,
             time,
-            row: &head.row,
+            number,
+            values: &head.values,
             disturbed: head.source.disturbed(),
         }))
     }
 
     /// The sources, for their reports.
-    pub fn sources(&self) -> impl Iterator<Item = &dyn Source> {
+    pub fn sources(&self) -> impl Iterator<Item = &dyn RowStream> {
         self.heads.iter().map(|head| &*head.source)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::listed;
+    use super::super::stream::testing::listed;
     use super::*;
 
     fn drain(merged: &mut Merged) -> Vec<Result<(usize, f64), usize>> {
         let mut seen = Vec::new();
         loop {
             match merged.next() {
-                Ok(Some(lent)) => seen.push(Ok((lent.from, lent.row[0]))),
+                Ok(Some(row)) => seen.push(Ok((row.stream, row.values[0]))),
                 Ok(None) => return seen,
                 Err(failed) => seen.push(Err(failed.index)),
             }
         }
     }
 
-    fn rows(rows: &[(f64, f64)]) -> Box<dyn Source> {
+    fn rows(rows: &[(f64, f64)]) -> Box<dyn RowStream> {
         listed(rows.iter().copied().map(Ok).collect())
     }
 

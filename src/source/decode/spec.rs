@@ -1,71 +1,84 @@
-//! What TOML says of a table of text.
+//! What TOML says of rows, whatever their format.
 
+use super::one_or_many::OneOrMany;
 use core::fmt;
-use core::marker::PhantomData;
 use core::num::NonZeroU64;
 use fusion_models::units::{AnyQuantity, Duration, Positive, Vec3Of, dim};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
-use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
-use serde::de::{Deserializer, Error, IntoDeserializer, MapAccess, SeqAccess, Visitor};
+use serde::de::{Deserializer, Error, Visitor};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 
-/// Rows of a text file, one stamp and any channels in each: comma- or otherwise separated, plain
-/// or gzip-compressed.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct CsvSpec {
-    /// The file, relative to the data directory; gzip is recognised by its content.
-    pub(super) path: PathBuf,
-    /// What separates the fields.
-    #[serde(default = "comma")]
-    pub(super) delimiter: char,
-    /// Lines that begin with this character are no rows, such as `"#"`. Leave it out where the
-    /// header itself begins so: its names are taken as written.
-    pub(super) comment: Option<char>,
-    /// Whether the first line names the columns; without header they are called `1`, `2`, ….
-    #[serde(default = "yes")]
-    pub(super) header: bool,
-    /// Names for the columns of a file without header.
-    pub(super) names: Option<Vec<String>>,
-    /// The stamp of a row.
-    pub(super) time: TimeSpec,
-    /// Nominal rate: the interval that increments cover in the first row and after a gap.
-    pub(super) rate: Option<Positive<dim::Frequency>>,
-    /// Whether increments cover the interval between the stamps, or the nominal one of a unit
-    /// that samples evenly and is stamped unevenly.
-    #[serde(default)]
-    pub(super) interval: Interval,
-    /// What to do at a row that cannot be read: `stop`, or `skip` it and report.
-    #[serde(default)]
-    pub(super) bad_rows: Policy,
-    /// Whether rows that repeat all values of the one before are kept.
-    #[serde(default)]
-    pub(super) repeats: Repeats,
-    /// Conditions that a row has to meet: one table, or an array of them.
-    #[serde(default)]
-    pub(super) valid: OneOrMany<Condition>,
-    /// Which rows are kept, counted by their number in the file.
-    pub(super) keep: Option<Keep>,
-    /// The channels by name.
-    #[serde(default)]
-    pub(super) channels: BTreeMap<String, ChannelSpec>,
+/// Declares the table of a format: its own keys, then those that are the same for every format.
+/// The latter are read as one, a [`RowSpec`].
+macro_rules! format_spec {
+    ($(#[$about:meta])* pub struct $Name:ident { $($own:tt)* }) => {
+        $(#[$about])*
+        #[derive(Debug, serde::Deserialize, schemars::JsonSchema)]
+        #[serde(deny_unknown_fields)]
+        pub struct $Name {
+            $($own)*
+            /// The stamp of a row.
+            time: $crate::source::decode::TimeSpec,
+            /// Nominal rate: the interval that increments cover in the first row and after a gap.
+            rate: Option<fusion_models::units::Positive<fusion_models::units::dim::Frequency>>,
+            /// Whether increments cover the interval between the stamps, or the nominal one of a unit
+            /// that samples evenly and is stamped unevenly.
+            #[serde(default)]
+            interval: $crate::source::decode::Interval,
+            /// What to do at a row that cannot be read: `stop`, or `skip` it and report.
+            #[serde(default)]
+            bad_rows: $crate::source::decode::Policy,
+            /// Whether rows that repeat all values of the one before are kept.
+            #[serde(default)]
+            repeats: $crate::source::decode::Repeats,
+            /// Conditions that a row has to meet: one table, or an array of them.
+            #[serde(default)]
+            valid: $crate::source::decode::OneOrMany<$crate::source::decode::Condition>,
+            /// Which rows are kept, counted by their number in the file.
+            keep: Option<$crate::source::decode::Keep>,
+            /// The channels by name.
+            #[serde(default)]
+            channels: std::collections::BTreeMap<String, $crate::source::decode::ChannelSpec>,
+        }
+
+        impl $Name {
+            /// What is declared of the rows.
+            const fn rows(&self) -> $crate::source::decode::RowSpec<'_> {
+                $crate::source::decode::RowSpec {
+                    time: &self.time,
+                    rate: self.rate,
+                    interval: self.interval,
+                    bad_rows: self.bad_rows,
+                    repeats: self.repeats,
+                    valid: &self.valid,
+                    keep: self.keep,
+                    channels: &self.channels,
+                }
+            }
+        }
+    };
 }
+pub(in super::super) use format_spec;
 
-const fn comma() -> char {
-    ','
-}
-
-const fn yes() -> bool {
-    true
+/// What is declared of rows, whatever their format.
+#[derive(Clone, Copy, Debug)]
+pub(in super::super) struct RowSpec<'a> {
+    pub(in super::super) time: &'a TimeSpec,
+    pub(in super::super) rate: Option<Positive<dim::Frequency>>,
+    pub(in super::super) interval: Interval,
+    pub(in super::super) bad_rows: Policy,
+    pub(in super::super) repeats: Repeats,
+    pub(in super::super) valid: &'a OneOrMany<Condition>,
+    pub(in super::super) keep: Option<Keep>,
+    pub(in super::super) channels: &'a BTreeMap<String, ChannelSpec>,
 }
 
 /// The stamp of a row: log time = about + scale · (stamp − epoch − about) + offset.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub(super) struct TimeSpec {
+pub(in super::super) struct TimeSpec {
     /// Its column.
     pub(super) column: String,
     /// Its unit; decimal stamps of any length are read to the nanosecond.
@@ -103,7 +116,7 @@ const fn one() -> f64 {
 
 /// A number kept as it was written, so that no digit is lost.
 #[derive(Clone, Debug)]
-pub(super) struct Epoch(pub(super) String);
+pub(in super::super) struct Epoch(pub(super) String);
 
 impl<'de> Deserialize<'de> for Epoch {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -154,7 +167,7 @@ impl JsonSchema for Epoch {
 /// What to do where a row is wrong.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub(super) enum Policy {
+pub(in super::super) enum Policy {
     /// End with an error that points at the row.
     #[default]
     Stop,
@@ -165,7 +178,7 @@ pub(super) enum Policy {
 /// What an increment covers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub(super) enum Interval {
+pub(in super::super) enum Interval {
     /// The interval since the previous stamp.
     #[default]
     Stamps,
@@ -176,7 +189,7 @@ pub(super) enum Interval {
 /// What to do with equal stamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub(super) enum Ties {
+pub(in super::super) enum Ties {
     /// End with an error that points at the row.
     #[default]
     Stop,
@@ -189,7 +202,7 @@ pub(super) enum Ties {
 /// What to do with repeated values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
-pub(super) enum Repeats {
+pub(in super::super) enum Repeats {
     /// Keep them.
     #[default]
     Keep,
@@ -200,7 +213,7 @@ pub(super) enum Repeats {
 /// Which rows are kept: one in so many, or the others.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Keep {
+pub(in super::super) struct Keep {
     /// Keeps rows number `offset`, `offset + every`, ….
     pub(super) every: Option<NonZeroU64>,
     /// Keeps all rows but those that `every` of this number would keep.
@@ -210,24 +223,36 @@ pub(super) struct Keep {
     pub(super) offset: u64,
 }
 
+impl Keep {
+    /// Whether row `number`, from 0, is kept.
+    pub(super) fn keeps(self, number: u64) -> bool {
+        let is_nth = |every: NonZeroU64, offset: u64| number >= offset && (number - offset).is_multiple_of(every.get());
+        match (self.every, self.except_every) {
+            (Some(every), _) => is_nth(every, self.offset),
+            (None, Some(every)) => !is_nth(every, self.offset),
+            (None, None) => true,
+        }
+    }
+}
+
 /// A condition on a column.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Condition {
+pub(in super::super) struct Condition {
     /// The column.
     pub(super) column: String,
     /// The value wanted, a number or text; any of an array.
-    pub(super) equals: Option<OneOrMany<Cell>>,
+    pub(super) equals: Option<OneOrMany<Wanted>>,
     /// The least number wanted.
     pub(super) at_least: Option<f64>,
     /// The greatest number wanted.
     pub(super) at_most: Option<f64>,
 }
 
-/// What a cell may hold.
+/// What a cell may have to hold.
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected a number or text")]
-pub(super) enum Cell {
+pub(in super::super) enum Wanted {
     /// A number, however it is written.
     Number(f64),
     /// Text.
@@ -240,7 +265,7 @@ pub(super) enum Cell {
 /// A column is written as in the header; a minus sign before it turns it round.
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub(super) struct ChannelSpec {
+pub(in super::super) struct ChannelSpec {
     /// The column of a single number.
     pub(super) column: Option<String>,
     /// The columns of a vector.
@@ -295,70 +320,9 @@ pub(super) struct ChannelSpec {
 /// A fixed rotation.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub(super) struct RotationSpec {
+pub(in super::super) struct RotationSpec {
     /// Roll, pitch, yaw of the inner axes against the outer.
     pub(super) rpy: Option<Vec3Of<dim::Angle>>,
     /// The inner axis along each outer one: `["-x", "y", "-z"]`.
     pub(super) axes: Option<[String; 3]>,
-}
-
-/// One value, or an array of them.
-#[derive(Clone, Debug)]
-pub(super) struct OneOrMany<T>(pub(super) Vec<T>);
-
-impl<T> Default for OneOrMany<T> {
-    fn default() -> Self {
-        Self(Vec::new())
-    }
-}
-
-impl<'de, T: Deserialize<'de>> Deserialize<'de> for OneOrMany<T> {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Either<T>(PhantomData<T>);
-
-        impl<'de, T: Deserialize<'de>> Visitor<'de> for Either<T> {
-            type Value = OneOrMany<T>;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("one value or an array of them")
-            }
-
-            fn visit_f64<E: Error>(self, v: f64) -> Result<Self::Value, E> {
-                T::deserialize(v.into_deserializer()).map(|one| OneOrMany(vec![one]))
-            }
-
-            fn visit_i64<E: Error>(self, v: i64) -> Result<Self::Value, E> {
-                T::deserialize(v.into_deserializer()).map(|one| OneOrMany(vec![one]))
-            }
-
-            fn visit_str<E: Error>(self, v: &str) -> Result<Self::Value, E> {
-                T::deserialize(v.into_deserializer()).map(|one| OneOrMany(vec![one]))
-            }
-
-            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
-                T::deserialize(MapAccessDeserializer::new(map)).map(|one| OneOrMany(vec![one]))
-            }
-
-            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
-                Vec::deserialize(SeqAccessDeserializer::new(seq)).map(OneOrMany)
-            }
-        }
-
-        deserializer.deserialize_any(Either(PhantomData))
-    }
-}
-
-impl<T: JsonSchema> JsonSchema for OneOrMany<T> {
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn schema_name() -> Cow<'static, str> {
-        format!("OneOrMany{}", T::schema_name()).into()
-    }
-
-    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        let one = generator.subschema_for::<T>();
-        json_schema!({ "anyOf": [one, { "type": "array", "items": one }] })
-    }
 }

@@ -1,40 +1,62 @@
-//! A source with its declared faults, applied in the order in which they are declared.
+//! Rows through declared faults, applied in the order in which they are declared.
 
-use super::report::Tally;
-use super::{OpenContext, ProvidedChannel, Source, SourceError, SourceReport};
+use super::{ProvidedChannel, RowStream, SourceError, SourceReport, Stamp, Tally};
 use core::ops::Range;
 use fusion_core::time::Time;
 use fusion_models::block::BuildError;
 use fusion_models::fault::{Fault, FaultContext, FaultSpec, Outcome, Windows};
 
-/// Faults at work on one source, in the order in which they are declared.
+/// Faults as declared, by name.
+type Declared = [(String, Box<dyn FaultSpec>)];
+
+/// The faults at work on one stream, recorded or simulated, and what they did to it.
 #[derive(Debug, Default)]
-pub(crate) struct Chain {
+pub(crate) struct FaultChain {
     faults: Vec<(String, Box<dyn Fault>)>,
     disturbed: Vec<Range<usize>>,
+    tally: Tally,
 }
 
-impl Chain {
-    /// Adds a fault after the others.
-    pub(crate) fn push(&mut self, name: &str, fault: Box<dyn Fault>) {
-        self.faults.push((name.to_owned(), fault));
+impl FaultChain {
+    /// Builds `declared` for rows of `channels`; `seed_of` gives the seed of a fault by its name.
+    ///
+    /// # Errors
+    /// All mistakes of the faults, the fields named `fault.<name>.<field>`.
+    pub(crate) fn new(declared: &Declared, channels: &[ProvidedChannel], seed_of: impl Fn(&str) -> u64) -> Result<Self, Vec<BuildError>> {
+        let (mut chain, mut errors) = (Self::default(), Vec::new());
+        for (name, spec) in declared {
+            let seed = seed_of(name);
+            match spec.build(&FaultContext { channels, seed }) {
+                Ok(fault) => chain.faults.push((name.clone(), fault)),
+                Err(error) => {
+                    let dot = if error.field.is_empty() { "" } else { "." };
+                    let field = format!("fault.{name}{dot}{}", error.field);
+                    errors.push(BuildError { field, ..error });
+                }
+            }
+        }
+        if errors.is_empty() { Ok(chain) } else { Err(errors) }
     }
 
-    /// Sends a row through the faults and tells the name of each that disturbs it. Returns the
-    /// name of the one that withholds it, if any: those after it do not see the row.
-    pub(crate) fn apply(&mut self, time: Time, row: &mut [f64], mut disturbs: impl FnMut(&str)) -> Option<&str> {
+    /// Sends a row through the faults; returns whether it arrives. Those after the one that
+    /// withholds it do not see it.
+    pub(crate) fn pass(&mut self, time: Time, values: &mut [f64]) -> bool {
         self.disturbed.clear();
         for (name, fault) in &mut self.faults {
-            match fault.apply(time, row) {
+            match fault.apply(time, values) {
                 Outcome::Untouched => {}
                 Outcome::Disturbed => {
                     self.disturbed.push(fault.columns());
-                    disturbs(name);
+                    self.tally.disturbed(name);
                 }
-                Outcome::Withheld => return Some(name.as_str()),
+                Outcome::Withheld => {
+                    self.tally.skipped(&format!("withheld by fault {name}"), None);
+                    return false;
+                }
             }
         }
-        None
+        self.tally.used(time);
+        true
     }
 
     /// The numbers of the last row that were disturbed.
@@ -46,65 +68,47 @@ impl Chain {
     pub(crate) fn disturbable(&self) -> impl Iterator<Item = Range<usize>> {
         self.faults.iter().map(|(_, fault)| fault.columns()).filter(|c| !c.is_empty())
     }
+
+    /// What the faults did, added to the report of the rows that went in.
+    pub(crate) fn report(&self, before: SourceReport) -> SourceReport {
+        let own = self.tally.report();
+        SourceReport {
+            rows: before.rows,
+            skipped: before.skipped.into_iter().chain(own.skipped).collect(),
+            disturbed: before.disturbed.into_iter().chain(own.disturbed).collect(),
+            ..own
+        }
+    }
 }
 
-/// A source whose rows go through faults.
+/// A stream whose rows go through faults.
 #[derive(Debug)]
 pub struct Faulted {
-    source: Box<dyn Source>,
-    faults: Chain,
-    tally: Tally,
+    inner: Box<dyn RowStream>,
+    faults: FaultChain,
 }
 
 impl Faulted {
-    /// `source` with the faults declared by it, by name.
+    /// The rows of `inner` through the faults declared for it, by name; `seed_of` gives the seed of
+    /// a fault by its name.
     ///
     /// # Errors
     /// All mistakes of the faults, the fields named `fault.<name>.<field>`.
-    pub fn new(source: Box<dyn Source>, declared: &[(String, Box<dyn FaultSpec>)], context: &OpenContext) -> Result<Self, Vec<BuildError>> {
-        let (mut faults, mut errors) = (Chain::default(), Vec::new());
-        for (name, spec) in declared {
-            let seed = context.seed_of(&format!("fault.{name}"));
-            match spec.build(&FaultContext {
-                channels: source.channels(),
-                seed,
-            }) {
-                Ok(fault) => faults.push(name, fault),
-                Err(error) => {
-                    let dot = if error.field.is_empty() { "" } else { "." };
-                    errors.push(BuildError {
-                        field: format!("fault.{name}{dot}{}", error.field),
-                        ..error
-                    });
-                }
-            }
-        }
-        if errors.is_empty() {
-            Ok(Self {
-                source,
-                faults,
-                tally: Tally::default(),
-            })
-        } else {
-            Err(errors)
-        }
+    pub fn new(inner: Box<dyn RowStream>, declared: &Declared, seed_of: impl Fn(&str) -> u64) -> Result<Self, Vec<BuildError>> {
+        let faults = FaultChain::new(declared, inner.channels(), seed_of)?;
+        Ok(Self { inner, faults })
     }
 }
 
-impl Source for Faulted {
+impl RowStream for Faulted {
     fn channels(&self) -> &[ProvidedChannel] {
-        self.source.channels()
+        self.inner.channels()
     }
 
-    fn next(&mut self, row: &mut Vec<f64>) -> Result<Option<Time>, SourceError> {
-        while let Some(time) = self.source.next(row)? {
-            let tally = &mut self.tally;
-            match self.faults.apply(time, row, |name| tally.disturbed(name)) {
-                Some(name) => self.tally.skipped(&format!("withheld by fault {name}"), None),
-                None => {
-                    self.tally.used(time);
-                    return Ok(Some(time));
-                }
+    fn next(&mut self, values: &mut Vec<f64>) -> Result<Option<Stamp>, SourceError> {
+        while let Some(stamp) = self.inner.next(values)? {
+            if self.faults.pass(stamp.time, values) {
+                return Ok(Some(stamp));
             }
         }
         Ok(None)
@@ -120,26 +124,31 @@ impl Source for Faulted {
 
     /// Rows, stamps and gaps as delivered; what the source itself left out comes first.
     fn report(&self) -> SourceReport {
-        let (inner, own) = (self.source.report(), self.tally.report());
-        SourceReport {
-            rows: inner.rows,
-            skipped: inner.skipped.into_iter().chain(own.skipped).collect(),
-            disturbed: inner.disturbed.into_iter().chain(own.disturbed).collect(),
-            ..own
-        }
+        self.faults.report(self.inner.report())
     }
 }
 
 /// The declared outages among faults, by the fault's name: for the drift per outage.
-pub fn outages(declared: &[(String, Box<dyn FaultSpec>)]) -> impl Iterator<Item = (&str, &Windows)> {
+fn outages(declared: &Declared) -> impl Iterator<Item = (&str, &Windows)> {
     declared.iter().filter_map(|(name, spec)| Some((name.as_str(), spec.outage()?)))
+}
+
+/// The windows of the declared outages of some streams up to `end`, in order, each once.
+pub(crate) fn outage_windows<'a>(declared: impl IntoIterator<Item = &'a Declared>, end: Time) -> Vec<(Time, Time)> {
+    let all = declared.into_iter().flat_map(outages);
+    let windows = all.flat_map(|(_, windows)| windows.within(Time::default(), end));
+    let mut found: Vec<(Time, Time)> = windows.map(|w| (w.from, w.to)).collect();
+    found.sort_unstable();
+    found.dedup();
+    found
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::listed;
+    use super::super::stream::testing::listed;
     use super::*;
     use crate::config::{Diagnostics, Document};
+    use fusion_models::fault::derive_seed;
 
     fn faults(text: &str) -> Vec<(String, Box<dyn FaultSpec>)> {
         let (document, _) = Document::parse("filter.toml", text);
@@ -152,20 +161,16 @@ mod tests {
         document.root().entries().iter().map(read).collect()
     }
 
-    fn ten() -> Box<dyn Source> {
+    fn ten() -> Box<dyn RowStream> {
         listed((0..10).map(|k| Ok((f64::from(k), 1.0))).collect())
     }
 
     fn run(text: &str, name: &str, seed: u64) -> (Vec<(f64, f64)>, SourceReport) {
-        let context = OpenContext {
-            name: name.to_owned(),
-            seed,
-            ..OpenContext::default()
-        };
-        let mut source = Faulted::new(ten(), &faults(text), &context).unwrap();
+        let seed_of = |fault: &str| derive_seed(seed, &[name, fault]);
+        let mut source = Faulted::new(ten(), &faults(text), seed_of).unwrap();
         let (mut row, mut rows) = (Vec::new(), Vec::new());
-        while let Some(time) = source.next(&mut row).unwrap() {
-            rows.push((time.seconds().round(), row[0]));
+        while let Some(stamp) = source.next(&mut row).unwrap() {
+            rows.push((stamp.time.seconds().round(), row[0]));
         }
         (rows, source.report())
     }
@@ -208,7 +213,7 @@ mod tests {
     #[test]
     fn all_mistakes_of_the_faults_are_named_by_their_fields() {
         let text = "a = { type = 'noise', sigma = '1 deg' }\nb = { type = 'frozen', channel = 'x', window = { to = 1 } }";
-        let errors = Faulted::new(ten(), &faults(text), &OpenContext::default()).unwrap_err();
+        let errors = Faulted::new(ten(), &faults(text), |_| 0).unwrap_err();
         let fields: Vec<&str> = errors.iter().map(|e| e.field.as_str()).collect();
         assert_eq!(fields, ["fault.a.sigma", "fault.b.channel"]);
     }

@@ -1,0 +1,52 @@
+//! What feeds a run.
+
+use super::{Row, SourceReport};
+use crate::config::Diagnostics;
+use core::fmt::Debug;
+use core::ops::Range;
+use serde::Serialize;
+
+/// The rows of all streams of an assembly in order of their stamps, recorded or simulated.
+pub trait Feed: Debug {
+    /// The next row, of a stream of the assembly.
+    ///
+    /// # Errors
+    /// What is wrong with the data.
+    fn next(&mut self) -> Result<Option<Row<'_>>, Diagnostics>;
+
+    /// Which numbers of which streams declared faults may change.
+    fn disturbable(&self) -> Vec<(usize, Range<usize>)>;
+
+    /// What each source delivered.
+    fn tallies(&self) -> Vec<SourceTally>;
+}
+
+/// What a source delivered.
+#[derive(Clone, Debug, Serialize)]
+pub struct SourceTally {
+    /// The source.
+    pub name: String,
+    /// Rows read.
+    pub rows: u64,
+    /// Rows delivered.
+    pub used: u64,
+    /// Rows left out, by reason.
+    pub skipped: Vec<(String, u64)>,
+    /// The report as printed.
+    #[serde(skip)]
+    pub report: String,
+}
+
+impl SourceTally {
+    /// Of a source by its report.
+    #[must_use]
+    pub fn new(name: &str, report: &SourceReport) -> Self {
+        Self {
+            name: name.to_owned(),
+            rows: report.rows,
+            used: report.used,
+            skipped: report.skipped.iter().map(|s| (s.reason.clone(), s.count)).collect(),
+            report: report.to_string(),
+        }
+    }
+}

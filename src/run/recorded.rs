@@ -1,0 +1,129 @@
+//! The recorded sources of a design, opened as the feed of a run.
+
+use super::reference::Reference;
+use super::{HORIZON, Options, RunData, data_dir, unknown_reference};
+use crate::assembly::Assembly;
+use crate::config::{Diagnostic, Diagnostics, Node};
+use crate::design::{Design, Named, SourceDesign};
+use crate::rows::{Faulted, Feed, Merged, Row, RowStream, SourceError, SourceTally, outage_windows};
+use crate::source::OpenContext;
+use core::ops::Range;
+use fusion_core::runner::StreamId;
+
+/// Rows of recorded sources.
+#[derive(Debug)]
+struct Recorded {
+    merged: Merged,
+    /// Of each merged source.
+    origins: Vec<Origin>,
+    /// What the reference delivered, which was read ahead.
+    reference: Option<SourceTally>,
+}
+
+/// Where the rows of a merged source belong.
+#[derive(Debug)]
+struct Origin {
+    name: String,
+    /// Its stream in the assembly.
+    stream: StreamId,
+    /// Its declaration.
+    node: Node,
+}
+
+/// Opens the sources of `design` and reads its reference.
+pub(super) fn open(design: &Design, assembly: &Assembly, options: &Options) -> Result<RunData, Diagnostics> {
+    if design.sources.is_empty() {
+        let place = design.document.root().place();
+        let help = "add [source.NAME] tables for recorded data, or a [simulation]";
+        return Err(Diagnostic::error("this design has no data to run on").at(place).help(help).into());
+    }
+    let opened = open_all(design, options)?;
+    let (mut sources, mut origins) = (Vec::new(), Vec::new());
+    let (mut reference, mut reference_tally) = (Reference::None, None);
+    let wanted = design.reference.as_ref();
+    for (named, mut source) in opened {
+        if let Some(spec) = wanted.filter(|r| r.block.source == named.name) {
+            reference = Reference::read(named, source.as_mut(), &spec.block)?;
+            reference_tally = Some(SourceTally::new(&named.name, &source.report()));
+        } else if let Some(stream) = assembly.streams.iter().position(|s| s.name == named.name) {
+            sources.push(source);
+            origins.push(Origin {
+                name: named.name.clone(),
+                stream,
+                node: named.node.clone(),
+            });
+        }
+    }
+    if let Some(r) = wanted.filter(|r| !design.sources.iter().any(|s| s.name == r.block.source)) {
+        return Err(unknown_reference(design, r).into());
+    }
+    let faults = design.sources.iter().map(|named| named.block.faults.as_slice());
+    Ok(RunData {
+        outages: outage_windows(faults, HORIZON),
+        reference,
+        rows: Box::new(Recorded {
+            merged: Merged::new(sources),
+            origins,
+            reference: reference_tally,
+        }),
+    })
+}
+
+type Opened<'a> = (&'a Named<SourceDesign>, Box<dyn RowStream>);
+
+/// All sources with their faults, or what is wrong with any of them.
+fn open_all<'a>(design: &'a Design, options: &Options) -> Result<Vec<Opened<'a>>, Diagnostics> {
+    let (mut d, mut opened) = (Diagnostics::new(), Vec::new());
+    let data_dir = data_dir(design, options);
+    for named in &design.sources {
+        let context = OpenContext {
+            data_dir: data_dir.clone(),
+            name: named.name.clone(),
+            origin: design.run.origin.map(Into::into),
+            seed: options.seed.unwrap_or(design.run.seed),
+        };
+        match open_one(&named.block, &context) {
+            Ok(source) => opened.push((named, source)),
+            Err(error) => d.extend(error.diagnostics(&named.node)),
+        }
+    }
+    d.unless_errors(opened)
+}
+
+/// A source with its faults.
+///
+/// # Errors
+/// Mistakes of its declaration, what is wrong with its file.
+pub fn open_one(source: &SourceDesign, context: &OpenContext) -> Result<Box<dyn RowStream>, SourceError> {
+    let rows = source.source.open(context)?;
+    let faulted = Faulted::new(rows, &source.faults, |fault| context.fault_seed(fault))?;
+    Ok(Box::new(faulted))
+}
+
+impl Feed for Recorded {
+    fn next(&mut self) -> Result<Option<Row<'_>>, Diagnostics> {
+        match self.merged.next() {
+            Ok(next) => Ok(next.map(|row| Row {
+                stream: self.origins[row.stream].stream,
+                ..row
+            })),
+            Err(failed) => {
+                let mut d = Diagnostics::new();
+                d.extend(failed.error.diagnostics(&self.origins[failed.index].node));
+                Err(d)
+            }
+        }
+    }
+
+    fn disturbable(&self) -> Vec<(StreamId, Range<usize>)> {
+        let sources = self.origins.iter().zip(self.merged.sources());
+        let columns = sources.flat_map(|(origin, source)| source.disturbable().into_iter().map(|c| (origin.stream, c)));
+        columns.collect()
+    }
+
+    fn tallies(&self) -> Vec<SourceTally> {
+        let named = self.origins.iter().zip(self.merged.sources());
+        let fused = named.map(|(origin, source)| SourceTally::new(&origin.name, &source.report()));
+        fused.chain(self.reference.clone()).collect()
+    }
+}

@@ -1,0 +1,268 @@
+//! From the declaration of a channel to what is done with its cells.
+
+use super::convert::Conversion;
+use super::form::{Form, forms};
+use super::rotation::matrix;
+use crate::source::decode::OneOrMany;
+use crate::source::decode::spec::{ChannelSpec, RotationSpec};
+use fusion_core::time::nanos;
+use fusion_models::block::{BuildError, Channel, Shape, check_delay};
+use fusion_models::units::{Dimension, Dimensional, dim, parse_unit};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
+
+/// A channel, checked; columns are still names.
+#[derive(Clone, Debug)]
+pub(in super::super) struct ChannelPlan {
+    pub(in super::super) channel: Channel,
+    pub(in super::super) delay_ns: i64,
+    /// Field of the declaration and column, in the order in which they are read.
+    pub(in super::super) columns: Vec<(&'static str, String)>,
+    pub(in super::super) increment: bool,
+    pub(super) average: bool,
+    pub(super) variance: bool,
+    /// Number = factor · cell + add.
+    pub(super) factor: Vec<f64>,
+    pub(super) add: Vec<f64>,
+    pub(super) conversion: Conversion,
+    /// The numbers of the sample before, for the mean with it.
+    pub(super) previous: Option<Vec<f64>>,
+}
+
+impl ChannelPlan {
+    /// Checks the declaration; all mistakes go to `errors`.
+    pub(in super::super) fn new(name: &str, spec: &ChannelSpec, errors: &mut Vec<BuildError>) -> Option<Self> {
+        let before = errors.len();
+        let mut planner = Planner { name, spec, errors };
+        let (form, columns) = planner.form()?;
+        let width = columns.len();
+        let (mut factor, mut dimension) = planner.factor(form, width);
+        planner.scale(&mut factor);
+        if spec.variance {
+            dimension = planner.root(dimension);
+        }
+        let add = planner.offset(dimension, width);
+        if spec.increment {
+            dimension = planner.rate(dimension);
+        }
+        let conversion = planner.conversion(form, width);
+        let shape = planner.shape(form, dimension);
+        let latency = spec.latency.si();
+        errors.extend(check_delay(format!("channels.{name}.latency"), latency).err());
+        let plan = Self {
+            channel: Channel {
+                name: name.to_owned().into(),
+                width,
+                dimension,
+                shape,
+            },
+            delay_ns: nanos(latency),
+            columns,
+            increment: spec.increment,
+            average: spec.average,
+            variance: spec.variance,
+            factor,
+            add,
+            conversion,
+            previous: None,
+        };
+        (errors.len() == before).then_some(plan)
+    }
+}
+
+/// Reads the declaration of one channel; what is wrong is noted, and something of the right form
+/// put in its place, so that all mistakes are found.
+struct Planner<'a> {
+    name: &'a str,
+    spec: &'a ChannelSpec,
+    errors: &'a mut Vec<BuildError>,
+}
+
+impl Planner<'_> {
+    /// Notes a mistake; no advice where `help` is empty.
+    fn wrong(&mut self, field: &str, message: &str, help: &str) {
+        let dot = if field.is_empty() { "" } else { "." };
+        let error = BuildError::at(format!("channels.{}{dot}{field}", self.name), message);
+        self.errors.push(if help.is_empty() { error } else { error.help(help) });
+    }
+
+    /// How the channel is made, and of which columns.
+    fn form(&mut self) -> Option<(Form, Vec<(&'static str, String)>)> {
+        let form = match forms(self.spec)[..] {
+            [form] => form,
+            ref forms => {
+                let message = if forms.is_empty() {
+                    "this channel names no columns"
+                } else {
+                    "this channel is made in two ways"
+                };
+                let help = "give one of `column`, `columns`, `quaternion`, `latitude` with `longitude` and `height`, \
+                            or `north` with `east` and `down` or `up`";
+                self.wrong("", message, help);
+                return None;
+            }
+        };
+        let columns = match form.columns(self.spec) {
+            Ok(columns) => columns,
+            Err(missing) => {
+                self.wrong("", &format!("this channel misses `{missing}`"), form.example());
+                return None;
+            }
+        };
+        if columns.is_empty() {
+            self.wrong("columns", "this channel names no columns", "");
+            return None;
+        }
+        for key in form.misfits(self.spec) {
+            self.wrong(key, &format!("`{key}` does not apply to {}", form.name()), "");
+        }
+        Some((form, columns))
+    }
+
+    /// A unit in SI, with its dimension; that of a number without it.
+    fn unit(&mut self, field: &str, text: Option<&str>, wanted: Option<Dimension>) -> (f64, Dimension) {
+        let read = text.map_or(Ok((1.0, Dimension::NONE)), parse_unit);
+        match (read, wanted) {
+            (Err(error), _) => self.wrong(field, &error.to_string(), ""),
+            (Ok((_, found)), Some(wanted)) if found != wanted => {
+                let (unit, found, wanted) = (text.unwrap_or_default(), found.kind(), wanted.kind());
+                self.wrong(
+                    field,
+                    &format!("{unit:?} is the unit of {found}; that of {wanted} is wanted here"),
+                    "",
+                );
+            }
+            (Ok(read), _) => return read,
+        }
+        (1.0, wanted.unwrap_or(Dimension::NONE))
+    }
+
+    /// Factors of the units on the columns, and the dimension of the channel.
+    fn factor(&mut self, form: Form, width: usize) -> (Vec<f64>, Dimension) {
+        let (length, angle) = (dim::Length::KIND.dimension, dim::Angle::KIND.dimension);
+        let spec = self.spec;
+        let unit = spec.unit.as_deref();
+        match form {
+            Form::Vector => {
+                let (factor, dimension) = self.unit("unit", unit.filter(|unit| !unit.is_empty()), None);
+                (vec![factor; width], dimension)
+            }
+            Form::Quaternion => (vec![1.0; 4], Dimension::NONE),
+            Form::Geodetic => {
+                let across = self.unit("unit", Some(unit.unwrap_or("rad")), Some(angle)).0;
+                let height = Some(spec.height_unit.as_deref().unwrap_or("m"));
+                let up = self.unit("height_unit", height, Some(length)).0;
+                if unit.is_none() {
+                    self.wrong("", "a latitude needs its unit", "add `unit = \"deg\"` or `unit = \"rad\"`");
+                }
+                (vec![across, across, up], Dimension::NONE)
+            }
+            Form::Local => {
+                let factor = self.unit("unit", Some(unit.unwrap_or("m")), Some(length)).0;
+                let down = if spec.up.is_some() { -factor } else { factor };
+                (vec![factor, factor, down], Dimension::NONE)
+            }
+        }
+    }
+
+    /// Multiplies the declared scale into the factors.
+    fn scale(&mut self, factor: &mut [f64]) {
+        let Some(OneOrMany(scale)) = &self.spec.scale else { return };
+        let width = factor.len();
+        match per_axis(scale, width) {
+            Some(scale) if scale.iter().all(|s| s.is_finite()) => factor.iter_mut().zip(scale).for_each(|(f, s)| *f *= s),
+            Some(_) => self.wrong("scale", "a scale is a finite number", ""),
+            None => self.wrong("scale", &format!("{} factors are given for {width} columns", scale.len()), ""),
+        }
+    }
+
+    /// The dimension whose square is that of a variance.
+    fn root(&mut self, variance: Dimension) -> Dimension {
+        let root = variance.power(1).filter(|root| root.power(1).is_some());
+        root.unwrap_or_else(|| {
+            let message = "with `variance = true` the unit is that of a variance";
+            self.wrong("unit", message, "write e.g. `unit = \"m^2\"`");
+            variance
+        })
+    }
+
+    /// What is added after unit and scale.
+    fn offset(&mut self, dimension: Dimension, width: usize) -> Vec<f64> {
+        let Some(OneOrMany(offset)) = &self.spec.offset else {
+            return vec![0.0; width];
+        };
+        let read: Result<Vec<f64>, _> = offset.iter().map(|q| q.expect(dimension)).collect();
+        let message = match read.map(|read| per_axis(&read, width)) {
+            Ok(Some(add)) => return add,
+            Ok(None) => format!("{} offsets are given for {width} columns", offset.len()),
+            Err(error) => error.to_string(),
+        };
+        self.wrong("offset", &message, "");
+        Vec::new()
+    }
+
+    /// The dimension of the rate of an increment.
+    fn rate(&mut self, increment: Dimension) -> Dimension {
+        let per_second = Dimension::from_halves([0, 0, -2, 0, 0, 0]);
+        increment.times(per_second).unwrap_or_else(|| {
+            self.wrong("unit", "this unit cannot be divided by a time", "");
+            increment
+        })
+    }
+
+    fn rotation(&mut self, field: &str, spec: Option<&RotationSpec>) -> Option<Matrix3<f64>> {
+        match matrix(spec?) {
+            Ok(matrix) => Some(matrix),
+            Err((key, message)) => {
+                let help = "write e.g. `axes = [\"-x\", \"y\", \"-z\"]` or `rpy = [\"180 deg\", 0, 0]`";
+                self.wrong(&format!("{field}{key}"), &message, help);
+                None
+            }
+        }
+    }
+
+    /// What is done with the numbers as a whole.
+    fn conversion(&mut self, form: Form, width: usize) -> Conversion {
+        let spec = self.spec;
+        let body = self.rotation("rotation", spec.rotation.as_ref());
+        let navigation = self.rotation("navigation_rotation", spec.navigation_rotation.as_ref());
+        if form == Form::Vector && body.is_some() && width != 3 {
+            let message = format!("a rotation needs 3 columns, this channel has {width}");
+            self.wrong("rotation", &message, "");
+        }
+        let turn = |m: Option<Matrix3<f64>>| {
+            let m = m.unwrap_or_else(Matrix3::identity);
+            UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(m))
+        };
+        match form {
+            Form::Vector => Conversion::Vector { rotation: body },
+            Form::Geodetic => Conversion::Geodetic,
+            Form::Local => Conversion::Local { frame: None },
+            Form::Quaternion => Conversion::Quaternion {
+                navigation: turn(navigation),
+                sensor: turn(body).inverse(),
+                inverse: spec.inverse,
+            },
+        }
+    }
+
+    fn shape(&mut self, form: Form, dimension: Dimension) -> Shape {
+        let is_angle = dimension == dim::Angle::KIND.dimension && !self.spec.variance;
+        let shape = match form {
+            Form::Vector if is_angle => Shape::Angle,
+            Form::Vector => Shape::Vector,
+            Form::Quaternion => Shape::Quaternion,
+            Form::Geodetic | Form::Local => Shape::Geodetic,
+        };
+        if shape == Shape::Angle && self.spec.average {
+            self.wrong("average", "angles that wrap have no plain mean", "");
+        }
+        shape
+    }
+}
+
+fn per_axis(values: &[f64], width: usize) -> Option<Vec<f64>> {
+    match values {
+        [one] => Some(vec![*one; width]),
+        _ => (values.len() == width).then(|| values.to_vec()),
+    }
+}

@@ -1,0 +1,236 @@
+//! What becomes of one row: judged, then its channels made of its cells.
+
+use super::channel::{ChannelPlan, Wrong};
+use super::clock::Clock;
+use super::condition::Test;
+use super::plan::Plan;
+use super::raw::RawRows;
+use super::spec::{Interval, Keep, Policy, Ties};
+use core::ops::Range;
+use fusion_core::time::Time;
+
+/// A gap longer than this many nominal intervals is one.
+const GAP: f64 = 1.5;
+/// Characters of a cell that messages show.
+const LONGEST_SHOWN: usize = 40;
+
+const SKIP_BAD: &str = "to leave such rows out and have them counted, write `bad_rows = \"skip\"`";
+
+/// Why a row is not used.
+pub(super) enum Unused {
+    /// Left out as declared.
+    Left(&'static str),
+    /// Left out, or the end, by a policy.
+    Wrong(Refusal),
+    /// The declared end.
+    End,
+}
+
+/// What is wrong with a row, and what to do.
+pub(super) struct Refusal {
+    pub(super) policy: Policy,
+    pub(super) reason: &'static str,
+    pub(super) message: String,
+    pub(super) help: String,
+}
+
+/// How the rows of a file are decoded, and what has to be remembered from row to row.
+#[derive(Debug)]
+pub(super) struct Judge {
+    clock: Clock,
+    time_column: usize,
+    bad_rows: Policy,
+    backwards: Policy,
+    ties: Ties,
+    keep: Option<Keep>,
+    valid: Vec<Test>,
+    /// Column and sign of every cell that a channel reads.
+    cells: Vec<(usize, f64)>,
+    /// Each channel with the range of its cells, which is that of its numbers: it makes as many.
+    channels: Vec<(Range<usize>, ChannelPlan)>,
+    needs_interval: bool,
+    /// The nominal interval \[s\].
+    nominal: Option<f64>,
+    /// Whether increments always cover the nominal interval.
+    is_even: bool,
+    drops_repeats: bool,
+    /// The cells of the row at hand, with their signs.
+    numbers: Vec<f64>,
+    /// Those of the last row that was no repetition.
+    last_numbers: Option<Vec<f64>>,
+    /// The last stamp in order.
+    stamp: Option<i64>,
+    /// Whether no row since had an unreadable stamp.
+    is_interval_known: bool,
+}
+
+impl Judge {
+    /// Of the rows of `plan`: the column of the stamp, the cells of all channels one after the
+    /// other, the conditions.
+    pub(super) fn new(plan: Plan<'_>, time_column: usize, cells: Vec<(usize, f64)>, valid: Vec<Test>) -> Self {
+        let Plan { spec, clock, channels } = plan;
+        let mut end = 0;
+        let place = |channel: ChannelPlan| {
+            let start = end;
+            end += channel.columns.len();
+            (start..end, channel)
+        };
+        Self {
+            clock,
+            time_column,
+            bad_rows: spec.bad_rows,
+            backwards: spec.time.backwards,
+            ties: spec.time.ties,
+            keep: spec.keep,
+            valid,
+            numbers: vec![0.0; cells.len()],
+            cells,
+            needs_interval: channels.iter().any(|channel| channel.increment),
+            channels: channels.into_iter().map(place).collect(),
+            nominal: spec.rate.map(|rate| 1.0 / rate.si()),
+            is_even: spec.interval == Interval::Nominal,
+            drops_repeats: spec.drops_repeats(),
+            last_numbers: None,
+            stamp: None,
+            is_interval_known: false,
+        }
+    }
+
+    /// Whether any row had a stamp in order.
+    pub(super) const fn has_seen_a_stamp(&self) -> bool {
+        self.stamp.is_some()
+    }
+
+    /// Judges the row at hand, number `number` of the file from 0, and writes its numbers.
+    pub(super) fn decode(&mut self, number: u64, raw: &impl RawRows, values: &mut [f64]) -> Result<Time, Unused> {
+        if self.keep.is_some_and(|keep| !keep.keeps(number)) {
+            return Err(Unused::Left("not among the rows to keep"));
+        }
+        let stamp = self.stamp(raw)?;
+        self.check_order(stamp)?;
+        let was_known = core::mem::replace(&mut self.is_interval_known, true);
+        let previous = self.stamp.replace(stamp).filter(|_| was_known);
+        if stamp < self.clock.start {
+            return Err(Unused::Left("before the declared start"));
+        }
+        if stamp >= self.clock.stop {
+            return Err(Unused::End);
+        }
+        self.check_valid(raw)?;
+        self.read_cells(raw)?;
+        if self.drops_repeats {
+            if self.last_numbers.as_ref() == Some(&self.numbers) {
+                return Err(Unused::Left("repeats the values before"));
+            }
+            self.last_numbers.get_or_insert_default().clone_from(&self.numbers);
+        }
+        let Some(interval) = self.interval(previous, stamp) else {
+            let reason = "first of its increments, over an unknown interval (declare `rate`)";
+            return Err(Unused::Left(reason));
+        };
+        for (at, plan) in &mut self.channels {
+            if let Err(Wrong { message, help }) = plan.convert(&self.numbers[at.clone()], interval, &mut values[at.clone()]) {
+                return Err(self.bad(message, help));
+            }
+        }
+        Ok(Time::from_nanos(stamp))
+    }
+
+    /// The stamp of a row whose form is sound; the interval after one that has none is not known.
+    fn stamp(&mut self, raw: &impl RawRows) -> Result<i64, Unused> {
+        if let Some(malformed) = raw.malformed() {
+            self.is_interval_known = false;
+            return Err(self.bad(malformed.message, Some(malformed.help)));
+        }
+        self.clock.read(raw.cell(self.time_column)).map_err(|what| {
+            self.is_interval_known = false;
+            self.bad_cell(raw, self.time_column, what)
+        })
+    }
+
+    fn check_order(&self, stamp: i64) -> Result<(), Unused> {
+        let Some(last) = self.stamp.filter(|last| stamp <= *last) else {
+            return Ok(());
+        };
+        let (now, before) = (Time::from_nanos(stamp), Time::from_nanos(last));
+        if stamp < last {
+            return Err(Unused::Wrong(Refusal {
+                policy: self.backwards,
+                reason: "time runs backwards",
+                message: format!("time runs backwards: {now} comes after {before}"),
+                help: "sort the file, or leave such rows out: `time.backwards = \"skip\"`".to_owned(),
+            }));
+        }
+        let policy = match self.ties {
+            Ties::Keep => return Ok(()),
+            Ties::Skip => Policy::Skip,
+            Ties::Stop => Policy::Stop,
+        };
+        Err(Unused::Wrong(Refusal {
+            policy,
+            reason: "the stamp of the row before",
+            message: format!("the stamp {now} is that of the row before"),
+            help: "leave such rows out by `time.ties = \"skip\"`, or use them by `time.ties = \"keep\"`".to_owned(),
+        }))
+    }
+
+    fn check_valid(&self, raw: &impl RawRows) -> Result<(), Unused> {
+        for test in &self.valid {
+            match test.holds(raw.cell(test.column)) {
+                Some(true) => {}
+                Some(false) => return Err(Unused::Left("not valid as declared")),
+                None => return Err(self.bad_cell(raw, test.column, "is not a number")),
+            }
+        }
+        Ok(())
+    }
+
+    fn read_cells(&mut self, raw: &impl RawRows) -> Result<(), Unused> {
+        for (k, &(column, sign)) in self.cells.iter().enumerate() {
+            match raw.cell(column).number() {
+                Some(number) if number.is_finite() => self.numbers[k] = sign * number,
+                Some(_) => return Err(self.bad_cell(raw, column, "is not finite")),
+                None => return Err(self.bad_cell(raw, column, "is not a number")),
+            }
+        }
+        Ok(())
+    }
+
+    /// Seconds that an increment covers; `None` where increments are wanted and it is unknown.
+    fn interval(&self, previous: Option<i64>, stamp: i64) -> Option<f64> {
+        if !self.needs_interval {
+            return Some(1.0);
+        }
+        let since = previous.map(|previous| Time::from_nanos(stamp).seconds_since(Time::from_nanos(previous)));
+        match (since, self.nominal) {
+            (Some(since), Some(nominal)) if self.is_even || since > GAP * nominal => Some(nominal),
+            (Some(since), _) => Some(since),
+            (None, nominal) => nominal,
+        }
+    }
+
+    fn bad(&self, message: String, help: Option<&str>) -> Unused {
+        let help = help.map_or_else(
+            || SKIP_BAD.to_owned(),
+            |help| format!("{help} {SKIP_BAD}").replacen("? to", "? To", 1),
+        );
+        Unused::Wrong(Refusal {
+            policy: self.bad_rows,
+            reason: "bad rows",
+            message,
+            help,
+        })
+    }
+
+    /// What is wrong with a cell.
+    fn bad_cell(&self, raw: &impl RawRows, column: usize, what: &str) -> Unused {
+        let shown: String = raw.cell(column).shown().chars().take(LONGEST_SHOWN).collect();
+        let name = raw.columns().get(column).map_or("", String::as_str);
+        let message = if shown.is_empty() {
+            format!("column `{name}` is empty")
+        } else {
+            format!("`{shown}` in column `{name}` {what}")
+        };
+        self.bad(message, None)
+    }
+}

@@ -1,0 +1,72 @@
+//! What is done with the rows of a file: the declaration, checked before any file is opened.
+
+use super::channel::ChannelPlan;
+use super::clock::Clock;
+use super::spec::{Interval, Repeats, RowSpec, Ties};
+use crate::rows::{ProvidedChannel, provided};
+use fusion_models::block::BuildError;
+
+/// A checked declaration; columns are still names.
+#[derive(Debug)]
+pub(in super::super) struct Plan<'a> {
+    pub(super) spec: RowSpec<'a>,
+    pub(super) clock: Clock,
+    pub(super) channels: Vec<ChannelPlan>,
+}
+
+impl<'a> RowSpec<'a> {
+    /// Everything that can be checked without the file; all mistakes go to `errors`.
+    pub(in super::super) fn plan(self, errors: &mut Vec<BuildError>) -> Plan<'a> {
+        let clock = Clock::new(self.time, errors);
+        let channels = self.channels.iter();
+        let channels = channels.filter_map(|(name, spec)| ChannelPlan::new(name, spec, errors)).collect();
+        self.check_rows(errors);
+        self.check_increments(errors);
+        Plan {
+            spec: self,
+            clock,
+            channels,
+        }
+    }
+
+    fn check_rows(self, errors: &mut Vec<BuildError>) {
+        for condition in &self.valid.0 {
+            if condition.equals.is_none() && condition.at_least.is_none() && condition.at_most.is_none() {
+                let message = format!("no condition is set on column `{}`", condition.column);
+                errors.push(BuildError::at("valid", message).help("add `equals`, `at_least` or `at_most`"));
+            }
+        }
+        if self.keep.is_some_and(|keep| keep.every.is_some() == keep.except_every.is_some()) {
+            errors.push(BuildError::at("keep", "rows are kept by `every` or by `except_every`"));
+        }
+    }
+
+    fn check_increments(self, errors: &mut Vec<BuildError>) {
+        if self.interval == Interval::Nominal && self.rate.is_none() {
+            errors.push(BuildError::at("interval", "a nominal interval needs the nominal `rate`"));
+        }
+        let Some((name, _)) = self.channels.iter().find(|(_, channel)| channel.increment) else {
+            return;
+        };
+        if self.keep.is_some() {
+            let message = format!("`{name}` holds increments, and rows that are left out would take their motion with them");
+            errors.push(BuildError::at("keep", message));
+        }
+        if self.time.ties == Ties::Keep {
+            let message = format!("`{name}` holds increments, which have no rate over no time");
+            errors.push(BuildError::at("time.ties", message));
+        }
+    }
+
+    /// Whether rows that repeat the one before are left out.
+    pub(super) fn drops_repeats(self) -> bool {
+        self.repeats == Repeats::Drop
+    }
+}
+
+impl Plan<'_> {
+    /// What a row consists of.
+    pub(in super::super) fn provided(&self) -> Vec<ProvidedChannel> {
+        provided(self.channels.iter().map(|plan| (plan.channel.clone(), plan.delay_ns)))
+    }
+}

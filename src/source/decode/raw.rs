@@ -1,0 +1,75 @@
+//! What a format has to offer: rows of named columns, one at a time.
+
+use crate::rows::DataError;
+use std::borrow::Cow;
+
+/// Reads the rows of one file in their order; the one read last is at hand.
+pub(in super::super) trait RawRows: Send {
+    /// The names of the columns, as declarations refer to them.
+    fn columns(&self) -> &[String];
+
+    /// Reads the next row; `false` after the last.
+    ///
+    /// # Errors
+    /// The file cannot be read on.
+    fn advance(&mut self) -> Result<bool, DataError>;
+
+    /// Where the row at hand stands in the file, as messages name it: of text the line, from 1.
+    fn place(&self) -> usize;
+
+    /// The cell of the row at hand in the column of this number.
+    fn cell(&self, column: usize) -> Cell<'_>;
+
+    /// Why the cells of the row at hand cannot be told from each other; `None` where they can.
+    fn malformed(&self) -> Option<Malformed> {
+        None
+    }
+}
+
+/// The content of a cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in super::super) enum Cell<'a> {
+    /// As it is written in a text file, in UTF-8 where it is sound.
+    Text(&'a [u8]),
+    /// A number of a binary format.
+    #[cfg_attr(not(test), expect(dead_code, reason = "the formats so far are of text"))]
+    Number(f64),
+    /// A whole number of a binary format, exact where it is a stamp.
+    #[cfg_attr(not(test), expect(dead_code, reason = "the formats so far are of text"))]
+    Integer(i64),
+}
+
+/// What is wrong with the form of a row.
+#[derive(Debug)]
+pub(in super::super) struct Malformed {
+    pub(in super::super) message: String,
+    pub(in super::super) help: &'static str,
+}
+
+impl<'a> Cell<'a> {
+    /// The text of a sound text cell.
+    pub(super) fn text(self) -> Option<&'a str> {
+        match self {
+            Self::Text(bytes) => core::str::from_utf8(bytes).ok(),
+            Self::Number(_) | Self::Integer(_) => None,
+        }
+    }
+
+    /// The number that it holds, be it finite or not.
+    pub(super) fn number(self) -> Option<f64> {
+        match self {
+            Self::Text(_) => self.text()?.parse().ok(),
+            Self::Number(number) => Some(number),
+            Self::Integer(number) => Some(number as f64),
+        }
+    }
+
+    /// As messages show it.
+    pub(super) fn shown(self) -> Cow<'a, str> {
+        match self {
+            Self::Text(bytes) => String::from_utf8_lossy(bytes),
+            Self::Number(number) => number.to_string().into(),
+            Self::Integer(number) => number.to_string().into(),
+        }
+    }
+}

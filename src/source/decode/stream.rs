@@ -1,0 +1,203 @@
+//! Raw rows, decoded: the stream that a file becomes.
+
+use super::channel::ChannelPlan;
+use super::condition::Test;
+use super::judge::{Judge, Unused};
+use super::plan::Plan;
+use super::raw::RawRows;
+use super::spec::Policy;
+use crate::config::did_you_mean;
+use crate::rows::{DataError, ProvidedChannel, RowStream, SourceError, SourceReport, Stamp, Tally, width};
+use crate::source::OpenContext;
+use crate::source::file::DataFile;
+use core::fmt;
+use fusion_models::block::BuildError;
+
+/// The decoded rows of one file.
+struct Decoded<R> {
+    file: String,
+    raw: R,
+    judge: Judge,
+    provided: Vec<ProvidedChannel>,
+    tally: Tally,
+    has_ended: bool,
+}
+
+impl Plan<'_> {
+    /// Decodes the rows of `raw`, whose columns are looked up here.
+    ///
+    /// # Errors
+    /// Columns that the file does not have, a local position without an origin.
+    pub(in super::super) fn decode<R: RawRows + 'static>(
+        mut self,
+        raw: R,
+        file: &DataFile,
+        context: &OpenContext,
+    ) -> Result<Box<dyn RowStream>, SourceError> {
+        self.set_origin(context)?;
+        let provided = self.provided();
+        let mut columns = Columns {
+            known: raw.columns(),
+            file,
+            errors: Vec::new(),
+        };
+        let time_column = columns.find("time.column", &self.spec.time.column);
+        let mut cells = Vec::new();
+        for plan in &self.channels {
+            for (field, column) in &plan.columns {
+                let field = format!("channels.{}.{field}", plan.channel.name);
+                cells.push(columns.find_signed(&field, column));
+            }
+        }
+        let conditions = self.spec.valid.0.iter();
+        let valid = conditions.map(|c| Test::new(c, columns.find("valid", &c.column))).collect();
+        if !columns.errors.is_empty() {
+            return Err(columns.errors.into());
+        }
+        Ok(Box::new(Decoded {
+            file: file.name(),
+            judge: Judge::new(self, time_column, cells, valid),
+            raw,
+            provided,
+            tally: Tally::default(),
+            has_ended: false,
+        }))
+    }
+
+    fn set_origin(&mut self, context: &OpenContext) -> Result<(), SourceError> {
+        for plan in self.channels.iter_mut().filter(|plan| plan.needs_origin()) {
+            let missing = |plan: &ChannelPlan| {
+                let field = format!("channels.{}", plan.channel.name);
+                let help = "add `origin = { latitude = \"…deg\", longitude = \"…deg\", height = \"…m\" }` under [run]";
+                BuildError::at(field, "metres north, east and down need an origin").help(help)
+            };
+            let origin = context.origin.ok_or_else(|| missing(plan))?;
+            plan.set_origin(origin);
+        }
+        Ok(())
+    }
+}
+
+/// The columns of a file, and what was looked for in vain.
+struct Columns<'a> {
+    known: &'a [String],
+    file: &'a DataFile,
+    errors: Vec<BuildError>,
+}
+
+impl Columns<'_> {
+    fn position(&self, name: &str) -> Option<usize> {
+        self.known.iter().position(|known| known == name)
+    }
+
+    /// The number of a column.
+    fn find(&mut self, field: &str, name: &str) -> usize {
+        self.position(name).unwrap_or_else(|| self.missing(field, name))
+    }
+
+    /// The number of a column and the sign before its name.
+    fn find_signed(&mut self, field: &str, name: &str) -> (usize, f64) {
+        match (self.position(name), name.strip_prefix('-')) {
+            (Some(at), _) => (at, 1.0),
+            (None, Some(bare)) => (self.find(field, bare), -1.0),
+            (None, None) => (self.missing(field, name), 1.0),
+        }
+    }
+
+    fn missing(&mut self, field: &str, name: &str) -> usize {
+        let known: Vec<&str> = self.known.iter().map(String::as_str).collect();
+        let meant = did_you_mean(name, &known)
+            .map(|meant| format!("did you mean `{meant}`? "))
+            .unwrap_or_default();
+        let error = BuildError::at(field, format!("`{}` has no column `{name}`", self.file.declared.display()));
+        let help = format!("{meant}its columns: `{}`", known.join("`, `"));
+        self.errors.push(error.help(help));
+        0
+    }
+}
+
+impl<R> fmt::Debug for Decoded<R> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Decoded").field("file", &self.file).finish_non_exhaustive()
+    }
+}
+
+impl<R: RawRows> RowStream for Decoded<R> {
+    fn channels(&self) -> &[ProvidedChannel] {
+        &self.provided
+    }
+
+    fn next(&mut self, values: &mut Vec<f64>) -> Result<Option<Stamp>, SourceError> {
+        if self.has_ended {
+            return Ok(None);
+        }
+        values.clear();
+        values.resize(width(&self.provided), 0.0);
+        let next = self.advance(values);
+        self.has_ended = !matches!(next, Ok(Some(_)));
+        next
+    }
+
+    fn report(&self) -> SourceReport {
+        self.tally.report()
+    }
+}
+
+impl<R: RawRows> Decoded<R> {
+    fn advance(&mut self, values: &mut [f64]) -> Result<Option<Stamp>, SourceError> {
+        while self.raw.advance()? {
+            let place = self.raw.place();
+            match self.judge.decode(self.tally.rows(), &self.raw, values) {
+                Ok(time) => {
+                    self.tally.row();
+                    self.tally.used(time);
+                    let number = place as u64;
+                    return Ok(Some(Stamp { time, number }));
+                }
+                Err(Unused::Left(reason)) => {
+                    self.tally.row();
+                    self.tally.skipped(reason, None);
+                }
+                Err(Unused::Wrong(wrong)) => match wrong.policy {
+                    Policy::Skip => {
+                        self.tally.row();
+                        self.tally.skipped(wrong.reason, Some((place, wrong.message)));
+                    }
+                    Policy::Stop => {
+                        let error = DataError::new(self.file.as_str(), wrong.message);
+                        return Err(error.line(place).help(wrong.help).into());
+                    }
+                },
+                Err(Unused::End) => break,
+            }
+        }
+        self.end()
+    }
+
+    /// The end, which is an error where nothing was delivered.
+    fn end(&self) -> Result<Option<Stamp>, SourceError> {
+        let report = self.tally.report();
+        if report.used > 0 {
+            return Ok(None);
+        }
+        let file = self.file.as_str();
+        if report.rows == 0 && !self.judge.has_seen_a_stamp() {
+            return Err(DataError::new(file, "this file has no rows").into());
+        }
+        let reasons: Vec<String> = report.skipped.iter().map(|s| format!("{} × {}", s.count, s.reason)).collect();
+        let why = if reasons.is_empty() {
+            "the first is after the declared stop".to_owned()
+        } else {
+            reasons.join(", ")
+        };
+        let error = DataError::new(file, format!("no row of this file can be used: {why}"));
+        let example = report.skipped.iter().flat_map(|s| &s.examples).next();
+        Err(match example {
+            Some(example) => error
+                .line(example.line)
+                .help(format!("this is the first one: {}", example.what))
+                .into(),
+            None => error.into(),
+        })
+    }
+}

@@ -1,0 +1,11 @@
+//! A simulated world as a feed of rows: the simulator, its sensors' rows through their declared
+//! faults, and the truth as the reference.
+
+mod simulated;
+mod streams;
+#[cfg(test)]
+mod tests;
+
+pub use fusion_models::sim::{IMU, REFERENCE};
+pub use simulated::SimulatedRows;
+pub use streams::streams;

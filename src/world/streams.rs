@@ -1,0 +1,41 @@
+//! The streams of a simulated world, from the design alone.
+
+use super::{IMU, REFERENCE};
+use crate::assembly::StreamLayout;
+use crate::design::{Design, SimulationDesign};
+use fusion_models::block::{Channel, Reading, imu_channels};
+use fusion_models::sim::reference_channels;
+
+/// The stream that carries the simulated inertial unit: what the process calls its source, or
+/// `imu` where that is a stage.
+pub(super) fn imu_stream(design: &Design) -> &str {
+    let read = design.process.block.source.as_deref();
+    read.filter(|name| design.stages.iter().all(|stage| stage.name != *name))
+        .unwrap_or(IMU)
+}
+
+/// The streams of a simulated world.
+#[must_use]
+pub fn streams(design: &Design, simulation: &SimulationDesign) -> Vec<StreamLayout> {
+    let mut streams = Vec::new();
+    // A process that has a source is driven by the unit: one that is missing is told by the simulator.
+    if simulation.world.imu.is_some() || design.process.block.source.is_some() {
+        streams.push(StreamLayout::of(imu_stream(design), None, &imu_channels()));
+    }
+    for (sensor, source, channel) in simulated(design, simulation) {
+        streams.push(StreamLayout::of(sensor, Some(source), &[channel]));
+    }
+    streams.push(StreamLayout::of(REFERENCE, None, &reference_channels()));
+    streams
+}
+
+/// The sensors of a design that are simulated: name, source, what they read.
+fn simulated<'a>(design: &'a Design, simulation: &'a SimulationDesign) -> impl Iterator<Item = (&'a str, &'a str, Channel)> {
+    design.sensors.iter().filter_map(|named| {
+        let Reading::Channel(channel) = named.block.model.reading() else {
+            return None;
+        };
+        let simulated = simulation.world.sensor.contains_key(&named.name);
+        simulated.then_some((named.name.as_str(), named.block.common.source.as_str(), channel))
+    })
+}
