@@ -2,6 +2,7 @@
 
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
+use crate::output::Cells;
 use crate::run::{Options, Summary, run};
 use crate::score::{Consistency, Score};
 use crate::table::{Table, count_cell, number};
@@ -255,58 +256,82 @@ impl Campaign {
     ///
     /// # Errors
     /// What the writer reports.
-    pub fn write(&self, mut out: impl Write) -> io::Result<()> {
-        write!(out, "run,seed,rms_n_m,rms_e_m,rms_d_m,max_n_m,max_e_m,max_d_m")?;
-        write!(out, ",rms_vn_mps,rms_ve_mps,rms_vd_mps,rms_roll_deg,rms_pitch_deg,rms_yaw_deg")?;
-        write!(out, ",nees_position,nees_velocity,nees_attitude")?;
-        for SensorTally { name, innovations, .. } in self.sensors() {
-            write!(
-                out,
-                ",{name}_nis,{name}_accepted,{name}_rejected,{name}_readopted,{name}_missed,{name}_false"
-            )?;
-            write!(out, ",{name}_longest_refusal,{name}_longest_refusal_s,{name}_ends_denied")?;
-            for what in ["rms", "max"] {
-                for k in 1..=innovations.unit.len() {
-                    write!(out, ",{name}_innovation_{what}_{k}")?;
-                }
-            }
-        }
-        writeln!(out)?;
+    pub fn write(&self, out: impl Write) -> io::Result<()> {
+        let mut cells = Cells::new(out);
+        cells.texts(["run", "seed", "rms_n_m", "rms_e_m", "rms_d_m", "max_n_m", "max_e_m", "max_d_m"])?;
+        cells.texts([
+            "rms_vn_mps",
+            "rms_ve_mps",
+            "rms_vd_mps",
+            "rms_roll_deg",
+            "rms_pitch_deg",
+            "rms_yaw_deg",
+        ])?;
+        cells.texts(["nees_position", "nees_velocity", "nees_attitude"])?;
+        self.sensors().iter().try_for_each(|sensor| sensor_header(&mut cells, sensor))?;
+        cells.end()?;
         for row in &self.rows {
-            write!(out, "{},{}", row.run, row.seed)?;
+            cells.put(row.run)?;
+            cells.put(row.seed)?;
             let nees = row.nees.map(|c| c.map_or(f64::NAN, |c| c.mean));
             for values in [row.rms, row.max, row.velocity_rms, row.attitude_rms, nees] {
-                values.into_iter().try_for_each(|value| real(&mut out, value))?;
+                values.into_iter().try_for_each(|value| real(&mut cells, value))?;
             }
-            row.sensors.iter().try_for_each(|sensor| sensor_cells(&mut out, sensor))?;
-            writeln!(out)?;
+            row.sensors.iter().try_for_each(|sensor| sensor_cells(&mut cells, sensor))?;
+            cells.end()?;
         }
-        out.flush()
+        cells.flush()
     }
 }
 
 /// A number, or an empty cell where there is none.
-fn real(out: &mut impl Write, value: f64) -> io::Result<()> {
+fn real(cells: &mut Cells<impl Write>, value: f64) -> io::Result<()> {
     if value.is_finite() {
-        write!(out, ",{value:.9e}")
+        cells.put(format_args!("{value:.9e}"))
     } else {
-        write!(out, ",")
+        cells.text("")
     }
 }
 
+/// The columns of a sensor in runs.csv.
+fn sensor_header(cells: &mut Cells<impl Write>, s: &SensorTally) -> io::Result<()> {
+    let columns = [
+        "nis",
+        "accepted",
+        "rejected",
+        "readopted",
+        "missed",
+        "false",
+        "longest_refusal",
+        "longest_refusal_s",
+        "ends_denied",
+    ];
+    columns
+        .iter()
+        .try_for_each(|column| cells.put(format_args!("{}_{column}", s.name)))?;
+    for what in ["rms", "max"] {
+        let mut rows = 1..=s.innovations.unit.len();
+        rows.try_for_each(|k| cells.put(format_args!("{}_innovation_{what}_{k}", s.name)))?;
+    }
+    Ok(())
+}
+
 /// The cells of a sensor in runs.csv.
-fn sensor_cells(out: &mut impl Write, s: &SensorTally) -> io::Result<()> {
-    real(out, s.nis.map_or(f64::NAN, |nis| nis.mean))?;
-    write!(out, ",{},{},{}", s.accepted, s.rejected, s.readopted)?;
-    let [missed, wrong] = [s.disturbed.map(|d| d.missed), s.disturbed.map(|d| d.false_rejections)].map(count_cell);
+fn sensor_cells(cells: &mut Cells<impl Write>, s: &SensorTally) -> io::Result<()> {
+    real(cells, s.nis.map_or(f64::NAN, |nis| nis.mean))?;
+    [s.accepted, s.rejected, s.readopted]
+        .into_iter()
+        .try_for_each(|count| cells.put(count))?;
+    cells.maybe(s.disturbed.map(|d| d.missed))?;
+    cells.maybe(s.disturbed.map(|d| d.false_rejections))?;
     let (measurements, seconds) = s.longest_refusal.map_or((0, 0.0), |r| (r.measurements, r.seconds));
-    write!(out, ",{missed},{wrong},{measurements}")?;
-    real(out, seconds)?;
-    write!(out, ",{}", u8::from(s.ends_denied))?;
+    cells.put(measurements)?;
+    real(cells, seconds)?;
+    cells.put(u8::from(s.ends_denied))?;
     let innovations = &s.innovations;
     let known = |value: f64| if innovations.count > 0 { value } else { f64::NAN };
     let mut values = innovations.rms.iter().chain(&innovations.max);
-    values.try_for_each(|value| real(out, known(*value)))
+    values.try_for_each(|value| real(cells, known(*value)))
 }
 
 /// The campaign as tables: spreads per axis, consistency with its verdict, what the gates did,

@@ -117,6 +117,28 @@ fn files_have_the_documented_columns() {
 }
 
 #[test]
+fn a_name_with_a_comma_is_one_cell_of_every_file() {
+    let w = Workspace::new("command-comma");
+    let design = w.read("design.toml").replace("[sensor.gnss]", "[sensor.\"gnss, roof\"]");
+    w.write("design.toml", design);
+    w.fusion(&["run", "design.toml", "--out", "results"]).success();
+    w.fusion(&["montecarlo", "design.toml", "-n", "2", "--out", "results"]).success();
+    let table = |file: &str| {
+        // A reader that takes no row of another width than the header.
+        let mut reader = csv::Reader::from_path(w.path(file)).unwrap();
+        let header = reader.headers().unwrap().clone();
+        let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
+        (header, rows)
+    };
+    let (header, rows) = table("results/updates.csv");
+    assert_eq!(&header[1], "sensor");
+    assert!(rows.len() > 50 && rows.iter().all(|row| &row[1] == "gnss, roof"));
+    let (header, rows) = table("results/runs.csv");
+    let counted = header.iter().position(|name| name == "gnss, roof_accepted").unwrap();
+    assert!(rows.len() == 2 && rows.iter().all(|row| row[counted].parse::<u64>().is_ok_and(|n| n > 50)));
+}
+
+#[test]
 fn results_that_cannot_be_written_are_told() {
     let w = Workspace::new("command-unwritable");
     w.write("results", "a file");

@@ -1,0 +1,161 @@
+//! estimates.csv.
+
+use super::Cells;
+use crate::solution::{Solution, sigmas};
+use core::fmt;
+use fusion_core::geometry::so3;
+use fusion_core::state::{Attitude, Belief, Block, Kind, Layout, Manifold};
+use fusion_models::earth::LocalFrame;
+use fusion_models::vocabulary::state;
+use nalgebra::Vector3;
+use std::io::{self, Write};
+
+/// Columns of the navigation solution, in order; the 1σ of each follows with `sigma_` before it.
+pub const SOLUTION: [&str; 12] = [
+    "lat_deg",
+    "lon_deg",
+    "height_m",
+    "n_m",
+    "e_m",
+    "d_m",
+    "vn_mps",
+    "ve_mps",
+    "vd_mps",
+    "roll_deg",
+    "pitch_deg",
+    "yaw_deg",
+];
+
+/// Blocks that the solution's columns already show.
+const SHOWN: [&str; 4] = [
+    state::POSITION.as_str(),
+    state::VELOCITY.as_str(),
+    state::ATTITUDE.as_str(),
+    state::LOCAL_POSITION.as_str(),
+];
+
+/// Names of a block's axes as they end its columns.
+fn axes(kind: Kind) -> Vec<String> {
+    match kind {
+        Kind::Scalar | Kind::Angle => vec![String::new()],
+        Kind::Attitude => ["_roll", "_pitch", "_yaw"].map(str::to_owned).to_vec(),
+        Kind::Geodetic => ["_lat", "_lon", "_height"].map(str::to_owned).to_vec(),
+        Kind::Position | Kind::Velocity | Kind::Vector(3) => ["_x", "_y", "_z"].map(str::to_owned).to_vec(),
+        Kind::Vector(n) => (0..n).map(|i| format!("_{i}")).collect(),
+    }
+}
+
+/// A number with so many decimals.
+struct Fixed(f64, usize);
+
+impl fmt::Display for Fixed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.*}", self.1, self.0)
+    }
+}
+
+/// Writes estimates.csv: time, solution, its 1σ, then every further state with its 1σ, in SI.
+#[derive(Debug)]
+pub struct EstimateWriter<W: Write> {
+    cells: Cells<W>,
+    frame: Option<LocalFrame>,
+    further: Vec<Block>,
+}
+
+impl<W: Write> EstimateWriter<W> {
+    /// Writes the header. Without an `origin` the first position becomes it.
+    ///
+    /// # Errors
+    /// What the writer reports.
+    pub fn new(out: W, layout: &Layout, origin: Option<LocalFrame>) -> io::Result<Self> {
+        let blocks = layout.blocks().iter();
+        let further: Vec<Block> = blocks.filter(|b| !SHOWN.contains(&b.name.as_str())).cloned().collect();
+        let mut cells = Cells::new(out);
+        cells.text("t_s")?;
+        cells.texts(SOLUTION)?;
+        SOLUTION.iter().try_for_each(|name| cells.put(format_args!("sigma_{name}")))?;
+        for block in &further {
+            for prefix in ["", "sigma_"] {
+                let mut axes = axes(block.kind).into_iter();
+                axes.try_for_each(|axis| cells.put(format_args!("{prefix}{}{axis}", block.name)))?;
+            }
+        }
+        cells.end()?;
+        Ok(Self {
+            cells,
+            frame: origin,
+            further,
+        })
+    }
+
+    /// Writes one row.
+    ///
+    /// # Errors
+    /// What the writer reports.
+    pub fn write(&mut self, s: &Solution, belief: &Belief) -> io::Result<()> {
+        self.cells.put(format_args!("{:.6}", s.time.seconds()))?;
+        self.position(s)?;
+        let velocity = s.velocity.as_ref().map(|(v, _)| v);
+        let rpy = s.rpy();
+        let angles = rpy.map(|(rpy, _)| rpy.map(f64::to_degrees));
+        self.axes(velocity, 5)?;
+        self.axes(angles.as_ref(), 6)?;
+        self.position_sigma(s)?;
+        self.axes(s.velocity.as_ref().map(|(_, p)| sigmas(p)).as_ref(), 6)?;
+        self.axes(rpy.map(|(_, spread)| spread.map(f64::to_degrees)).as_ref(), 6)?;
+        self.further(belief)?;
+        self.cells.end()
+    }
+
+    /// Three numbers with so many decimals.
+    fn axes(&mut self, numbers: Option<&Vector3<f64>>, decimals: usize) -> io::Result<()> {
+        (0..3).try_for_each(|i| self.cells.maybe(numbers.map(|v| Fixed(v[i], decimals))))
+    }
+
+    /// Latitude, longitude, height, then metres from the origin.
+    fn position(&mut self, s: &Solution) -> io::Result<()> {
+        let place = s.position.as_ref().map(|(place, _)| *place);
+        let degrees = place.map(|p| [p.lat.to_degrees(), p.lon.to_degrees()]);
+        (0..2).try_for_each(|i| self.cells.maybe(degrees.map(|d| Fixed(d[i], 10))))?;
+        self.cells.maybe(place.map(|p| Fixed(p.height, 4)))?;
+        let ned = place.map(|place| self.frame.get_or_insert_with(|| LocalFrame::new(place)).to_ned(&place));
+        self.axes(ned.as_ref(), 4)
+    }
+
+    fn position_sigma(&mut self, s: &Solution) -> io::Result<()> {
+        let Some((place, p)) = &s.position else {
+            return self.cells.texts([""; 6]);
+        };
+        let metres = sigmas(p);
+        let (north, east) = place.metres_per_radian();
+        self.cells.put(format_args!("{:.3e}", (metres.x / north).to_degrees()))?;
+        self.cells.put(format_args!("{:.3e}", (metres.y / east).to_degrees()))?;
+        self.cells.put(format_args!("{:.6}", metres.z))?;
+        self.axes(Some(&metres), 6)
+    }
+
+    /// The states that the solution does not show, each with its 1σ.
+    fn further(&mut self, belief: &Belief) -> io::Result<()> {
+        for block in &self.further {
+            let values = &belief.x[block.storage_range()];
+            if block.kind == Kind::Attitude {
+                let rpy = so3::to_rpy(&Attitude::read(values));
+                rpy.iter().try_for_each(|angle| self.cells.put(format_args!("{angle:.8e}")))?;
+            } else {
+                values.iter().try_for_each(|value| self.cells.put(format_args!("{value:.8e}")))?;
+            }
+            for i in block.tangent_range() {
+                self.cells.put(format_args!("{:.4e}", belief.covariance.sigma(i)))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Flushes.
+    ///
+    /// # Errors
+    /// What the writer reports.
+    pub fn finish(mut self) -> io::Result<()> {
+        self.cells.flush()
+    }
+}

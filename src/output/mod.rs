@@ -1,0 +1,16 @@
+//! The tables that a run writes. All are CSV (RFC 4180) with a header; a name that holds a comma
+//! or a quotation mark stands in quotation marks. A cell is empty where there is nothing to say.
+//!
+//! | file | a row per | columns |
+//! |---|---|---|
+//! | estimates.csv | estimate | `t_s`; the solution ([`SOLUTION`]); its 1σ, `sigma_` before the name; then the axes of every further state and their 1σ, in SI |
+//! | updates.csv | measurement | `t_s,sensor,verdict,nis,statistic,threshold,mode,weight`; `residual_0…`, then `sigma_0…`, the 1σ of the residual, in SI |
+//! | runs.csv | run of a campaign | `run,seed`; RMS and maxima of the errors; NEES; what became of the measurements of every sensor |
+
+mod cells;
+mod estimates;
+mod updates;
+
+pub(crate) use cells::Cells;
+pub use estimates::{EstimateWriter, SOLUTION};
+pub use updates::{UpdateWriter, verdict_name};

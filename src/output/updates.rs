@@ -1,0 +1,76 @@
+//! updates.csv.
+
+use super::Cells;
+use fusion_core::filter::{Update, Verdict};
+use fusion_core::gate::Mode;
+use fusion_core::time::Time;
+use std::io::{self, Write};
+
+/// Writes updates.csv: one row per measurement.
+#[derive(Debug)]
+pub struct UpdateWriter<W: Write> {
+    cells: Cells<W>,
+    rows: usize,
+}
+
+impl<W: Write> UpdateWriter<W> {
+    /// Writes the header for residuals of up to `rows` numbers.
+    ///
+    /// # Errors
+    /// What the writer reports.
+    pub fn new(out: W, rows: usize) -> io::Result<Self> {
+        let mut cells = Cells::new(out);
+        cells.texts(["t_s", "sensor", "verdict", "nis", "statistic", "threshold", "mode", "weight"])?;
+        for what in ["residual", "sigma"] {
+            (0..rows).try_for_each(|i| cells.put(format_args!("{what}_{i}")))?;
+        }
+        cells.end()?;
+        Ok(Self { cells, rows })
+    }
+
+    /// Writes one row.
+    ///
+    /// # Errors
+    /// What the writer reports.
+    pub fn write(&mut self, time: Time, sensor: &str, u: &Update<'_>) -> io::Result<()> {
+        self.cells.put(format_args!("{:.6}", time.seconds()))?;
+        self.cells.texts([sensor, verdict_name(u.verdict)])?;
+        [u.nis, u.statistic, u.threshold]
+            .into_iter()
+            .try_for_each(|value| self.number(value))?;
+        self.cells.text(if u.mode == Mode::Track { "track" } else { "denied" })?;
+        self.number(u.weight)?;
+        for values in [u.residual, u.innovation_sigma] {
+            (0..self.rows).try_for_each(|i| self.number(values.get(i).copied().unwrap_or(f64::NAN)))?;
+        }
+        self.cells.end()
+    }
+
+    /// A number, or an empty cell where there is none.
+    fn number(&mut self, value: f64) -> io::Result<()> {
+        if value.is_nan() {
+            return self.cells.text("");
+        }
+        self.cells.put(format_args!("{value:.6e}"))
+    }
+
+    /// Flushes.
+    ///
+    /// # Errors
+    /// What the writer reports.
+    pub fn finish(mut self) -> io::Result<()> {
+        self.cells.flush()
+    }
+}
+
+/// The verdict as updates.csv and the summary spell it.
+#[must_use]
+pub const fn verdict_name(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Accepted => "accepted",
+        Verdict::Rejected => "rejected",
+        Verdict::Readopted => "readopted",
+        Verdict::Undefined(_) => "undefined",
+        Verdict::Unusable => "unusable",
+    }
+}
