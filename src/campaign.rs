@@ -1,77 +1,15 @@
-//! Many runs: variants side by side, and Monte Carlo over seeds.
+//! Many runs: Monte Carlo over seeds.
 
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
 use crate::output::Cells;
 use crate::run::{Options, Summary, run};
-use crate::score::{Consistency, Score};
-use crate::table::{Table, count_cell, number};
-use crate::tally::{Count, Innovations, SensorTally, counts, residual_rows};
-use fusion_core::consistency::mean_band;
+use crate::score::Consistency;
+use crate::tally::SensorTally;
 use rayon::prelude::*;
 use serde::Serialize;
-use std::fmt;
 use std::io::{self, Write};
 use std::sync::atomic::{AtomicUsize, Ordering};
-
-/// Several runs on the same data and seeds, side by side.
-#[derive(Debug, Default)]
-pub struct Comparison {
-    /// Name and result of each.
-    pub runs: Vec<(String, Summary)>,
-}
-
-/// RMS and maximum per axis, drift, what the gates did, consistency and time per epoch.
-impl fmt::Display for Comparison {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let scores: Vec<Score> = self.runs.iter().map(|(_, s)| s.score.clone().unwrap_or_default()).collect();
-        let drifts = scores.iter().any(|s| s.drift_rms.is_some());
-        let titles = ["", ">RMS N [m]", ">E", ">D", ">max N [m]", ">E", ">D", ">drift [m]"];
-        let mut positions = Table::new(&titles[..titles.len() - usize::from(!drifts)]);
-        let mut attitudes = Table::new(&["", ">RMS roll [deg]", ">pitch", ">yaw", ">heading", ">inclination"]);
-        let counts = counts(self.runs.iter().flat_map(|(_, summary)| &summary.sensors));
-        let mut measurements = count_table(&counts, &[]);
-        let mut health = Table::new(&["", ">NEES position", ">velocity", ">attitude", ">ns per epoch"]);
-        for ((name, summary), score) in self.runs.iter().zip(&scores) {
-            let cells = |values: Vec<f64>| values.into_iter().map(number).collect::<Vec<_>>();
-            let row = |cells: Vec<String>| [name.clone()].into_iter().chain(cells);
-            let mut position = score.position.map_or_else(Vec::new, |a| cells([a.rms, a.max].concat()));
-            position.resize(6, String::new());
-            position.extend(drifts.then(|| score.drift_rms.map_or_else(String::new, number)));
-            positions.row(row(position));
-            let mut attitude = score.attitude_deg.map_or_else(Vec::new, |a| cells(a.rms.to_vec()));
-            attitude.extend(score.heading_rmse_deg.into_iter().chain(score.inclination_rmse_deg).map(number));
-            attitude.resize(5, String::new());
-            attitudes.row(row(attitude));
-            measurements.row(row(counts.iter().map(|(_, count)| sum(&summary.sensors, *count)).collect()));
-            let nees = |c: Option<Consistency>| c.map_or_else(String::new, |c| format!("{} {}", number(c.mean), c.word()));
-            let mut judged = [score.nees_position, score.nees_velocity, score.nees_attitude].map(nees).to_vec();
-            judged.push(format!("{:.0}", summary.filter_ns_per_epoch));
-            health.row(row(judged));
-        }
-        if scores.iter().any(|s| s.position.is_some()) {
-            let drift = if drifts { "; drift is the RMS over declared outages" } else { "" };
-            writeln!(f, "Position against the reference{drift}\n{positions}")?;
-        }
-        if scores.iter().any(|s| s.attitude_deg.is_some()) {
-            writeln!(f, "Attitude against the reference\n{attitudes}")?;
-        }
-        writeln!(f, "Measurements of all sensors together\n{measurements}")?;
-        writeln!(f, "Consistency (3 is expected), time\n{health}")
-    }
-}
-
-/// A table of counts, with `further` columns after them.
-fn count_table(counts: &[(&str, Count)], further: &[&str]) -> Table {
-    let counts: Vec<String> = counts.iter().map(|(title, _)| format!(">{title}")).collect();
-    let titles = [""].into_iter().chain(counts.iter().map(String::as_str));
-    Table::new(&titles.chain(further.iter().copied()).collect::<Vec<_>>())
-}
-
-/// The sum over `sensors`, empty where it is known of none of them.
-fn sum<'a>(sensors: impl IntoIterator<Item = &'a SensorTally>, count: Count) -> String {
-    count_cell(sensors.into_iter().filter_map(count).reduce(|a, b| a + b))
-}
 
 /// What is kept of one Monte Carlo run. No timing, so that it is a function of its seed.
 #[derive(Clone, Debug, Serialize)]
@@ -156,40 +94,6 @@ pub fn monte_carlo(
     Ok(Campaign { rows: rows? })
 }
 
-/// Whether a mean statistic is what its covariance promised.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Honesty {
-    /// In its band.
-    Consistent,
-    /// The errors are larger than the filter believes.
-    Optimistic,
-    /// The errors are smaller than the filter believes.
-    Pessimistic,
-}
-
-impl fmt::Display for Honesty {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Consistent => "consistent",
-            Self::Optimistic => "optimistic",
-            Self::Pessimistic => "pessimistic",
-        })
-    }
-}
-
-/// A mean over runs with its band.
-#[derive(Clone, Copy, Debug)]
-pub struct Judged {
-    /// The mean over all runs.
-    pub mean: f64,
-    /// Degrees of freedom.
-    pub dof: usize,
-    /// The 95 % band of the mean.
-    pub band: (f64, f64),
-    /// The verdict.
-    pub honesty: Honesty,
-}
-
 /// Mean, standard deviation, smallest and largest over the runs.
 #[derive(Clone, Copy, Debug)]
 pub struct Spread {
@@ -224,28 +128,14 @@ impl Campaign {
     }
 
     /// Judges the mean over the runs of a statistic that each run averages over time.
-    ///
-    /// The runs are independent, and each carries as many independent samples as its own
-    /// [`Consistency`] says: the band is that of a χ² mean over all of them.
     #[must_use]
-    pub fn judge(&self, figure: impl Fn(&RunRow) -> Option<Consistency>) -> Option<Judged> {
-        let all: Vec<Consistency> = self.rows.iter().filter_map(figure).collect();
-        let dof = all.first()?.dof;
-        let mean = all.iter().map(|c| c.mean).sum::<f64>() / all.len() as f64;
-        let independent = all.iter().map(|c| c.independent).sum::<f64>();
-        let band = mean_band(0.95, dof, independent.round() as usize);
-        let honesty = if mean > band.1 {
-            Honesty::Optimistic
-        } else if mean < band.0 {
-            Honesty::Pessimistic
-        } else {
-            Honesty::Consistent
-        };
-        Some(Judged { mean, dof, band, honesty })
+    pub fn judge(&self, figure: impl Fn(&RunRow) -> Option<Consistency>) -> Option<Consistency> {
+        Consistency::of_runs(self.rows.iter().filter_map(figure))
     }
 
     /// The sensors of every run, as the first one has them.
-    fn sensors(&self) -> &[SensorTally] {
+    #[must_use]
+    pub fn sensors(&self) -> &[SensorTally] {
         self.rows.first().map_or(&[], |row| &row.sensors)
     }
 
@@ -332,107 +222,4 @@ fn sensor_cells(cells: &mut Cells<impl Write>, s: &SensorTally) -> io::Result<()
     let known = |value: f64| if innovations.count > 0 { value } else { f64::NAN };
     let mut values = innovations.rms.iter().chain(&innovations.max);
     values.try_for_each(|value| real(cells, known(*value)))
-}
-
-/// The campaign as tables: spreads per axis, consistency with its verdict, what the gates did,
-/// innovations.
-impl fmt::Display for Campaign {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        type Figure = fn(&RunRow) -> [f64; 3];
-        let groups: [(&str, Figure, [&str; 3]); 4] = [
-            ("position RMS [m]", |r| r.rms, ["north", "east", "down"]),
-            ("position max [m]", |r| r.max, ["north", "east", "down"]),
-            ("velocity RMS [m/s]", |r| r.velocity_rms, ["north", "east", "down"]),
-            ("attitude RMS [deg]", |r| r.attitude_rms, ["roll", "pitch", "yaw"]),
-        ];
-        let mut errors = Table::new(&["", ">mean", ">std", ">min", ">max"]);
-        for (name, figure, axes) in groups {
-            for (i, axis) in axes.iter().enumerate() {
-                if let Some(s) = self.spread(|r| figure(r)[i]) {
-                    errors.row([
-                        format!("{name} {axis}"),
-                        number(s.mean),
-                        number(s.std),
-                        number(s.min),
-                        number(s.max),
-                    ]);
-                }
-            }
-        }
-        let mut consistency = Table::new(&["", ">mean", ">dof", ">95 % band", ""]);
-        let states = ["position", "velocity", "attitude"];
-        let nees = states
-            .iter()
-            .enumerate()
-            .map(|(i, s)| (format!("NEES {s}"), self.judge(|r| r.nees[i])));
-        let nis = self
-            .sensors()
-            .iter()
-            .enumerate()
-            .map(|(i, s)| (format!("NIS {}", s.name), self.judge(|r| r.sensors[i].nis)));
-        for (name, judged) in nees.chain(nis) {
-            if let Some(j) = judged {
-                let by = match j.honesty {
-                    Honesty::Consistent => String::new(),
-                    _ => format!(", errors {} × its 1σ", number((j.mean / j.dof as f64).sqrt())),
-                };
-                let band = format!("{} … {}", number(j.band.0), number(j.band.1));
-                consistency.row([name, number(j.mean), j.dof.to_string(), band, format!("{}{by}", j.honesty)]);
-            }
-        }
-        writeln!(f, "{} runs\n\nErrors over the runs\n{errors}", self.rows.len())?;
-        writeln!(f, "Consistency\n{consistency}\nSensors\n{}", self.gates())?;
-        let innovations = self.innovations();
-        if innovations.is_empty() {
-            return Ok(());
-        }
-        writeln!(f, "Innovations of accepted measurements, over the runs\n{innovations}")
-    }
-}
-
-impl Campaign {
-    /// Counts summed over the runs, and the longest refusals.
-    fn gates(&self) -> Table {
-        let counts = counts(self.rows.iter().flat_map(|row| &row.sensors));
-        let refusals = [">longest refusal", ">[s]", ">runs that end denied"];
-        let has_refusals = self.rows.iter().flat_map(|row| &row.sensors).any(|s| s.longest_refusal.is_some());
-        let mut table = count_table(&counts, if has_refusals { &refusals } else { &[] });
-        for (i, sensor) in self.sensors().iter().enumerate() {
-            let runs = self.rows.iter().map(|row| &row.sensors[i]);
-            let mut cells = vec![sensor.name.clone()];
-            cells.extend(counts.iter().map(|(_, count)| sum(runs.clone(), *count)));
-            let refusals = runs.clone().filter_map(|s| s.longest_refusal);
-            if let Some(most) = refusals.clone().map(|r| r.measurements).max() {
-                let longest = refusals.map(|r| r.seconds).fold(0.0, f64::max);
-                let denied = runs.filter(|s| s.ends_denied).count();
-                cells.extend([most.to_string(), format!("{longest:.1}"), denied.to_string()]);
-            }
-            table.row(cells);
-        }
-        table
-    }
-
-    /// RMS and maximum of the innovations, over the runs that have any.
-    fn innovations(&self) -> Table {
-        let mut table = Table::new(&["", ">mean RMS", ">mean max", ">largest max"]);
-        for (i, sensor) in self.sensors().iter().enumerate() {
-            for (k, (row, factor)) in residual_rows(sensor).into_iter().enumerate() {
-                let of = |values: fn(&Innovations) -> &[f64]| {
-                    self.spread(|run| {
-                        let innovations = &run.sensors[i].innovations;
-                        if innovations.count > 0 {
-                            values(innovations)[k] * factor
-                        } else {
-                            f64::NAN
-                        }
-                    })
-                };
-                if let (Some(rms), Some(max)) = (of(|n| &n.rms), of(|n| &n.max)) {
-                    let label = format!("{} {row}", sensor.name);
-                    table.row([label, number(rms.mean), number(max.mean), number(max.max)]);
-                }
-            }
-        }
-        table
-    }
 }

@@ -150,6 +150,27 @@ impl FilterSpec {
         }
         backend
     }
+
+    /// The backend in the words of TOML: `body / single / joseph`.
+    #[must_use]
+    pub fn backend_name(&self) -> String {
+        let Backend { chart, update, form } = self.backend();
+        [format!("{chart:?}"), format!("{update:?}"), format!("{form:?}")]
+            .map(|word| snake(&word))
+            .join(" / ")
+    }
+}
+
+/// `AdditiveEuler` as `additive_euler`.
+fn snake(word: &str) -> String {
+    let mut out = String::new();
+    for c in word.chars() {
+        if c.is_ascii_uppercase() && !out.is_empty() {
+            out.push('_');
+        }
+        out.push(c.to_ascii_lowercase());
+    }
+    out
 }
 
 /// What a run is scored against; never fused.

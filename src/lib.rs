@@ -18,6 +18,7 @@ pub mod config;
 pub mod design;
 mod navigator;
 pub mod output;
+pub mod present;
 mod recorder;
 pub mod report;
 pub mod rows;
@@ -26,8 +27,6 @@ pub mod schema;
 pub mod score;
 pub mod solution;
 pub mod source;
-mod summary;
-pub mod table;
 pub mod tally;
 pub mod world;
 

@@ -121,7 +121,6 @@ impl Recorder {
         if let Some(error) = self.broken {
             return Err(Diagnostic::error(format!("cannot write the results: {error}")).into());
         }
-        let b = design.filter.backend();
         let layout = self.reader.layout();
         let parameters = layout
             .blocks()
@@ -129,13 +128,19 @@ impl Recorder {
             .filter(|b| b.role != StateRole::Kinematic)
             .map(|b| FinalState {
                 name: b.name.clone(),
+                kind: b.kind,
                 value: last.x[b.storage_range()].to_vec(),
                 sigma: b.tangent_range().map(|i| last.covariance.sigma(i)).collect(),
+                covariance: b
+                    .tangent_range()
+                    .flat_map(|i| b.tangent_range().map(move |j| (i, j)))
+                    .map(|(i, j)| last.covariance.get(i, j))
+                    .collect(),
                 unit: b.unit,
             });
         Ok(Summary {
             description: design.run.description.clone(),
-            backend: crate::table::backend_name(&b),
+            backend: design.filter.backend_name(),
             started: self.started,
             waiting: Vec::new(),
             epochs: self.epochs,

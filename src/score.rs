@@ -1,7 +1,10 @@
 //! Scores: an estimate against a reference, its drift in outages, its consistency.
 
+mod consistency;
+
+pub use consistency::{Consistency, Verdict};
+
 use crate::solution::{Solution, sigmas};
-use fusion_core::consistency::mean_band;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::state::wrap;
@@ -49,62 +52,6 @@ pub struct Axes {
     pub three_sigma: [f64; 3],
     /// Share of the errors inside their own 3σ; 0.997 for a consistent Gaussian filter.
     pub inside: [f64; 3],
-}
-
-/// The mean of a χ² statistic with the band that a consistent filter stays in.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Consistency {
-    /// Mean over all samples.
-    pub mean: f64,
-    /// Degrees of freedom, which the mean should be near.
-    pub dof: usize,
-    /// Samples.
-    pub count: usize,
-    /// Samples that count as independent, from the autocorrelation.
-    pub independent: f64,
-    /// The 95 % band of the mean.
-    pub band: (f64, f64),
-}
-
-/// Lags of the autocorrelation that are looked at.
-const LAGS: usize = 5000;
-
-impl Consistency {
-    /// From a series of statistics of `dof` degrees of freedom each.
-    ///
-    /// Neighbours in time are correlated: N samples carry N/τ independent ones, τ = 1 + 2 Σ ρ_k
-    /// being the integrated autocorrelation, summed up to the first ρ_k that is not positive.
-    /// The band is made for that many. Source: Sokal 1997, §3.
-    #[must_use]
-    pub fn of(series: &[f64], dof: usize) -> Option<Self> {
-        let count = series.len();
-        if count < 2 {
-            return None;
-        }
-        let mean = series.iter().sum::<f64>() / count as f64;
-        let lagged = |k: usize| series.iter().zip(&series[k..]).map(|(a, b)| (a - mean) * (b - mean)).sum::<f64>();
-        let variance = lagged(0);
-        let correlations = (1..count.min(LAGS)).map(|k| lagged(k) / variance).take_while(|rho| *rho > 0.0);
-        let tau = if variance > 0.0 {
-            1.0 + 2.0 * correlations.sum::<f64>()
-        } else {
-            1.0
-        };
-        let independent = (count as f64 / tau).max(1.0);
-        Some(Self {
-            mean,
-            dof,
-            count,
-            independent,
-            band: mean_band(0.95, dof, independent.round() as usize),
-        })
-    }
-
-    /// Whether the mean lies in its band.
-    #[must_use]
-    pub fn is_consistent(&self) -> bool {
-        (self.band.0..=self.band.1).contains(&self.mean)
-    }
 }
 
 /// The drift over one outage.
@@ -516,15 +463,6 @@ mod tests {
         // √((9 + 16)/2)·1e-2 rad; 1e-12: rounding.
         assert!((score.heading_rmse_deg.unwrap() - (12.5_f64.sqrt() * 1e-2).to_degrees()).abs() < 1e-12);
         assert!(score.inclination_rmse_deg.unwrap() < 1e-12);
-    }
-
-    #[test]
-    fn the_band_widens_with_correlation() {
-        let slow: Vec<f64> = (0..1000).map(|k| 3.0 + (k as f64 * 0.01).sin()).collect();
-        let fast: Vec<f64> = (0..1000).map(|k| 3.0 + if k % 2 == 0 { 1.0 } else { -1.0 }).collect();
-        let (slow, fast) = (Consistency::of(&slow, 3).unwrap(), Consistency::of(&fast, 3).unwrap());
-        assert!(slow.independent < 10.0 && fast.independent > 999.0, "{slow:?} {fast:?}");
-        assert!(slow.band.1 - slow.band.0 > 5.0 * (fast.band.1 - fast.band.0));
     }
 
     #[test]

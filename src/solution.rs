@@ -52,10 +52,17 @@ impl Solution {
     #[must_use]
     pub fn rpy(&self) -> Option<(Vector3<f64>, Vector3<f64>)> {
         let (q, p) = self.attitude?;
-        let rpy = so3::to_rpy(&q);
-        let e = so3::euler_rate_of_body(rpy.x, rpy.y);
-        Some((rpy, sigmas(&(e * p * e.transpose()))))
+        Some(rpy_of(&q, &p))
     }
+}
+
+/// Roll, pitch, yaw \[rad\] of `q` and their 1σ, `p` being the covariance of its body-frame error
+/// \[rad²\].
+#[must_use]
+pub fn rpy_of(q: &UnitQuaternion<f64>, p: &Matrix3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+    let rpy = so3::to_rpy(q);
+    let e = so3::euler_rate_of_body(rpy.x, rpy.y);
+    (rpy, sigmas(&(e * p * e.transpose())))
 }
 
 /// Square roots of the diagonal.

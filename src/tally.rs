@@ -2,7 +2,6 @@
 
 use crate::assembly::SensorInfo;
 use crate::score::Consistency;
-use crate::table::readable;
 use core::ops::Range;
 use fusion_core::filter::{Update, Verdict};
 use fusion_core::gate::Mode;
@@ -75,26 +74,6 @@ pub struct SensorTally {
     pub nis: Option<Consistency>,
     /// Innovations of those accepted.
     pub innovations: Innovations,
-}
-
-/// A count of a sensor; none where it is not known.
-pub type Count = fn(&SensorTally) -> Option<u64>;
-
-/// The counts worth a column in a table of these sensors, with their titles: of disturbed rows
-/// where a fault may disturb any, of rare outcomes where there were any.
-#[must_use]
-pub fn counts<'a>(sensors: impl IntoIterator<Item = &'a SensorTally> + Clone) -> Vec<(&'static str, Count)> {
-    const USUAL: [(&str, Count); 4] = [
-        ("accepted", |s| Some(s.accepted)),
-        ("rejected", |s| Some(s.rejected)),
-        ("missed", |s| Some(s.disturbed?.missed)),
-        ("false", |s| Some(s.disturbed?.false_rejections)),
-    ];
-    const RARE: [(&str, Count); 2] = [("readopted", |s| Some(s.readopted)), ("unusable", |s| Some(s.unusable))];
-    let values = |count: Count| sensors.clone().into_iter().filter_map(count);
-    let usual = USUAL.into_iter().filter(|(_, count)| values(*count).next().is_some());
-    let rare = RARE.into_iter().filter(|(_, count)| values(*count).any(|n| n > 0));
-    usual.chain(rare).collect()
 }
 
 /// Follows one sensor through a run.
@@ -238,21 +217,6 @@ impl Follower {
         self.tally.nis = Consistency::of(&self.nis, innovations.unit.len());
         self.tally
     }
-}
-
-/// Each residual row of a sensor, `north [m]`, and the factor from SI to that unit.
-pub(crate) fn residual_rows(s: &SensorTally) -> Vec<(String, f64)> {
-    let Innovations { axis, unit, .. } = &s.innovations;
-    let row = |(k, si): (usize, &String)| {
-        let (factor, shown) = readable(si);
-        let row = match axis.get(k) {
-            Some(name) => format!("{name} [{shown}]"),
-            None if unit.len() > 1 => format!("{} [{shown}]", k + 1),
-            None => format!("[{shown}]"),
-        };
-        (row, factor)
-    };
-    unit.iter().enumerate().map(row).collect()
 }
 
 #[cfg(test)]

@@ -1,12 +1,12 @@
 //! `fusion blocks`: the registered blocks.
 
-use super::{Failure, print};
+use super::{Failure, OutputArgs, print};
 use clap::Args;
 use fusion::config::{Diagnostic, did_you_mean};
 use fusion::models::registry::{self, Registration, Role};
-use fusion::table::{Table, WIDTH, wrapped};
+use fusion::present::text::{WIDTH, wrapped};
+use fusion::present::{Page, Section, Table};
 use serde_json::Value;
-use std::fmt::Write;
 
 /// How a parameter that may be a state is marked.
 const ESTIMATED: &str = "fixed or estimated";
@@ -15,12 +15,14 @@ const ESTIMATED: &str = "fixed or estimated";
 pub(super) struct BlocksArgs {
     /// The `type` of a block; without one, all of them are listed.
     name: Option<String>,
+    #[command(flatten)]
+    output: OutputArgs,
 }
 
 pub(super) fn blocks(args: &BlocksArgs) -> Result<(), Failure> {
     fusion::models::link();
     match &args.name {
-        None => print(&list()),
+        None => args.output.print(&list()),
         Some(name) => print(&describe(name)?),
     }
 }
@@ -34,21 +36,24 @@ fn headline(description: &str) -> String {
     }
 }
 
-fn list() -> String {
-    let mut text = String::new();
-    let width = registry::all().iter().map(|r| r.name.len()).max().unwrap_or(0);
-    for role in Role::ALL {
-        let mut t = Table::new(&["", ""]);
+fn list() -> Page {
+    let section = |role: Role| {
+        let mut t = Table::list();
         for r in registry::all().into_iter().filter(|r| r.role == role) {
             let description = fusion::schema::block(r)["description"].as_str().map(headline).unwrap_or_default();
-            t.row([format!("{:width$}", r.name), description]);
+            t.row([r.name.to_owned(), description]);
         }
-        let gap = if text.is_empty() { "" } else { "\n" };
-        let place = place(role, "NAME");
-        // Writing to a String cannot fail.
-        let _ = write!(text, "{gap}{}, in {place}\n{t}", role.name());
+        Section::new(format!("{}, in {}", role.name(), place(role, "NAME")), [t])
+    };
+    let more = "`fusion blocks NAME` describes one: its fields, their units and defaults, and an example.";
+    Page {
+        sections: Role::ALL
+            .into_iter()
+            .map(section)
+            .chain([Section::new("", []).note(more)])
+            .collect(),
+        ..Page::default()
     }
-    text + "\n`fusion blocks NAME` describes one: its fields, their units and defaults, and an example.\n"
 }
 
 /// Where in a design a block of this role stands.

@@ -1,6 +1,6 @@
 //! `fusion check`: what a design resolves to.
 
-use super::{DesignArgs, Failure, print};
+use super::{DesignArgs, Failure, OutputArgs};
 use clap::Args;
 use fusion::assembly::{Assembly, StreamLayout, assemble, declared_streams};
 use fusion::config::{Diagnostic, Diagnostics, Node, Value};
@@ -8,17 +8,18 @@ use fusion::core::state::{Dynamics, Kind};
 use fusion::design::{Design, Named, SensorDesign};
 use fusion::models::block::Listen;
 use fusion::models::fault::FaultContext;
+use fusion::present::{Cell, Column, Page, Section, Table, Unit, short};
 use fusion::run::{Options, data_dir, open_one, unknown_reference};
 use fusion::source::OpenContext;
-use fusion::table::{Table, backend_name, numbers, readable, short};
 use fusion::world::{IMU, SimulatedRows};
-use std::fmt::Write;
 use std::path::Path;
 
 #[derive(Debug, Args)]
 pub(super) struct CheckArgs {
     #[command(flatten)]
     design: DesignArgs,
+    #[command(flatten)]
+    output: OutputArgs,
 }
 
 pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
@@ -33,50 +34,47 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
     if let Some(simulation) = &design.simulation {
         SimulatedRows::new(&design, simulation, &assembly, None)?;
     }
-    let mut text = design.run.description.clone();
-    if !text.is_empty() {
-        text.push('\n');
-    }
-    let mut facts = Table::new(&["", ""]);
-    facts.row(["backend", &backend_name(&design.filter.backend())]);
+    let page = Page {
+        title: design.run.description.clone(),
+        warnings: Vec::new(),
+        sections: vec![
+            Section::new("", [facts(&design)]),
+            Section::new(format!("State, {} dimensions", assembly.layout.dim()), [state(&assembly)]),
+            Section::new("Sensors", [sensors(&design, &assembly)]),
+            Section::new("Gates and losses", [policies(&design)]),
+            Section::new("Stages", [stages(&design)]),
+            Section::new("Initialisers", [initialisers(&design)]),
+            Section::new("Streams", [streams(&assembly.streams)]),
+            Section::new("Sources", [sources]),
+            Section::new("Faults", [faults(&design)]),
+        ],
+    };
+    args.output.print(&page)
+}
+
+fn facts(design: &Design) -> Table {
+    let mut t = Table::list();
+    t.row(["backend", &design.filter.backend_name()]);
     let process = &design.process;
-    let source = process
-        .block
-        .source
-        .as_ref()
-        .map_or_else(|| "driven by time alone".to_owned(), |s| format!("driven by `{s}`"));
-    facts.row(["process", &format!("{}, {source}", type_of(&process.node))]);
+    let source = process.block.source.as_ref();
+    let source = source.map_or_else(|| "driven by time alone".to_owned(), |s| format!("driven by `{s}`"));
+    t.row(["process", &format!("{}, {source}", type_of(&process.node))]);
     if let Some(o) = design.run.origin {
         let origin = fusion::core::geometry::wgs84::Geodetic::from(o);
-        let place = format!(
-            "{:.7} deg, {:.7} deg, {} m",
-            origin.lat.to_degrees(),
-            origin.lon.to_degrees(),
-            short(origin.height)
-        );
-        facts.row(["origin", &place]);
+        let (lat, lon) = (origin.lat.to_degrees(), origin.lon.to_degrees());
+        t.row(["origin", &format!("{lat:.7} deg, {lon:.7} deg, {} m", short(origin.height))]);
     }
     if design.simulation.is_some() {
-        facts.row(["reference", "the simulated truth"]);
+        t.row(["reference", "the simulated truth"]);
     } else if let Some(r) = &design.reference {
-        facts.row(["reference", &format!("`{}`", r.block.source)]);
+        t.row(["reference", &format!("`{}`", r.block.source)]);
     }
-    text += &facts.to_string();
-    let sections = [
-        (format!("State, {} dimensions", assembly.layout.dim()), state(&assembly)),
-        ("Sensors".to_owned(), sensors(&design, &assembly)),
-        ("Gates and losses".to_owned(), policies(&design)),
-        ("Stages".to_owned(), stages(&design)),
-        ("Initialisers".to_owned(), initialisers(&design)),
-        ("Streams".to_owned(), streams(&assembly.streams)),
-        ("Sources".to_owned(), sources),
-        ("Faults".to_owned(), faults(&design)),
-    ];
-    for (title, table) in sections.iter().filter(|(_, table)| !table.is_empty()) {
-        // Writing to a String cannot fail.
-        let _ = write!(text, "\n{title}\n{table}");
-    }
-    print(&text)
+    t
+}
+
+/// Columns of words with these headings.
+fn words<const N: usize>(headings: [&str; N]) -> [Column; N] {
+    headings.map(Column::text)
 }
 
 fn type_of(node: &Node) -> &str {
@@ -127,40 +125,43 @@ const fn kind(kind: Kind) -> &'static str {
 }
 
 fn state(assembly: &Assembly) -> Table {
-    let mut t = Table::new(&["block", "type", ">dim", ">initial 1σ", "", "brought by", "moves by"]);
+    let mut t = Table::new([
+        Column::text("block"),
+        Column::text("type"),
+        Column::number("dim"),
+        Column::text("initial 1σ"),
+        Column::text("brought by"),
+        Column::text("moves by"),
+    ]);
     for b in assembly.layout.blocks() {
-        let (factor, unit) = readable(b.unit);
-        let scaled = |values: &[f64]| numbers(&values.iter().map(|v| v * factor).collect::<Vec<_>>());
+        let unit = Unit::of_si(b.unit);
         let is_found = b.sigma.iter().all(|s| *s == 0.0);
-        let (sigma, unit) = if is_found {
-            ("initialised".to_owned(), String::new())
-        } else {
-            (scaled(&b.sigma), unit)
-        };
+        let sigma = if is_found { "initialised".to_owned() } else { unit.list(&b.sigma) };
         let moves = match &b.dynamics {
             Dynamics::Process => "the process".to_owned(),
             Dynamics::Constant => "nothing".to_owned(),
             Dynamics::RandomWalk { psd } => {
                 let density: Vec<f64> = psd.iter().map(|q| q.sqrt()).collect();
-                format!("walks {} /√s", scaled(&density))
+                format!("random walk {}/√s", unit.list(&density))
             }
-            Dynamics::GaussMarkov { sigma, tau } => format!("Gauss-Markov {} in {} s", scaled(sigma), short(*tau)),
+            Dynamics::GaussMarkov { sigma, tau } => format!("Gauss-Markov {} in {} s", unit.list(sigma), short(*tau)),
         };
         t.row([
-            b.name.clone(),
-            kind(b.kind).to_owned(),
-            b.kind.dim().to_string(),
-            sigma,
-            unit,
-            b.owner.clone(),
-            moves,
+            Cell::text(&b.name),
+            Cell::text(kind(b.kind)),
+            Cell::from(b.kind.dim()),
+            Cell::text(sigma),
+            Cell::text(&b.owner),
+            Cell::text(moves),
         ]);
     }
     t
 }
 
 fn sensors(design: &Design, assembly: &Assembly) -> Table {
-    let mut t = Table::new(&["sensor", "type", "source", "channel", ">delay [s]", "noise 1σ"]);
+    let [sensor, kind, source, channel, noise] = words(["sensor", "type", "source", "channel", "noise 1σ"]);
+    let delay = Column::with_unit("delay", Unit::of_si("s"));
+    let mut t = Table::new([sensor, kind, source, channel, delay, noise]);
     for (named, info) in design.sensors.iter().zip(&assembly.sensors) {
         let SensorDesign { model, common, .. } = &named.block;
         let channel = info
@@ -168,31 +169,28 @@ fn sensors(design: &Design, assembly: &Assembly) -> Table {
             .as_ref()
             .map_or_else(|| "(a constant)".to_owned(), |c| c.name.to_string());
         let unit = model.noise().first().map(|d| d.kind().symbol).unwrap_or_default();
-        let (factor, unit) = readable(unit);
         let mut noise = Vec::new();
         if common.noise.sigma.is_some() {
-            let sigma: Vec<f64> = info.sigma.iter().map(|s| s * factor).collect();
-            noise.push(format!("{} {unit}", numbers(&sigma)));
+            noise.push(Unit::of_si(unit).list(&info.sigma));
         }
         if common.noise.from_source {
             let scale = common.noise.scale.map_or_else(String::new, |s| format!("{} × ", short(s.si())));
             noise.push(format!("{scale}what the source reports"));
         }
-        let cells = [
-            named.name.clone(),
-            type_of(&named.node).to_owned(),
-            info.stream.clone(),
-            channel,
-            short(info.delay),
-            noise.join(" and "),
-        ];
-        t.row(cells);
+        t.row([
+            Cell::text(&named.name),
+            Cell::text(type_of(&named.node)),
+            Cell::text(&info.stream),
+            Cell::text(channel),
+            Cell::text(short(info.delay)),
+            Cell::text(noise.join(" and ")),
+        ]);
     }
     t
 }
 
 fn policies(design: &Design) -> Table {
-    let mut t = Table::new(&["sensor", "", ""]);
+    let mut t = Table::new(words(["sensor", "policy", "declared"]));
     for named in &design.sensors {
         for key in ["gate", "loss"] {
             if let Some(node) = named.node.get(key) {
@@ -225,7 +223,7 @@ fn heard(inputs: &[Listen]) -> String {
 }
 
 fn stages(design: &Design) -> Table {
-    let mut t = Table::new(&["stage", "type", "emits", "listens to"]);
+    let mut t = Table::new(words(["stage", "type", "emits", "listens to"]));
     for stage in &design.stages {
         let emits = stage
             .block
@@ -246,7 +244,7 @@ fn stages(design: &Design) -> Table {
 }
 
 fn initialisers(design: &Design) -> Table {
-    let mut t = Table::new(&["initialiser", "type", "listens to", "writes, where the state has it"]);
+    let mut t = Table::new(words(["initialiser", "type", "listens to", "writes, where the state has it"]));
     for i in &design.initialisers {
         t.row([
             i.name.clone(),
@@ -259,21 +257,21 @@ fn initialisers(design: &Design) -> Table {
 }
 
 fn streams(streams: &[StreamLayout]) -> Table {
-    let mut t = Table::new(&["stream", ">columns", "channels"]);
+    let mut t = Table::new([Column::text("stream"), Column::number("columns"), Column::text("channels")]);
     for s in streams {
         let channel = |c: &fusion::assembly::StreamChannel| match c.delay {
             0 => format!("{}[{}]", c.name, c.width),
             delay => format!("{}[{}] late by {} s", c.name, c.width, short(delay as f64 * 1e-9)),
         };
         let channels = s.channels.iter().map(channel).collect::<Vec<_>>().join(", ");
-        t.row([s.name.clone(), s.width().to_string(), channels]);
+        t.row([Cell::text(&s.name), Cell::from(s.width()), Cell::text(channels)]);
     }
     t
 }
 
 /// Files with their sizes; those that are there are opened and their headers checked.
 fn sources(design: &Design, options: &Options) -> Result<Table, Diagnostics> {
-    let mut t = Table::new(&["source", "type", ">size", "file"]);
+    let mut t = Table::new(words(["source", "type", "size", "file"]));
     let mut d = Diagnostics::new();
     let dir = data_dir(design, options);
     for named in &design.sources {
@@ -332,7 +330,7 @@ fn size(path: &Path) -> String {
 }
 
 fn faults(design: &Design) -> Table {
-    let mut t = Table::new(&["of", "fault", "what"]);
+    let mut t = Table::new(words(["of", "fault", "declared"]));
     let mut add = |owner: &Node, of: &str| {
         for e in owner.get("fault").map_or(&[][..], Node::entries) {
             t.row([of.to_owned(), e.key.clone(), inline(&e.node)]);

@@ -1,12 +1,12 @@
 //! `fusion compare`.
 
-use super::run::write_report;
-use super::{BASE, DesignArgs, Failure, print, report};
+use super::run::{write_report, written};
+use super::{BASE, DesignArgs, Failure, OutputArgs, report};
 use clap::Args;
-use fusion::campaign::Comparison;
 use fusion::config::{Diagnostic, Diagnostics};
+use fusion::present::{Page, comparison};
 use fusion::report::Run;
-use fusion::run::{Options, run_recorded};
+use fusion::run::{Options, Summary, run_recorded};
 use std::path::PathBuf;
 
 #[derive(Debug, Args)]
@@ -29,6 +29,8 @@ pub(super) struct CompareArgs {
     /// Seed of simulated data and random faults, the same for every run.
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
+    #[command(flatten)]
+    output: OutputArgs,
 }
 
 pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
@@ -37,9 +39,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     } else {
         args.configs.iter().cloned().map(Some).collect()
     };
-    let mut comparison = Comparison::default();
-    let (mut recordings, mut title) = (Vec::new(), String::new());
-    let mut warnings = Diagnostics::new();
+    let (mut results, mut recordings, mut title) = (Vec::<(String, Summary)>::new(), Vec::new(), String::new());
     for config in &configs {
         for variant in &args.variant {
             let named = DesignArgs {
@@ -62,19 +62,28 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
                 Some(path) if configs.len() > 1 => format!("{} {variant}", path.display()),
                 _ => variant.clone(),
             };
-            warnings.extend(summary.warnings().into_iter().map(|w| Diagnostic::warning(format!("{name}: {w}"))));
-            comparison.runs.push((name, summary));
+            results.push((name, summary));
         }
     }
-    let mut text = comparison.to_string();
+    let named: Vec<(&str, &Summary)> = results.iter().map(|(name, summary)| (name.as_str(), summary)).collect();
+    let told = named
+        .iter()
+        .flat_map(|(name, s)| s.warnings().into_iter().map(move |w| format!("{name}: {w}")));
+    let mut page = Page {
+        title: String::new(),
+        warnings: told.collect(),
+        sections: comparison::sections(&named),
+    };
     if let Some(out) = &args.out {
         std::fs::create_dir_all(out).map_err(|e| Diagnostics::from(Diagnostic::error(format!("cannot make {}: {e}", out.display()))))?;
-        let runs = comparison.runs.iter().zip(&recordings);
-        let runs: Vec<Run<'_>> = runs.map(|((name, summary), recording)| Run { name, recording, summary }).collect();
+        let runs = named.iter().zip(&recordings);
+        let runs: Vec<Run<'_>> = runs.map(|(&(name, summary), recording)| Run { name, recording, summary }).collect();
         write_report(out, &title, &runs)?;
-        text.push_str(&format!("\nWritten\n  {}\n", out.join("report.html").display()));
+        page.sections.push(written([out.join("report.html")]));
     }
-    print(&text)?;
+    args.output.print(&page)?;
+    let mut warnings = Diagnostics::new();
+    warnings.extend(page.warnings.iter().map(Diagnostic::warning));
     report(&warnings);
     Ok(())
 }

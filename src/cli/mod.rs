@@ -11,9 +11,10 @@ mod montecarlo;
 mod progress;
 mod run;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use fusion::config::{Diagnostic, Diagnostics, Document, Severity, did_you_mean};
 use fusion::design::Design;
+use fusion::present::{Page, json, text};
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -42,8 +43,8 @@ struct Cli {
 enum Command {
     /// Run a design over its data, or its simulated world, and print what came of it.
     ///
-    /// Prints sources, sensors, errors against the reference, drift in declared outages and
-    /// estimated parameters. A filter that never started is a warning, and the exit code is 0:
+    /// Prints sources, sensors, errors against the reference, consistency, drift in declared outages
+    /// and estimated parameters. A filter that never started is a warning, and the exit code is 0:
     /// the run itself went well.
     ///
     /// Where a declared fault disturbs what a sensor reads, `missed` counts the disturbed rows that
@@ -89,9 +90,9 @@ Examples:
     /// Runs in parallel; every run is a function of the campaign's seed and its own number, so
     /// that runs.csv is the same file for any number of threads.
     ///
-    /// Counts are sums over the runs; `longest refusal` is the most measurements rejected in a row,
-    /// and how long such a refusal lasted, each the largest of all runs. Innovations in runs.csv are
-    /// in SI units.
+    /// Counts are sums over the runs; `longest streak` is the most measurements rejected in a row,
+    /// `lasting` the longest time of such a streak, each the largest of all runs; `end denied` counts
+    /// the runs at whose end the gate denied the sensor. Innovations in runs.csv are in SI units.
     #[command(
         after_long_help = "\
 Examples:
@@ -108,6 +109,52 @@ Examples:
 Then name it in the first line of a design:
   #:schema ./fusion.schema.json")]
     Schema,
+}
+
+/// How results are printed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum Format {
+    /// Tables to read.
+    #[default]
+    Text,
+    /// The same tables as JSON, numbers in full precision.
+    Json,
+}
+
+/// How results are printed.
+#[derive(Debug, Default, Args)]
+struct OutputArgs {
+    /// Prints tables to read, or the same tables as JSON with every number in full precision.
+    #[arg(
+        long,
+        value_enum,
+        default_value_t,
+        hide_default_value = true,
+        hide_possible_values = true,
+        value_name = "text|json"
+    )]
+    format: Format,
+}
+
+impl OutputArgs {
+    /// Writes a result to stdout.
+    fn print(&self, page: &Page) -> Result<(), Failure> {
+        match self.format {
+            Format::Text => print(&text::page(page, width())),
+            Format::Json => print(&format!("{:#}\n", json::page(page))),
+        }
+    }
+}
+
+/// Characters in a line of stdout.
+fn width() -> usize {
+    /// Narrower, words and numbers have no room; wider, the eye loses its line.
+    const RANGE: (usize, usize) = (60, 140);
+    if !std::io::stdout().is_terminal() {
+        return text::WIDTH;
+    }
+    let found = terminal_size::terminal_size_of(std::io::stdout());
+    found.map_or(text::WIDTH, |(terminal_size::Width(w), _)| usize::from(w).clamp(RANGE.0, RANGE.1))
 }
 
 /// Which design.

@@ -1,6 +1,7 @@
 //! `fusion montecarlo`.
 
-use super::{DesignArgs, Failure, print};
+use super::run::written;
+use super::{DesignArgs, Failure, OutputArgs};
 use clap::Args;
 use fusion::campaign::monte_carlo;
 use fusion::config::{Diagnostic, Diagnostics};
@@ -26,6 +27,8 @@ pub(super) struct MonteCarloArgs {
     /// Writes runs.csv here, one row per run; the folder is made if need be.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    output: OutputArgs,
 }
 
 pub(super) fn montecarlo(args: &MonteCarloArgs) -> Result<(), Failure> {
@@ -46,14 +49,14 @@ pub(super) fn montecarlo(args: &MonteCarloArgs) -> Result<(), Failure> {
     });
     bar.finish_and_clear();
     let campaign = campaign?;
-    let mut text = campaign.to_string();
+    let mut page = campaign.page();
     if let Some(out) = &args.out {
         let path = out.join("runs.csv");
         let unwritable = |e: std::io::Error| -> Diagnostics { Diagnostic::error(format!("cannot write {}: {e}", path.display())).into() };
         std::fs::create_dir_all(out).map_err(unwritable)?;
         let file = File::create(&path).map_err(unwritable)?;
         campaign.write(BufWriter::new(file)).map_err(unwritable)?;
-        text.push_str(&format!("\nWritten\n  {}\n", path.display()));
+        page.sections.push(written([path]));
     }
-    print(&text)
+    args.output.print(&page)
 }

@@ -1,12 +1,12 @@
 //! `fusion run`.
 
 use super::progress::Progress;
-use super::{DesignArgs, Failure, print, report as tell};
+use super::{DesignArgs, Failure, OutputArgs, report as tell};
 use clap::Args;
 use fusion::config::{Diagnostic, Diagnostics};
+use fusion::present::{Section, Table};
 use fusion::report;
 use fusion::run::{Options, run as run_design, run_recorded};
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, Default, Args)]
@@ -20,6 +20,8 @@ pub(super) struct RunArgs {
     /// Seed of simulated data and random faults, instead of the design's.
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
+    #[command(flatten)]
+    output: OutputArgs,
 }
 
 pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
@@ -49,20 +51,23 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
             }],
         )?;
     }
-    let mut text = summary.to_string();
-    // Writing to a String cannot fail.
-    let _ = match &args.out {
-        Some(out) => {
-            let files = ["estimates.csv", "updates.csv", "summary.json", "report.html"].map(|f| out.join(f).display().to_string());
-            write!(text, "\nWritten\n  {}\n", files.join("\n  "))
-        }
-        None => write!(text, "\nNothing written; `--out DIR` keeps estimates, updates and this summary.\n"),
-    };
-    print(&text)?;
+    let mut page = summary.page();
+    page.sections.push(match &args.out {
+        Some(out) => written(["estimates.csv", "updates.csv", "summary.json", "report.html"].map(|f| out.join(f))),
+        None => Section::new("", []).note("Nothing written; `--out DIR` keeps estimates, updates, summary and report."),
+    });
+    args.output.print(&page)?;
     let mut warnings = Diagnostics::new();
-    warnings.extend(summary.warnings().into_iter().map(Diagnostic::warning));
+    warnings.extend(page.warnings.iter().map(Diagnostic::warning));
     tell(&warnings);
     Ok(())
+}
+
+/// Files that were written.
+pub(super) fn written(files: impl IntoIterator<Item = PathBuf>) -> Section {
+    let mut list = Table::list();
+    files.into_iter().for_each(|f| list.row([f.display().to_string()]));
+    Section::new("Written", [list])
 }
 
 /// Writes report.html into the folder `out`.

@@ -6,9 +6,9 @@
 //!
 //! Plots: uPlot 1.6.32 (MIT), in `vendor/`.
 
+mod data;
 mod page;
 mod recording;
-mod tables;
 mod trace;
 
 #[cfg(test)]

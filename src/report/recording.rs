@@ -3,6 +3,7 @@
 use super::trace::{Samples, Trace};
 use crate::assembly::{Assembly, StreamChannel, StreamLayout};
 use crate::design::Design;
+use crate::present::Unit;
 use crate::score::ReferenceEpoch;
 use crate::solution::{Solution, sigmas};
 use fusion_core::filter::{Update, Verdict};
@@ -13,7 +14,6 @@ use fusion_core::state::Manifold;
 use fusion_core::time::{Time, nanos};
 use fusion_models::block::Shape;
 use fusion_models::earth::LocalFrame;
-use fusion_models::units::{Dimension, Dimensional, dim};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use std::collections::VecDeque;
 
@@ -254,14 +254,14 @@ impl Recording {
                     }
                 }
                 Shape::Vector | Shape::Angle if matches!(channel.width, 1 | 3) && !quality => {
-                    let (unit, scale) = shown_unit(channel.dimension);
+                    let unit = Unit::of_si(&channel.dimension.to_string());
                     let mut name = channel.name.replace('_', " ");
                     let driving = ["angular rate", "specific force"].contains(&name.as_str());
                     if !driving && name != stream.name {
                         name = format!("{} · {name}", stream.name);
                     }
                     let angle = channel.shape == Shape::Angle && channel.width == 1;
-                    let track = self.track(&name, &unit, channel.width, angle, scale);
+                    let track = self.track(&name, unit.symbol(), channel.width, angle, unit.of(1.0));
                     self.ports[id].inputs.push((channel.clone(), track));
                 }
                 _ => {}
@@ -522,19 +522,4 @@ pub(super) fn mounted_attitude(samples: &Samples<11>, mounting: &UnitQuaternion<
 /// The value and its 3σ.
 fn six(value: &Vector3<f64>, sigma: &Vector3<f64>) -> [f64; 6] {
     std::array::from_fn(|i| if i < 3 { value[i] } else { 3.0 * sigma[i - 3] })
-}
-
-/// The unit a quantity is drawn in, and the factor from SI.
-fn shown_unit(dimension: Dimension) -> (String, f64) {
-    let degrees = 1_f64.to_degrees();
-    if dimension == dim::Angle::KIND.dimension {
-        ("deg".to_owned(), degrees)
-    } else if dimension == dim::AngularRate::KIND.dimension {
-        ("deg/s".to_owned(), degrees)
-    } else if dimension == dim::Pressure::KIND.dimension {
-        ("hPa".to_owned(), 0.01)
-    } else {
-        let si = dimension.to_string().replace("^2", "²").replace("^3", "³").replace('*', "·");
-        (if dimension.is_none() { String::new() } else { si }, 1.0)
-    }
 }

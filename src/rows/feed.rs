@@ -32,9 +32,9 @@ pub struct SourceTally {
     pub used: u64,
     /// Rows left out, by reason.
     pub skipped: Vec<(String, u64)>,
-    /// The report as printed.
+    /// All of its report.
     #[serde(skip)]
-    pub report: String,
+    pub report: SourceReport,
 }
 
 impl SourceTally {
@@ -46,7 +46,7 @@ impl SourceTally {
             rows: report.rows,
             used: report.used,
             skipped: report.skipped.iter().map(|s| (s.reason.clone(), s.count)).collect(),
-            report: report.to_string(),
+            report: report.clone(),
         }
     }
 }

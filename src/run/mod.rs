@@ -16,6 +16,7 @@ use crate::score::Score;
 use crate::tally::SensorTally;
 use crate::world::SimulatedRows;
 use fusion_core::runner::RunError;
+use fusion_core::state::Kind;
 use fusion_core::time::Time;
 use reference::Reference;
 use serde::Serialize;
@@ -45,10 +46,16 @@ pub struct Options {
 pub struct FinalState {
     /// The block.
     pub name: String,
+    /// What it is: how its values are read.
+    #[serde(skip)]
+    pub kind: Kind,
     /// Its values, in storage order and SI.
     pub value: Vec<f64>,
     /// Its 1σ per tangent axis.
     pub sigma: Vec<f64>,
+    /// Its covariance in tangent coordinates, row by row.
+    #[serde(skip)]
+    pub covariance: Vec<f64>,
     /// Unit of a tangent coordinate.
     pub unit: &'static str,
 }

@@ -118,9 +118,7 @@ impl Feed for SimulatedRows {
                 rows: outlet.rows,
                 ..SourceReport::default()
             };
-            let tally = SourceTally::new(&stream.name, &outlet.faults.report(simulated));
-            let report = format!("{} of {} simulated rows", tally.used, tally.rows);
-            SourceTally { report, ..tally }
+            SourceTally::new(&stream.name, &outlet.faults.report(simulated))
         };
         streams.map(tally).collect()
     }

@@ -1,0 +1,101 @@
+//! The result of a Monte Carlo campaign.
+
+use super::judged::{NEES, consistency};
+use super::run::{NED, RPY};
+use super::sensors::{count_columns, counts, residual_rows, row_name, sum};
+use super::tree::{Cell, Column, Page, Section, Table};
+use super::unit::Unit;
+use crate::campaign::{Campaign, RunRow};
+use crate::tally::Innovations;
+
+impl Campaign {
+    /// As it is shown: spreads per axis, consistency, what the gates did, innovations.
+    #[must_use]
+    pub fn page(&self) -> Page {
+        Page {
+            title: format!("{} runs", self.rows.len()),
+            warnings: Vec::new(),
+            sections: vec![
+                Section::new("Errors over the runs", [self.errors()]),
+                self.consistency(),
+                Section::new("Sensors, counts over all runs", [self.gates()]),
+                Section::new("Innovations of accepted measurements, over the runs", [self.innovations()]),
+            ],
+        }
+    }
+
+    fn errors(&self) -> Table {
+        type Figure = fn(&RunRow) -> [f64; 3];
+        let groups: [(&str, &str, Figure, [&str; 3]); 4] = [
+            ("position RMS", "m", |r| r.rms, NED),
+            ("position max", "m", |r| r.max, NED),
+            ("velocity RMS", "m/s", |r| r.velocity_rms, NED),
+            ("attitude RMS", "deg", |r| r.attitude_rms, RPY),
+        ];
+        let numbers = ["mean", "standard deviation", "min", "max"].map(Column::number);
+        let mut t = Table::new([Column::text("error")].into_iter().chain(numbers));
+        for (name, unit, figure, axes) in groups {
+            for (i, axis) in axes.iter().enumerate() {
+                if let Some(s) = self.spread(|r| figure(r)[i]) {
+                    let cells = [s.mean, s.std, s.min, s.max].map(Cell::Real);
+                    let name = Cell::text(format!("{name} {axis}"));
+                    t.row_in(Unit::shown(unit), [name].into_iter().chain(cells));
+                }
+            }
+        }
+        t
+    }
+
+    fn consistency(&self) -> Section {
+        let nees = NEES.into_iter().enumerate();
+        let nees = nees.map(|(i, name)| (name.to_owned(), self.judge(|r| r.nees[i])));
+        let nis = self.sensors().iter().enumerate();
+        let nis = nis.map(|(i, s)| (format!("NIS {}", s.name), self.judge(|r| r.sensors[i].nis)));
+        let judged: Vec<_> = nees.chain(nis).filter_map(|(name, c)| Some((name, c?))).collect();
+        consistency(judged.iter().map(|(name, c)| (name.clone(), c)))
+    }
+
+    /// Counts summed over the runs, and the longest rejection streaks.
+    fn gates(&self) -> Table {
+        let counts = counts(self.rows.iter().flat_map(|row| &row.sensors));
+        let streaks = [
+            Column::number("longest streak"),
+            Column::with_unit("lasting", Unit::of_si("s")),
+            Column::number("end denied"),
+        ];
+        let columns = [Column::text("sensor")].into_iter().chain(count_columns(&counts));
+        let mut t = Table::new(columns.chain(streaks));
+        for (i, sensor) in self.sensors().iter().enumerate() {
+            let runs = self.rows.iter().map(|row| &row.sensors[i]);
+            let mut cells = vec![Cell::text(&sensor.name)];
+            cells.extend(counts.iter().map(|(_, count)| sum(runs.clone(), *count)));
+            let streaks = runs.clone().filter_map(|s| s.longest_refusal);
+            if let Some(most) = streaks.clone().map(|r| r.measurements).max() {
+                let longest = streaks.map(|r| r.seconds).fold(0.0, f64::max);
+                let denied = runs.filter(|s| s.ends_denied).count();
+                cells.extend([Cell::Count(most), Cell::Seconds(longest), Cell::from(denied)]);
+            }
+            t.row(cells);
+        }
+        t
+    }
+
+    /// RMS and maximum of the innovations, over the runs that have any.
+    fn innovations(&self) -> Table {
+        let columns = ["mean RMS", "mean max", "largest max"].map(Column::number);
+        let mut t = Table::new([Column::text("residual")].into_iter().chain(columns));
+        for (i, sensor) in self.sensors().iter().enumerate() {
+            for (k, (row, unit)) in residual_rows(sensor).into_iter().enumerate() {
+                let of = |values: fn(&Innovations) -> &[f64]| {
+                    let known = |n: &Innovations| if n.count > 0 { values(n)[k] } else { f64::NAN };
+                    self.spread(|run| known(&run.sensors[i].innovations))
+                };
+                if let (Some(rms), Some(max)) = (of(|n| &n.rms), of(|n| &n.max)) {
+                    let cells = [rms.mean, max.mean, max.max].map(Cell::Real);
+                    t.row_in(unit, [row_name(sensor, &row)].into_iter().chain(cells));
+                }
+            }
+        }
+        t
+    }
+}

@@ -1,0 +1,37 @@
+//! Consistency, one table for runs and campaigns.
+
+use super::tree::{Cell, Column, Section, Table};
+use crate::score::Consistency;
+
+/// Each mean NEES or NIS with its band and verdict.
+pub(super) fn consistency<'a>(statistics: impl IntoIterator<Item = (String, &'a Consistency)>) -> Section {
+    let mut t = Table::new([
+        Column::text("statistic"),
+        Column::number("mean"),
+        Column::number("expected"),
+        Column::number("95 % band"),
+        Column::number("errors / 1σ"),
+        Column::text("verdict"),
+    ]);
+    for (name, c) in statistics {
+        t.row([
+            Cell::Text(name),
+            Cell::Real(c.mean),
+            Cell::from(c.dof),
+            Cell::Band(c.band.0, c.band.1),
+            Cell::Real(c.error_ratio()),
+            Cell::verdict(c.verdict()),
+        ]);
+    }
+    let section = Section::new("Consistency", [t]);
+    if section.is_empty() {
+        return section;
+    }
+    section.note(
+        "The mean of a consistent filter lies in the band with a probability of 95 %. Above it the errors are larger \
+         than the filter's covariance says (overconfident), below it they are smaller (conservative).",
+    )
+}
+
+/// The names of the three NEES of a score.
+pub(super) const NEES: [&str; 3] = ["NEES position", "NEES velocity", "NEES attitude"];

@@ -1,0 +1,427 @@
+//! The result of one run.
+
+use super::judged::{NEES, consistency};
+use super::sensors::{count_columns, counts, residual_rows, row_name};
+use super::text;
+use super::tree::{Cell, Column, Page, Section, Table};
+use super::unit::Unit;
+use crate::run::{FinalState, Summary};
+use crate::score::{Axes, Score, Verdict};
+use crate::solution::rpy_of;
+use crate::tally::SensorTally;
+use fusion_core::state::{Attitude, Kind, Manifold};
+use nalgebra::Matrix3;
+use std::fmt;
+
+/// Outages listed one by one.
+const OUTAGES: usize = 40;
+/// Axes of vectors in navigation axes, and of attitudes.
+pub(super) const NED: [&str; 3] = ["north", "east", "down"];
+/// Axes of attitudes.
+pub(super) const RPY: [&str; 3] = ["roll", "pitch", "yaw"];
+
+impl fmt::Display for Summary {
+    /// As a terminal shows it.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&text::page(&self.page(), text::WIDTH))
+    }
+}
+
+impl Summary {
+    /// As it is shown.
+    #[must_use]
+    pub fn page(&self) -> Page {
+        Page {
+            title: self.description.clone(),
+            warnings: self.warnings(),
+            sections: [self.facts(), self.data()]
+                .into_iter()
+                .chain(self.measurements())
+                .chain(self.errors())
+                .chain([self.estimated()])
+                .collect(),
+        }
+    }
+
+    /// Backend, start, time taken.
+    #[must_use]
+    pub fn facts(&self) -> Section {
+        let mut t = Table::list();
+        t.row(["backend", &self.backend]);
+        match self.started {
+            Some(at) => t.row_in(Unit::of_si("s"), [Cell::text("started"), Cell::Fixed(at, 3)]),
+            None => t.row(["started", "never"]),
+        }
+        for (name, what) in &self.waiting {
+            t.row(["", &format!("`{name}` waits for {what}")]);
+        }
+        t.row([Cell::text("epochs"), Cell::Count(self.epochs)]);
+        t.row_in(Unit::of_si("s"), [Cell::text("time taken"), Cell::Fixed(self.wall_seconds, 2)]);
+        let per_epoch = [Cell::text("filter, per epoch"), Cell::Fixed(self.filter_ns_per_epoch, 0)];
+        t.row_in(Unit::shown("ns"), per_epoch);
+        Section::new("", [t])
+    }
+
+    /// What the sources delivered.
+    #[must_use]
+    pub fn data(&self) -> Section {
+        let seconds = || Unit::of_si("s");
+        let mut t = Table::new([
+            Column::text("source"),
+            Column::number("rows"),
+            Column::number("used"),
+            Column::with_unit("span", seconds()),
+            Column::with_unit("rate", Unit::shown("Hz")),
+            Column::with_unit("longest gap", seconds()),
+            Column::with_unit("at", seconds()),
+        ]);
+        let mut notes = Vec::new();
+        for s in &self.sources {
+            let r = &s.report;
+            let (at, gap) = r.longest_gap.unzip();
+            t.row([
+                Cell::text(&s.name),
+                Cell::Count(s.rows),
+                Cell::Count(s.used),
+                r.mean_rate().map_or(Cell::Empty, |_| Cell::Seconds(r.span())),
+                r.mean_rate().map_or(Cell::Empty, |rate| Cell::Fixed(rate, 3)),
+                gap.map_or(Cell::Empty, |gap| Cell::Fixed(gap, 3)),
+                at.map_or(Cell::Empty, Cell::time),
+            ]);
+            for skipped in &r.skipped {
+                notes.push(format!("{}: left out {}: {}", s.name, skipped.count, skipped.reason));
+                notes.extend(skipped.examples.iter().map(|e| format!("  line {}: {}", e.line, e.what)));
+            }
+            let disturbed = r.disturbed.iter();
+            notes.extend(disturbed.map(|(fault, count)| format!("{}: disturbed {count}: fault {fault}", s.name)));
+        }
+        Section {
+            notes,
+            ..Section::new("Sources", [t])
+        }
+    }
+
+    /// What became of the measurements.
+    #[must_use]
+    pub fn measurements(&self) -> Vec<Section> {
+        let counts = counts(&self.sensors);
+        let mut counted = Table::new([Column::text("sensor")].into_iter().chain(count_columns(&counts)));
+        for s in &self.sensors {
+            let cells = counts.iter().map(|(_, count)| Cell::count(count(s)));
+            counted.row([Cell::text(&s.name)].into_iter().chain(cells));
+        }
+        vec![
+            Section::new("Sensors", [counted]),
+            Section::new("Longest rejection streaks", [streaks(&self.sensors)]),
+            Section::new("Innovations of accepted measurements", [innovations(&self.sensors)]),
+        ]
+    }
+
+    /// Errors against the reference and consistency.
+    #[must_use]
+    pub fn errors(&self) -> Vec<Section> {
+        let nis = self
+            .sensors
+            .iter()
+            .filter_map(|s| Some((format!("NIS {}", s.name), s.nis.as_ref()?)));
+        let Some(score) = &self.score else {
+            return vec![consistency(nis)];
+        };
+        let nees = NEES
+            .into_iter()
+            .zip([&score.nees_position, &score.nees_velocity, &score.nees_attitude]);
+        let nees = nees.filter_map(|(name, c)| Some((name.to_owned(), c.as_ref()?)));
+        vec![errors(score), consistency(nees.chain(nis)), drift(score)]
+    }
+
+    /// Estimated parameters at the end.
+    #[must_use]
+    pub fn estimated(&self) -> Section {
+        let mut t = Table::new([Column::text("parameter"), Column::number("value"), Column::number("1σ")]);
+        for state in &self.parameters {
+            for (axis, value, sigma) in axes(state) {
+                let name = format!("{} {axis}", state.name);
+                t.row_in(
+                    Unit::of_si(state.unit),
+                    [Cell::text(name.trim_end()), Cell::Real(value), Cell::Real(sigma)],
+                );
+            }
+        }
+        Section::new("Estimated parameters at the end", [t])
+    }
+
+    /// What a reader must not overlook, a sentence each.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        let mut all = Vec::new();
+        if self.started.is_none() {
+            let waits = self
+                .waiting
+                .iter()
+                .map(|(name, what)| format!("`{name}` waits for {what}"))
+                .collect::<Vec<_>>()
+                .join("; ");
+            all.push(match waits.as_str() {
+                "" => "the filter never started: no data reached it".to_owned(),
+                waits => format!("the filter never started: {waits}"),
+            });
+        }
+        for s in self.sources.iter().filter(|s| s.used == 0) {
+            all.push(format!("source `{}` delivered no rows ({} read)", s.name, s.rows));
+        }
+        for s in self.sensors.iter().filter(|_| self.started.is_some()) {
+            let (good, bad) = (s.accepted + s.readopted, s.rejected + s.unusable);
+            if good + bad == 0 {
+                all.push(format!("sensor `{}` had no measurement after the start", s.name));
+            } else if bad > good {
+                all.push(format!("sensor `{}`: {bad} of {} measurements were not used", s.name, good + bad));
+            }
+        }
+        for (consumer, count) in &self.unused_rows {
+            let rows = if *count == 1 { "1 row was" } else { &format!("{count} rows were") };
+            all.push(format!(
+                "`{consumer}`: {rows} too late or not finite; a longer `reorder` under [run] accepts later rows"
+            ));
+        }
+        all.extend(self.failures.iter().map(|f| format!("the estimator failed: {f}")));
+        all
+    }
+}
+
+/// Name, value and 1σ of each axis of a parameter, in SI; an attitude as roll, pitch, yaw.
+fn axes(state: &FinalState) -> Vec<(String, f64, f64)> {
+    if state.kind == Kind::Attitude {
+        let q = Attitude::read(&state.value);
+        let p = Matrix3::from_row_slice(&state.covariance);
+        let (rpy, sigma) = rpy_of(&q, &p);
+        return (0..3).map(|k| (RPY[k].to_owned(), rpy[k], sigma[k])).collect();
+    }
+    let name = |k: usize| match state.value.len() {
+        1 => String::new(),
+        3 => ["x", "y", "z"][k].to_owned(),
+        _ => (k + 1).to_string(),
+    };
+    let sigma = |k: usize| state.sigma.get(k).copied().unwrap_or(f64::NAN);
+    let values = state.value.iter().enumerate();
+    values.map(|(k, value)| (name(k), *value, sigma(k))).collect()
+}
+
+fn streaks(sensors: &[SensorTally]) -> Table {
+    let mut t = Table::new([
+        Column::text("sensor"),
+        Column::number("rejected in a row"),
+        Column::with_unit("from", Unit::of_si("s")),
+        Column::with_unit("for", Unit::of_si("s")),
+        Column::text("at the end"),
+    ]);
+    for s in sensors {
+        if let Some(r) = &s.longest_refusal {
+            let end = if s.ends_denied { Cell::text("denied") } else { Cell::Empty };
+            let times = [r.from, r.seconds].map(Cell::Seconds);
+            t.row(
+                [Cell::text(&s.name), Cell::Count(r.measurements)]
+                    .into_iter()
+                    .chain(times)
+                    .chain([end]),
+            );
+        }
+    }
+    t
+}
+
+fn innovations(sensors: &[SensorTally]) -> Table {
+    let mut t = Table::new([Column::text("residual"), Column::number("RMS"), Column::number("max")]);
+    for s in sensors.iter().filter(|s| s.innovations.count > 0) {
+        for (k, (row, unit)) in residual_rows(s).into_iter().enumerate() {
+            let values = [s.innovations.rms[k], s.innovations.max[k]].map(Cell::Real);
+            t.row_in(unit, [row_name(s, &row)].into_iter().chain(values));
+        }
+    }
+    t
+}
+
+fn errors(score: &Score) -> Section {
+    let mut t = Table::new([
+        Column::text("error"),
+        Column::number("RMS"),
+        Column::number("mean"),
+        Column::number("max"),
+        Column::number("mean 3σ"),
+        Column::number("inside 3σ"),
+        Column::text("verdict"),
+    ]);
+    let mut add = |values: &Option<Axes>, what: &str, names: [&str; 3], unit: &str| {
+        let Some(a) = values else { return };
+        for (k, name) in names.into_iter().enumerate() {
+            let values = [a.rms[k], a.mean[k], a.max[k], a.three_sigma[k]].map(Cell::Real);
+            // A share can show overconfidence only: 100 % is no sign that 3σ is right.
+            let verdict = Verdict::of_share(a.inside[k]).filter(|v| *v != Verdict::Consistent);
+            let cells = [Cell::text(format!("{what} {name}"))].into_iter().chain(values);
+            let judged = [Cell::Share(a.inside[k]), Cell::verdict(verdict)];
+            t.row_in(Unit::shown(unit), cells.chain(judged));
+        }
+    };
+    add(&score.position, "position", NED, "m");
+    add(&score.velocity, "velocity", NED, "m/s");
+    add(&score.attitude_deg, "attitude", RPY, "deg");
+    if t.is_empty() {
+        return Section::new("Errors against the reference", []).note("No epoch of the reference lies within the run.");
+    }
+    let mut plain = |name: &str, unit: &str, rms: Option<f64>, max: Option<f64>| {
+        if rms.is_some() {
+            t.row_in(Unit::shown(unit), [Cell::text(name), Cell::real(rms), Cell::Empty, Cell::real(max)]);
+        }
+    };
+    let horizontal = |v: f64| score.position.map(|_| v);
+    plain(
+        "position horizontal",
+        "m",
+        horizontal(score.horizontal_rms),
+        horizontal(score.horizontal_max),
+    );
+    plain("heading", "deg", score.heading_rmse_deg, None);
+    plain("inclination", "deg", score.inclination_rmse_deg, None);
+    let section = Section::new(format!("Errors against the reference, {} epochs", score.epochs), [t]);
+    match mounting(score) {
+        Some(table) => Section {
+            tables: section.tables.into_iter().chain([table]).collect(),
+            ..section
+        },
+        None => section,
+    }
+}
+
+fn mounting(score: &Score) -> Option<Table> {
+    let angles = score.mounting_deg?;
+    let columns = RPY.map(|axis| Column::with_unit(axis, Unit::shown("deg")));
+    let mut t = Table::new([Column::text("removed from the errors")].into_iter().chain(columns));
+    let cells = angles.map(Cell::Real);
+    t.row([Cell::text("mean mounting of the reference")].into_iter().chain(cells));
+    Some(t)
+}
+
+fn drift(score: &Score) -> Section {
+    let seconds = || Unit::of_si("s");
+    let mut t = Table::new([
+        Column::with_unit("from", seconds()),
+        Column::with_unit("to", seconds()),
+        Column::with_unit("max horizontal error", Unit::of_si("m")),
+        Column::with_unit("growth", Unit::of_si("m")),
+    ]);
+    for d in score.drift.iter().take(OUTAGES) {
+        let cells = [
+            Cell::Seconds(d.from),
+            Cell::Seconds(d.to),
+            Cell::Real(d.max_horizontal),
+            Cell::Real(d.growth),
+        ];
+        t.row(cells);
+    }
+    let mut all = Table::new([
+        Column::number("outages"),
+        Column::with_unit("RMS of max", Unit::of_si("m")),
+        Column::with_unit("median of max", Unit::of_si("m")),
+    ]);
+    if let (Some(rms), Some(median)) = (score.drift_rms, score.drift_median) {
+        all.row([Cell::from(score.drift.len()), Cell::Real(rms), Cell::Real(median)]);
+    }
+    let section = Section::new("Drift in outages", [t, all]);
+    if score.drift.len() > OUTAGES {
+        return section.note(format!("The first {OUTAGES} outages are listed; summary.json has all of them."));
+    }
+    section
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::score::Consistency;
+    use fusion_core::geometry::so3;
+
+    #[test]
+    fn a_run_that_never_started_says_what_it_waits_for() {
+        let summary = Summary {
+            waiting: vec![("fix".to_owned(), "a position".to_owned())],
+            ..Summary::default()
+        };
+        assert_eq!(summary.warnings(), ["the filter never started: `fix` waits for a position"]);
+        let text = summary.to_string();
+        let lines: Vec<&str> = text.lines().map(str::trim).collect();
+        let at = lines.iter().position(|l| l.starts_with("started")).unwrap();
+        assert!(
+            lines[at].ends_with("never") && lines[at + 1] == "`fix` waits for a position",
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn an_estimated_mounting_is_shown_in_degrees_of_roll_pitch_and_yaw() {
+        // 10° of pitch and 1° of 1σ about each body axis.
+        let q = so3::from_rpy(0.0, 10_f64.to_radians(), 0.0);
+        let mut value = vec![0.0; 4];
+        Attitude::write(&q, &mut value);
+        let variance = 1_f64.to_radians().powi(2);
+        let state = FinalState {
+            name: "wheels.mounting".to_owned(),
+            kind: Kind::Attitude,
+            value,
+            sigma: vec![1_f64.to_radians(); 3],
+            covariance: (Matrix3::<f64>::identity() * variance).as_slice().to_vec(),
+            unit: "rad",
+        };
+        let summary = Summary {
+            parameters: vec![state],
+            ..Summary::default()
+        };
+        let section = summary.estimated();
+        let table = &section.tables[0];
+        let shown: Vec<String> = table.rows().iter().map(|r| table.shown(r, 0) + " " + &table.shown(r, 1)).collect();
+        let names = ["roll", "pitch", "yaw"].map(|a| format!("wheels.mounting {a} [deg]"));
+        assert_eq!(
+            shown,
+            [format!("{} 0", names[0]), format!("{} 10.00", names[1]), format!("{} 0", names[2])]
+        );
+        let html = super::super::html::sections(core::slice::from_ref(&section)).into_string();
+        assert!(
+            html.contains("wheels.mounting pitch [deg]</th><td>10.00</td><td>1.000</td>"),
+            "{html}"
+        );
+        // Roll and yaw turn about axes that the pitch has moved: 1/cos 10° and tan 10° of it.
+        assert_eq!(table.shown(&table.rows()[2], 2), format!("{:.3}", 1.0 / 10_f64.to_radians().cos()));
+    }
+
+    #[test]
+    fn an_axis_that_leaves_its_3_sigma_is_overconfident_in_every_form() {
+        let axes = Axes {
+            inside: [0.5, 0.999, 1.0],
+            ..Axes::default()
+        };
+        let nan = Consistency {
+            mean: f64::NAN,
+            dof: 3,
+            count: 9,
+            independent: 9.0,
+            band: (1.0, 5.0),
+        };
+        let summary = Summary {
+            score: Some(Score {
+                epochs: 9,
+                position: Some(axes),
+                nees_position: Some(nan),
+                ..Score::default()
+            }),
+            ..Summary::default()
+        };
+        let page = summary.page();
+        let forms = [
+            text::page(&page, text::WIDTH),
+            super::super::json::page(&page).to_string(),
+            super::super::html::sections(&page.sections).into_string(),
+        ];
+        for form in forms {
+            // Once as a verdict; the other is the note that explains the word.
+            assert_eq!(form.matches("overconfident").count(), 2, "{form}");
+            assert!(!form.contains("NaN") && form.contains("NEES position"), "{form}");
+        }
+    }
+}

@@ -1,0 +1,55 @@
+//! What became of measurements: names, counts and units that all results share.
+
+use super::tree::{Cell, Column};
+use super::unit::Unit;
+use crate::tally::{Innovations, SensorTally};
+
+/// A count of a sensor; none where it is not known.
+pub(super) type Count = fn(&SensorTally) -> Option<u64>;
+
+/// The counts worth a column in a table of these sensors, with their titles: of disturbed rows
+/// where a fault may disturb any, of rare outcomes where there were any.
+pub(super) fn counts<'a>(sensors: impl IntoIterator<Item = &'a SensorTally> + Clone) -> Vec<(&'static str, Count)> {
+    const USUAL: [(&str, Count); 4] = [
+        ("accepted", |s| Some(s.accepted)),
+        ("rejected", |s| Some(s.rejected)),
+        ("missed", |s| Some(s.disturbed?.missed)),
+        ("false", |s| Some(s.disturbed?.false_rejections)),
+    ];
+    const RARE: [(&str, Count); 2] = [("re-acquired", |s| Some(s.readopted)), ("unusable", |s| Some(s.unusable))];
+    let values = |count: Count| sensors.clone().into_iter().filter_map(count);
+    let usual = USUAL.into_iter().filter(|(_, count)| values(*count).next().is_some());
+    let rare = RARE.into_iter().filter(|(_, count)| values(*count).any(|n| n > 0));
+    usual.chain(rare).collect()
+}
+
+/// Their columns.
+pub(super) fn count_columns(counts: &[(&'static str, Count)]) -> impl Iterator<Item = Column> {
+    counts.iter().map(|(title, _)| Column::number(*title))
+}
+
+/// A count over several sensors together; empty where it is known of none of them.
+pub(super) fn sum<'a>(sensors: impl IntoIterator<Item = &'a SensorTally>, count: Count) -> Cell {
+    Cell::count(sensors.into_iter().filter_map(count).reduce(|a, b| a + b))
+}
+
+/// Each residual row of a sensor: its name, `north`, or its number where it has none and there
+/// are several; and its unit.
+#[must_use]
+pub fn residual_rows(s: &SensorTally) -> Vec<(String, Unit)> {
+    let Innovations { axis, unit, .. } = &s.innovations;
+    let row = |(k, si): (usize, &String)| {
+        let name = match axis.get(k) {
+            Some(name) => (*name).to_owned(),
+            None if unit.len() > 1 => (k + 1).to_string(),
+            None => String::new(),
+        };
+        (name, Unit::of_si(si))
+    };
+    unit.iter().enumerate().map(row).collect()
+}
+
+/// `gnss north`, or the sensor alone.
+pub(super) fn row_name(sensor: &SensorTally, row: &str) -> Cell {
+    Cell::text(format!("{} {row}", sensor.name).trim_end())
+}

@@ -1,0 +1,168 @@
+//! A page as text for a terminal: aligned columns, numbers to the right, no line wider than asked.
+
+use super::tree::{Page, Section, Table};
+use comfy_table::{CellAlignment, ColumnConstraint, ContentArrangement, Width, presets};
+use std::fmt::{self, Write};
+
+/// Characters in a line where the width of the terminal is not known.
+pub const WIDTH: usize = 100;
+/// Before every line of a table.
+const INDENT: &str = "  ";
+
+/// `page` in lines of at most `width` characters. Its warnings are left out: a command tells them
+/// on stderr.
+#[must_use]
+pub fn page(page: &Page, width: usize) -> String {
+    let mut out = String::new();
+    // Writing to a String cannot fail.
+    let _ = write(&mut out, page, width);
+    out
+}
+
+fn write(out: &mut String, page: &Page, width: usize) -> fmt::Result {
+    for line in wrapped(&page.title, width).iter().filter(|line| !line.is_empty()) {
+        writeln!(out, "{line}")?;
+    }
+    for section in page.sections.iter().filter(|s| !s.is_empty()) {
+        // What has no title of its own goes with the line before it.
+        let stands_alone = !section.title.is_empty() || !section.notes.is_empty();
+        if stands_alone && !out.is_empty() {
+            writeln!(out)?;
+        }
+        write_section(out, section, width)?;
+    }
+    Ok(())
+}
+
+fn write_section(out: &mut String, section: &Section, width: usize) -> fmt::Result {
+    let indent = if section.title.is_empty() { "" } else { INDENT };
+    if !section.title.is_empty() {
+        writeln!(out, "{}", section.title)?;
+    }
+    for (k, table) in section.tables.iter().enumerate() {
+        if k > 0 {
+            writeln!(out)?;
+        }
+        write_table(out, table, width)?;
+    }
+    for note in &section.notes {
+        for line in wrapped(note, width - indent.len()) {
+            writeln!(out, "{}", format!("{indent}{line}").trim_end())?;
+        }
+    }
+    Ok(())
+}
+
+fn write_table(out: &mut String, table: &Table, width: usize) -> fmt::Result {
+    let mut drawn = comfy_table::Table::new();
+    drawn
+        .load_preset(presets::NOTHING)
+        .set_content_arrangement(ContentArrangement::Dynamic)
+        .set_width(u16::try_from(width - INDENT.len()).unwrap_or(u16::MAX));
+    if !table.is_list() {
+        drawn.set_header(table.columns().map(|(_, c)| c.heading()));
+    }
+    for row in table.rows() {
+        drawn.add_row(table.columns().map(|(k, _)| table.shown(row, k)));
+    }
+    for ((k, column), drawn) in table.columns().zip(drawn.column_iter_mut()) {
+        drawn.set_padding((0, 2));
+        if !column.is_text {
+            drawn.set_cell_alignment(CellAlignment::Right);
+            // A heading may be wrapped, a number never.
+            let widest = table.rows().iter().map(|r| table.shown(r, k).chars().count() + 2).max();
+            drawn.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(
+                widest.and_then(|w| u16::try_from(w).ok()).unwrap_or(u16::MAX),
+            )));
+        }
+    }
+    for line in drawn.lines() {
+        writeln!(out, "{}", format!("{INDENT}{line}").trim_end())?;
+    }
+    Ok(())
+}
+
+/// `text` in lines of at most `width` characters, broken at blanks; its own line breaks and the
+/// indentation of its lines are kept.
+#[must_use]
+pub fn wrapped(text: &str, width: usize) -> Vec<String> {
+    let length = |text: &str| text.chars().count();
+    let mut lines = Vec::new();
+    for paragraph in text.split('\n') {
+        let mut line: String = paragraph.chars().take_while(|c| *c == ' ').collect();
+        let indent = line.len();
+        for word in paragraph.split_whitespace() {
+            if length(&line) > indent {
+                if length(&line) + 1 + length(word) > width {
+                    lines.push(core::mem::replace(&mut line, " ".repeat(indent)));
+                } else {
+                    line.push(' ');
+                }
+            }
+            line.push_str(word);
+        }
+        lines.push(line);
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::present::{Cell, Column, Unit};
+
+    fn of(section: Section) -> String {
+        let title = "A title".to_owned();
+        page(
+            &Page {
+                title,
+                sections: vec![section],
+                ..Page::default()
+            },
+            40,
+        )
+    }
+
+    #[test]
+    fn numbers_end_at_the_right_and_words_are_wrapped() {
+        let mut t = Table::new([Column::text("source"), Column::number("rows"), Column::text("note")]);
+        t.row([Cell::text("imu"), Cell::Count(12000), Cell::text("σ")]);
+        t.row([Cell::text("gnss"), Cell::Count(9), Cell::text("word ".repeat(6))]);
+        let expected = "\
+A title
+
+Data
+  source   rows  note
+  imu     12000  σ
+  gnss        9  word word word word
+                 word word
+  below
+";
+        assert_eq!(of(Section::new("Data", [t]).note("below")), expected);
+    }
+
+    #[test]
+    fn a_heading_is_wrapped_before_a_number_is() {
+        let names = ["largest horizontal error", "growth of the horizontal error", "mean of the error"];
+        let mut t = Table::new(names.map(|n| Column::with_unit(n, Unit::of_si("m"))));
+        t.row([12_345.0, 1.0e-9, -0.012_345].map(Cell::Real));
+        let text = of(Section::new("", [t]));
+        assert!(
+            text.contains("12345") && text.contains("1.000e-9") && text.contains("-0.01235"),
+            "{text}"
+        );
+        assert!(text.lines().all(|l| l.chars().count() <= 40), "{text}");
+    }
+
+    #[test]
+    fn a_list_follows_its_title() {
+        let mut t = Table::list();
+        t.row_in(Unit::of_si("s"), [Cell::text("started"), Cell::Fixed(1.5, 3)]);
+        assert_eq!(of(Section::new("", [t])), "A title\n  started  1.500 s\n");
+    }
+
+    #[test]
+    fn sections_without_content_are_left_out() {
+        assert_eq!(of(Section::new("Nothing", [Table::list()])), "A title\n");
+    }
+}

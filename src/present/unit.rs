@@ -1,0 +1,93 @@
+//! Units as they are shown.
+
+use super::number;
+
+/// A unit as it is shown, and the factor to it from what is computed with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unit {
+    factor: f64,
+    symbol: String,
+}
+
+impl Unit {
+    /// Of values counted in the SI unit `si`, as `Dimension` writes it (`rad/s`, `m/s^2`, `1`).
+    ///
+    /// Angles are shown in degrees, pressures in hectopascals, pure numbers without a unit.
+    #[must_use]
+    pub fn of_si(si: &str) -> Self {
+        let (factor, symbol) = match (si, si.strip_prefix("rad")) {
+            ("" | "1", _) => (1.0, String::new()),
+            ("kg/m/s^2" | "Pa", _) => (0.01, "hPa".to_owned()),
+            (_, Some(rest)) => (1_f64.to_degrees(), format!("deg{rest}")),
+            _ => (1.0, si.to_owned()),
+        };
+        let symbol = symbol.replace("^2", "²").replace("^3", "³").replace('*', "·");
+        Self { factor, symbol }
+    }
+
+    /// Of values that are counted in the unit that is shown.
+    #[must_use]
+    pub fn shown(symbol: &str) -> Self {
+        Self {
+            factor: 1.0,
+            symbol: symbol.to_owned(),
+        }
+    }
+
+    /// Of a pure number.
+    #[must_use]
+    pub fn none() -> Self {
+        Self::shown("")
+    }
+
+    /// Its symbol; empty for a pure number.
+    #[must_use]
+    pub fn symbol(&self) -> &str {
+        &self.symbol
+    }
+
+    /// `value` counted in it.
+    #[must_use]
+    pub fn of(&self, value: f64) -> f64 {
+        value * self.factor
+    }
+
+    /// `name [m]`, or `name` for a pure number.
+    #[must_use]
+    pub fn beside(&self, name: &str) -> String {
+        match (name, self.symbol.as_str()) {
+            (name, "") => name.to_owned(),
+            ("", symbol) => format!("[{symbol}]"),
+            (name, symbol) => format!("{name} [{symbol}]"),
+        }
+    }
+
+    /// Declared values with it: `2 m`, `0.5, 0.5, 1 deg`; equal ones as one.
+    #[must_use]
+    pub fn list(&self, values: &[f64]) -> String {
+        let shown: Vec<f64> = values.iter().map(|v| self.of(*v)).collect();
+        format!("{} {}", number::list(&shown), self.symbol).trim().to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_are_shown_in_degrees_and_pressures_in_hectopascals() {
+        let rate = Unit::of_si("rad/s");
+        assert_eq!((rate.symbol(), rate.of(core::f64::consts::PI)), ("deg/s", 180.0));
+        let pressure = Unit::of_si("kg/m/s^2");
+        assert_eq!(pressure.list(&[101_325.0]), "1013 hPa");
+        assert_eq!(Unit::of_si("m/s^2").list(&[2.0, 2.0]), "2 m/s²");
+        assert_eq!(Unit::of_si("1").list(&[0.5, 1.0]), "0.5, 1");
+    }
+
+    #[test]
+    fn a_unit_stands_in_brackets_beside_a_name() {
+        assert_eq!(Unit::of_si("m").beside("east"), "east [m]");
+        assert_eq!(Unit::none().beside("scale"), "scale");
+        assert_eq!(Unit::of_si("rad").beside(""), "[deg]");
+    }
+}

@@ -1,0 +1,212 @@
+//! Consistency: whether the errors of a filter are what its covariance says.
+//!
+//! This is the one place with the statistics, their thresholds and the words for them.
+//!
+//! | statistic | consistent where | otherwise |
+//! |---|---|---|
+//! | mean NEES, mean NIS | in the two-sided 95 % band of a χ² mean | [`Verdict::Overconfident`] above, [`Verdict::Conservative`] below |
+//! | share of errors inside 3σ | at least [`SHARE_INSIDE`] | [`Verdict::Overconfident`]; a share cannot be too large |
+//!
+//! Sources: Bar-Shalom, Li, Kirubarajan 2001, §5.4 (tests of NEES and NIS; they call the two
+//! faults *optimistic* and *pessimistic*); Uhlmann 2003 (*conservative*: the covariance is not
+//! smaller than that of the error).
+
+use fusion_core::consistency::mean_band;
+use serde::Serialize;
+
+/// The probability of the band of a mean statistic.
+const BAND: f64 = 0.95;
+/// The least share of errors inside 3σ that is no sign of overconfidence.
+///
+/// A consistent Gaussian filter has 0.997. At 0.98 the standard deviation of a Gaussian error is
+/// 3/2.33 = 1.29 times the filter's own 1σ.
+pub const SHARE_INSIDE: f64 = 0.98;
+/// Lags of the autocorrelation that are looked at.
+const LAGS: usize = 5000;
+
+/// How the errors of a filter compare with its covariance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The errors are as large as the covariance says.
+    Consistent,
+    /// The errors are larger than the covariance says.
+    Overconfident,
+    /// The errors are smaller than the covariance says.
+    Conservative,
+}
+
+impl Verdict {
+    /// Of a share of errors inside their own 3σ; `None` where the share is not a number.
+    #[must_use]
+    pub fn of_share(inside: f64) -> Option<Self> {
+        match inside {
+            s if s.is_nan() => None,
+            s if s < SHARE_INSIDE => Some(Self::Overconfident),
+            _ => Some(Self::Consistent),
+        }
+    }
+
+    /// The word that is shown.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Consistent => "consistent",
+            Self::Overconfident => "overconfident",
+            Self::Conservative => "conservative",
+        }
+    }
+}
+
+/// The mean of a χ² statistic with the band that a consistent filter stays in.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Consistency {
+    /// Mean over all samples.
+    pub mean: f64,
+    /// Degrees of freedom, which the mean should be near.
+    pub dof: usize,
+    /// Samples.
+    pub count: usize,
+    /// Samples that count as independent, from the autocorrelation.
+    pub independent: f64,
+    /// The 95 % band of the mean.
+    pub band: (f64, f64),
+}
+
+impl Consistency {
+    /// From a series of statistics of `dof` degrees of freedom each; `None` for fewer than two.
+    ///
+    /// Neighbours in time are correlated: N samples carry N/τ independent ones, τ = 1 + 2 Σ ρ_k
+    /// being the integrated autocorrelation, summed up to the first ρ_k that is not positive.
+    /// The band is made for that many. Source: Sokal 1997, §3.
+    #[must_use]
+    pub fn of(series: &[f64], dof: usize) -> Option<Self> {
+        let count = series.len();
+        if count < 2 {
+            return None;
+        }
+        let mean = series.iter().sum::<f64>() / count as f64;
+        let lagged = |k: usize| series.iter().zip(&series[k..]).map(|(a, b)| (a - mean) * (b - mean)).sum::<f64>();
+        let variance = lagged(0);
+        let correlations = (1..count.min(LAGS)).map(|k| lagged(k) / variance).take_while(|rho| *rho > 0.0);
+        let tau = if variance > 0.0 {
+            1.0 + 2.0 * correlations.sum::<f64>()
+        } else {
+            1.0
+        };
+        Some(Self::with_independent(mean, dof, count, (count as f64 / tau).max(1.0)))
+    }
+
+    /// Of several independent runs together: the mean of their means, with a band for all of
+    /// their independent samples. `None` without a run.
+    #[must_use]
+    pub fn of_runs(runs: impl IntoIterator<Item = Self>) -> Option<Self> {
+        let runs: Vec<Self> = runs.into_iter().collect();
+        let dof = runs.first()?.dof;
+        let mean = runs.iter().map(|c| c.mean).sum::<f64>() / runs.len() as f64;
+        let count = runs.iter().map(|c| c.count).sum();
+        Some(Self::with_independent(mean, dof, count, runs.iter().map(|c| c.independent).sum()))
+    }
+
+    fn with_independent(mean: f64, dof: usize, count: usize, independent: f64) -> Self {
+        Self {
+            mean,
+            dof,
+            count,
+            independent,
+            band: mean_band(BAND, dof, independent.round() as usize),
+        }
+    }
+
+    /// What the mean says; `None` where it is not a number, or has nothing to be compared with.
+    #[must_use]
+    pub fn verdict(&self) -> Option<Verdict> {
+        let (low, high) = self.band;
+        if self.dof == 0 || self.mean.is_nan() || low.is_nan() || high.is_nan() {
+            return None;
+        }
+        Some(match self.mean {
+            m if m > high => Verdict::Overconfident,
+            m if m < low => Verdict::Conservative,
+            _ => Verdict::Consistent,
+        })
+    }
+
+    /// Whether the mean lies in its band.
+    #[must_use]
+    pub fn is_consistent(&self) -> bool {
+        self.verdict() == Some(Verdict::Consistent)
+    }
+
+    /// How large the errors are in units of the filter's own 1σ: √(mean / dof), 1 where consistent.
+    #[must_use]
+    pub fn error_ratio(&self) -> f64 {
+        (self.mean / self.dof as f64).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn with_mean(mean: f64) -> Consistency {
+        Consistency {
+            mean,
+            dof: 3,
+            count: 100,
+            independent: 100.0,
+            band: (2.5, 3.5),
+        }
+    }
+
+    #[test]
+    fn a_mean_above_its_band_is_overconfident_and_one_below_conservative() {
+        use Verdict::{Conservative, Consistent, Overconfident};
+        let verdicts = [3.6, 3.5, 3.0, 2.5, 2.4, f64::INFINITY].map(|m| with_mean(m).verdict());
+        let expected = [Overconfident, Consistent, Consistent, Consistent, Conservative, Overconfident];
+        assert_eq!(verdicts, expected.map(Some));
+    }
+
+    #[test]
+    fn there_is_no_verdict_on_what_is_not_a_number() {
+        let no_band = Consistency {
+            band: (f64::NAN, f64::NAN),
+            ..with_mean(3.0)
+        };
+        let no_rows = Consistency { dof: 0, ..with_mean(0.0) };
+        for c in [with_mean(f64::NAN), no_band, no_rows] {
+            assert_eq!((c.verdict(), c.is_consistent()), (None, false), "{c:?}");
+        }
+        assert_eq!(Verdict::of_share(f64::NAN), None);
+    }
+
+    #[test]
+    fn a_share_is_overconfident_below_its_threshold_only() {
+        let verdicts = [0.0, 0.979, 0.98, 1.0].map(Verdict::of_share);
+        use Verdict::{Consistent, Overconfident};
+        assert_eq!(verdicts, [Overconfident, Overconfident, Consistent, Consistent].map(Some));
+    }
+
+    #[test]
+    fn the_band_widens_with_correlation() {
+        let slow: Vec<f64> = (0..1000).map(|k| 3.0 + (k as f64 * 0.01).sin()).collect();
+        let fast: Vec<f64> = (0..1000).map(|k| 3.0 + if k % 2 == 0 { 1.0 } else { -1.0 }).collect();
+        let (slow, fast) = (Consistency::of(&slow, 3).unwrap(), Consistency::of(&fast, 3).unwrap());
+        assert!(slow.independent < 10.0 && fast.independent > 999.0, "{slow:?} {fast:?}");
+        assert!(slow.band.1 - slow.band.0 > 5.0 * (fast.band.1 - fast.band.0));
+    }
+
+    #[test]
+    fn runs_together_have_the_band_of_all_their_independent_samples() {
+        let runs = [with_mean(2.0), with_mean(3.0)];
+        let all = Consistency::of_runs(runs).unwrap();
+        assert_eq!((all.mean, all.count, all.independent), (2.5, 200, 200.0));
+        assert_eq!(all.band, mean_band(0.95, 3, 200));
+        assert_eq!(Consistency::of_runs([]), None);
+    }
+
+    #[test]
+    fn the_error_ratio_is_that_of_the_standard_deviations() {
+        assert_eq!(with_mean(12.0).error_ratio(), 2.0);
+    }
+}
