@@ -4,14 +4,15 @@ use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
 use crate::output::Cells;
 use crate::run::{Options, Summary, run};
-use crate::score::Consistency;
+use crate::score::{Axes, Consistency};
 use crate::tally::SensorTally;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::io::{self, Write};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// What is kept of one Monte Carlo run. No timing, so that it is a function of its seed.
+/// What is kept of one Monte Carlo run. No timing, so that it is a function of its seed. An error
+/// that has no reference is NaN.
 #[derive(Clone, Debug, Serialize)]
 pub struct RunRow {
     /// Its number.
@@ -35,7 +36,8 @@ pub struct RunRow {
 impl RunRow {
     fn new(run: u64, seed: u64, summary: &Summary) -> Self {
         let score = summary.score.clone().unwrap_or_default();
-        let axes = |a: Option<crate::score::Axes>| a.unwrap_or_default();
+        const UNKNOWN: Axes = Axes::all(f64::NAN);
+        let axes = |a: Option<Axes>| a.unwrap_or(UNKNOWN);
         Self {
             run,
             seed,

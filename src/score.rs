@@ -13,6 +13,21 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use serde::Serialize;
 use std::collections::VecDeque;
 
+impl Axes {
+    /// Every number being `value`.
+    #[must_use]
+    pub const fn all(value: f64) -> Self {
+        let three = [value; 3];
+        Self {
+            rms: three,
+            mean: three,
+            max: three,
+            three_sigma: three,
+            inside: three,
+        }
+    }
+}
+
 /// One epoch of the reference.
 #[derive(Clone, Copy, Debug)]
 pub struct ReferenceEpoch {

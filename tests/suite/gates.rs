@@ -144,7 +144,7 @@ fn outliers_of_a_simulated_sensor_are_the_same_rows_under_every_gate() {
 fn a_campaign_and_a_comparison_show_the_same_counts() {
     let w = Workspace::new("gates-campaign");
     summary(&w, SPIKE, &[]);
-    let titles = ["missed", "false", "longest refusal", "runs that end denied", "largest max"];
+    let titles = ["missed", "false", "longest streak", "end denied", "largest max"];
     shows(
         w.fusion(&["montecarlo", "faulty.toml", "-n", "2", "--out", "out"]).success(),
         &titles,
