@@ -83,6 +83,36 @@ fn a_recorded_design_runs_and_is_reproduced() {
     assert!(!stdout(&first).contains('\u{1b}'), "no colour in a pipe");
 }
 
+/// The tables of a terminal, of the report and of JSON are drawn from one tree.
+#[test]
+fn text_json_and_html_show_the_same_numbers() {
+    let w = Workspace::new("command-format");
+    let text = stdout(&w.fusion(&["run", "design.toml", "--out", "out"]).success());
+    let ran = w.fusion(&["run", "design.toml", "--format", "json"]).success().stderr("");
+    let page: Value = serde_json::from_str(&stdout(&ran)).unwrap();
+    assert_eq!(page["title"], "Constant velocity with GNSS");
+    let section = |title: &str| {
+        let found = page["sections"].as_array().unwrap().iter().find(|s| s["title"] == title);
+        found.unwrap_or_else(|| panic!("no section {title} in {page:#}"))["tables"][0].clone()
+    };
+    let innovations = section("Innovations of accepted measurements");
+    let row = &innovations["rows"][0];
+    assert_eq!((&row["unit"], &row["cells"][0]), (&"m".into(), &"gnss north".into()));
+    let summary: Value = serde_json::from_str(&w.read("out/summary.json")).unwrap();
+    let rms = row["cells"][1].as_f64().unwrap();
+    // 1e-12: written in decimals and read again.
+    assert!((rms - summary["sensors"][0]["innovations"]["rms"][0].as_f64().unwrap()).abs() < 1e-12 * rms);
+    let shown = format!("{rms:.3}");
+    assert!(
+        squeezed(&text).iter().any(|l| l.starts_with(&format!("gnss north [m] {shown} "))),
+        "{shown} in {text}"
+    );
+    let cell = format!("gnss north [m]</th><td>{shown}</td>");
+    assert!(w.read("out/report.html").contains(&cell), "{cell}");
+    let verdict = section("Consistency")["rows"][0]["cells"][5].clone();
+    assert!(text.contains(verdict.as_str().unwrap()), "{verdict} in {text}");
+}
+
 #[test]
 fn files_have_the_documented_columns() {
     let w = Workspace::new("command-files");
