@@ -168,6 +168,28 @@ fn default_of(field: &Value) -> Option<String> {
     }
 }
 
+/// What may be written where there is a choice.
+fn one_of(choices: &[Value], root: &Value) -> String {
+    if let [fixed, table] = choices {
+        if table["properties"]["estimate"].is_object() {
+            return format!("{}, {ESTIMATED}", type_of(fixed, root));
+        }
+        if table["type"] == "array" && table["items"] == *fixed {
+            let count = table["minItems"]
+                .as_u64()
+                .map_or_else(|| "an array of them".to_owned(), |n| format!("an array of {n}"));
+            return format!("{}, or {count}", type_of(fixed, root));
+        }
+    }
+    let mut words: Vec<String> = Vec::new();
+    for word in choices.iter().map(|c| type_of(c, root)) {
+        if !words.contains(&word) {
+            words.push(word);
+        }
+    }
+    words.join(" | ")
+}
+
 /// What may be written, in a few words.
 fn type_of(schema: &Value, root: &Value) -> String {
     let schema = resolved(schema, root);
@@ -178,25 +200,9 @@ fn type_of(schema: &Value, root: &Value) -> String {
         return names.iter().map(Value::to_string).collect::<Vec<_>>().join(" | ");
     }
     for key in ["anyOf", "oneOf"] {
-        let Some(choices) = schema[key].as_array() else { continue };
-        if let [fixed, table] = &choices[..] {
-            if table["properties"]["estimate"].is_object() {
-                return format!("{}, {ESTIMATED}", type_of(fixed, root));
-            }
-            if table["type"] == "array" && table["items"] == *fixed {
-                let count = table["minItems"]
-                    .as_u64()
-                    .map_or_else(|| "an array of them".to_owned(), |n| format!("an array of {n}"));
-                return format!("{}, or {count}", type_of(fixed, root));
-            }
+        if let Some(choices) = schema[key].as_array() {
+            return one_of(choices, root);
         }
-        let mut words: Vec<String> = Vec::new();
-        for word in choices.iter().map(|c| type_of(c, root)) {
-            if !words.contains(&word) {
-                words.push(word);
-            }
-        }
-        return words.join(" | ");
     }
     let is = |name: &str| schema["type"] == name || schema["type"].as_array().is_some_and(|t| t.iter().any(|t| t == name));
     if is("number") && is("string") {

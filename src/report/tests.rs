@@ -364,6 +364,22 @@ fn attribute<'a>(root: &'a str, name: &str) -> Option<&'a str> {
     root.split_once(&format!("data-{name}=\""))?.1.split('"').next()
 }
 
+/// Innovations are scaled to their band, or without one to those used: of at most 0.02 and 2 twice,
+/// and 0.3. Those rejected are eight times as large.
+fn check_scales(name: &str, root: &str) {
+    let scales: Vec<f64> = attribute(root, "scales").unwrap().split(' ').map(|s| s.parse().unwrap()).collect();
+    match name {
+        "one" => assert_eq!(scales, [0.0324, 3.24, 3.24, 6.48]),
+        _ => assert!(
+            scales
+                .iter()
+                .zip([0.0216, 2.16, 2.16, 0.324])
+                .all(|(s, most)| (0.8 * most..=most).contains(s)),
+            "{scales:?}"
+        ),
+    }
+}
+
 #[test]
 fn a_browser_draws_every_plot_without_error_or_request() {
     let Some(browser) = chromium() else {
@@ -414,19 +430,7 @@ fn a_browser_draws_every_plot_without_error_or_request() {
         for (key, value) in wanted.into_iter().chain(acted) {
             assert_eq!(attribute(&root, key), value, "data-{key} of {name}: {root}");
         }
-        // Innovations are scaled to their band, or without one to those used: of at most 0.02
-        // and 2 twice, and 0.3. Those rejected are eight times as large.
-        let scales: Vec<f64> = attribute(&root, "scales").unwrap().split(' ').map(|s| s.parse().unwrap()).collect();
-        match name {
-            "one" => assert_eq!(scales, [0.0324, 3.24, 3.24, 6.48]),
-            _ => assert!(
-                scales
-                    .iter()
-                    .zip([0.0216, 2.16, 2.16, 0.324])
-                    .all(|(s, most)| (0.8 * most..=most).contains(s)),
-                "{scales:?}"
-            ),
-        }
+        check_scales(name, &root);
     }
     // A page that fails says so: the test can see an error and a request.
     let broken = alone.replace("<main>", "<main><img src=\"http://127.0.0.1:9/x.png\"><script>nothing()</script>");
