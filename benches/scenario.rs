@@ -31,9 +31,8 @@ fn data() -> PathBuf {
 }
 
 fn design() -> Design {
-    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(DESIGN)).expect("the design is in the repository");
-    let (document, mistakes) = Document::parse(DESIGN, &text);
-    assert!(mistakes.is_empty());
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(DESIGN);
+    let document = Document::load(&file).expect("the design is in the repository");
     Design::read(document).expect("the design is sound")
 }
 

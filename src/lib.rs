@@ -16,6 +16,7 @@ pub mod assembly;
 pub mod campaign;
 pub mod config;
 pub mod design;
+pub mod examine;
 mod navigator;
 pub mod output;
 pub mod present;

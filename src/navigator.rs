@@ -1,12 +1,13 @@
 //! The embeddable filter: load, feed, read.
 
 use crate::assembly::{Assembly, StreamLayout, assemble, declared_streams};
-use crate::config::{Diagnostics, Document};
-use crate::design::Design;
+use crate::config::{Diagnostics, Document, Files};
+use crate::examine::build;
 use crate::solution::{Solution, SolutionReader};
 use fusion_core::runner::{Event, Halt, Observer, Row, RunError, StreamId, WrongWidth};
 use fusion_core::state::{Belief, Layout};
 use fusion_core::time::Time;
+use std::path::Path;
 use thiserror::Error;
 
 /// Why a row was not taken, or the filter not listened to any more.
@@ -73,7 +74,15 @@ pub struct Navigator {
 }
 
 impl Navigator {
-    /// From the text of a design.
+    /// From the file of a design, with the parts that it includes.
+    ///
+    /// # Errors
+    /// Every mistake, each with its place.
+    pub fn from_file(path: impl AsRef<Path>) -> Result<Self, Diagnostics> {
+        Self::from_document(Document::load(path.as_ref())?)
+    }
+
+    /// From the text of a design that includes nothing.
     ///
     /// # Errors
     /// Every mistake in the text, each with its place.
@@ -81,18 +90,32 @@ impl Navigator {
         Self::named("design.toml", text)
     }
 
-    /// From the text of a design in a file called `name`.
+    /// From the text of a design; the paths of what it includes start at `folder`.
+    ///
+    /// # Errors
+    /// Every mistake, each with its place.
+    pub fn from_toml_in(folder: impl AsRef<Path>, text: &str) -> Result<Self, Diagnostics> {
+        let file = folder.as_ref().join("design.toml");
+        let (mut document, mistakes) = Document::parse("design.toml", text);
+        let mut d = Diagnostics::new();
+        d.extend(mistakes);
+        d.extend(document.compose(&file, Files::Disk));
+        Self::from_document(d.unless_errors(document)?)
+    }
+
+    /// From the text of a design, which diagnostics call `name`; it includes nothing.
     ///
     /// # Errors
     /// Every mistake in the text, each with its place.
     pub fn named(name: &str, text: &str) -> Result<Self, Diagnostics> {
         let (document, mistakes) = Document::parse(name, text);
-        let mut diagnostics = Diagnostics::new();
-        diagnostics.extend(mistakes);
-        if diagnostics.has_errors() {
-            return Err(diagnostics);
-        }
-        let design = Design::read(document)?;
+        let mut d = Diagnostics::new();
+        d.extend(mistakes);
+        Self::from_document(d.unless_errors(document)?)
+    }
+
+    fn from_document(document: Document) -> Result<Self, Diagnostics> {
+        let design = build(document)?;
         let streams = declared_streams(&design)?;
         Ok(Self::from_assembly(assemble(&design, streams)?))
     }

@@ -3,8 +3,12 @@
 //! Every registered block is one definition, `role.name`, with its `type` as a constant; a table
 //! that takes any block of a role lists them in a `oneOf`.
 //!
+//! A design that includes parts may leave to them what a block requires: of such a one only the names
+//! of its tables are checked.
+//!
 //! Not here  units and ranges beyond what JSON Schema can say: those are checked on reading
 
+use crate::config::INCLUDE;
 use crate::design::{FilterSpec, NoiseSpec, ReferenceSpec, RunSpec};
 use fusion_models::registry::{self, Registration, Role};
 use fusion_models::sim::SimulationSpec;
@@ -52,24 +56,34 @@ pub fn design() -> Value {
         .iter()
         .map(|(name, _)| ((*name).to_owned(), json!({ "type": "object" })))
         .collect();
-    let mut properties: Map<String, Value> = sections.into_iter().map(|(name, schema)| (name.to_owned(), schema)).collect();
-    let variant = json!({ "type": "object", "properties": over, "additionalProperties": false });
+    let whole: Map<String, Value> = sections.into_iter().map(|(name, schema)| (name.to_owned(), schema)).collect();
+    let include = json!({
+        "description": "Files that this one is put together with, by paths relative to it: what it says itself wins, then the later file.",
+        "type": "array",
+        "items": { "type": "string" },
+    });
+    let mut partial = over.clone();
+    partial.insert(INCLUDE.to_owned(), include.clone());
+    let mut properties = over.clone();
+    properties.insert(INCLUDE.to_owned(), include);
     properties.insert(
         "variant".to_owned(),
         json!({
             "description": "Overrides by name: each laid over the design by `fusion run --variant NAME`.",
             "type": "object",
-            "additionalProperties": variant,
+            "additionalProperties": { "type": "object", "properties": partial, "additionalProperties": false },
         }),
     );
+    // Where parts are included, any table may be completed by them.
     json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "fusion design",
         "description": "A navigation filter composed of blocks.",
         "type": "object",
         "properties": properties,
-        "required": ["process"],
         "additionalProperties": false,
+        "if": { "not": { "required": [INCLUDE] } },
+        "then": { "properties": whole, "required": ["process"] },
         DEFS: s.defs,
     })
 }

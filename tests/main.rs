@@ -11,6 +11,9 @@ mod command;
 /// What gates did to rows that are known to be wrong, and the innovations.
 #[path = "suite/gates.rs"]
 mod gates;
+/// Designs put together from parts, and how they read when flat.
+#[path = "suite/includes.rs"]
+mod includes;
 /// What a user is told about every kind of mistake, word for word.
 #[path = "suite/mistakes.rs"]
 mod mistakes;

@@ -7,7 +7,8 @@ use crate::earth::Gravity;
 use crate::param::{ParamSpec, ParamValue};
 use crate::units::{Dimension, Dimensional, UnitError, dim};
 use crate::vocabulary::channel;
-use core::fmt::Debug;
+use core::fmt::{self, Debug};
+use core::marker::PhantomData;
 use fusion_core::gate::Gate;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::loss::Loss;
@@ -16,6 +17,8 @@ use fusion_core::runner::{Initialiser, Stage};
 use fusion_core::state::{
     Declaration, Dynamics, LayoutBuilder, LayoutError, Manifold, Param, Quantity, QuantityName, Signal, Slot, StateRole,
 };
+use serde::Deserialize;
+use serde::de::{Deserializer, Visitor};
 use std::borrow::Cow;
 use thiserror::Error;
 
@@ -56,6 +59,17 @@ impl BuildError {
         self.help = Some(help.into());
         self
     }
+
+    /// Of a block that stands at `path` inside another.
+    #[must_use]
+    pub fn within(self, path: impl Into<String>) -> Self {
+        let mut field = path.into();
+        if !self.field.is_empty() {
+            field.push('.');
+            field.push_str(&self.field);
+        }
+        Self { field, ..self }
+    }
 }
 
 impl From<LayoutError> for BuildError {
@@ -68,6 +82,49 @@ impl From<UnitError> for BuildError {
     fn from(error: UnitError) -> Self {
         Self::new(error.to_string())
     }
+}
+
+/// What a [`Nested`] block calls itself when it is read.
+pub const NESTED: &str = "$fusion::block";
+
+/// A block inside another, `{ type = "…", … }`: says to the reader of a design that its `type` names a
+/// trait object. A field that holds a `Box<dyn …>` is read through it; of an array of blocks,
+/// [`nested`] does so.
+#[derive(Debug)]
+pub struct Nested<T: ?Sized>(pub Box<T>);
+
+impl<'de, T: ?Sized> Deserialize<'de> for Nested<T>
+where
+    Box<T>: Deserialize<'de>,
+{
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Block<T: ?Sized>(PhantomData<Box<T>>);
+        impl<'de, T: ?Sized> Visitor<'de> for Block<T>
+        where
+            Box<T>: Deserialize<'de>,
+        {
+            type Value = Nested<T>;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a table with a `type`")
+            }
+            fn visit_newtype_struct<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
+                Box::<T>::deserialize(deserializer).map(Nested)
+            }
+        }
+        deserializer.deserialize_newtype_struct(NESTED, Block(PhantomData))
+    }
+}
+
+/// Reads an array of blocks, as `#[serde(deserialize_with = "nested")]`.
+///
+/// # Errors
+/// Those of the blocks.
+pub fn nested<'de, D: Deserializer<'de>, T: ?Sized>(deserializer: D) -> Result<Vec<Box<T>>, D::Error>
+where
+    Box<T>: Deserialize<'de>,
+{
+    let blocks = Vec::<Nested<T>>::deserialize(deserializer)?;
+    Ok(blocks.into_iter().map(|block| block.0).collect())
 }
 
 /// What the numbers of a channel are.

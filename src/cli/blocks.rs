@@ -2,7 +2,7 @@
 
 use super::{Failure, OutputArgs, print};
 use clap::Args;
-use fusion::config::{Diagnostic, did_you_mean};
+use fusion::config::Diagnostic;
 use fusion::models::registry::{self, Registration, Role};
 use fusion::present::text::{WIDTH, wrapped};
 use fusion::present::{Page, Section, Table};
@@ -74,11 +74,8 @@ fn describe(name: &str) -> Result<String, Failure> {
     if found.is_empty() {
         let names: Vec<&str> = registry::all().iter().map(|r| r.name).collect();
         let unknown = Diagnostic::error(format!("no block is called `{name}`"));
-        let help = match did_you_mean(name, &names) {
-            Some(meant) => format!("did you mean `{meant}`? `fusion blocks` lists them all"),
-            None => "`fusion blocks` lists them all".to_owned(),
-        };
-        return Err(Failure::Mistakes(unknown.help(help).into()));
+        let unknown = unknown.meant(name, &names).and_help("`fusion blocks` lists them all");
+        return Err(Failure::Mistakes(unknown.into()));
     }
     Ok(found.into_iter().map(one).collect::<Vec<_>>().join("\n\n"))
 }

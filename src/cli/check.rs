@@ -1,16 +1,15 @@
 //! `fusion check`: what a design resolves to.
 
-use super::{DesignArgs, Failure, OutputArgs};
+use super::{DesignArgs, Failure, OutputArgs, builtin, print};
 use clap::Args;
 use fusion::assembly::{Assembly, StreamLayout, assemble, declared_streams};
-use fusion::config::{Diagnostic, Diagnostics, Node, Value};
+use fusion::config::{Diagnostics, Node, Value};
 use fusion::core::state::{Dynamics, Kind};
-use fusion::design::{Design, Named, SensorDesign};
+use fusion::design::{Design, SensorDesign};
+use fusion::examine::{Missing, opening, variants};
 use fusion::models::block::Listen;
-use fusion::models::fault::FaultContext;
 use fusion::present::{Cell, Column, Page, Section, Table, Unit, short};
-use fusion::run::{Options, data_dir, open_one, unknown_reference};
-use fusion::source::OpenContext;
+use fusion::run::{Options, data_dir};
 use fusion::world::{IMU, SimulatedRows};
 use std::path::Path;
 
@@ -20,19 +19,49 @@ pub(super) struct CheckArgs {
     design: DesignArgs,
     #[command(flatten)]
     output: OutputArgs,
+    /// Prints the design as one flat TOML file instead: parts, variants and `--set` laid together,
+    /// each value with the file and line that it comes from.
+    #[arg(long)]
+    resolved: bool,
 }
 
 pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
-    let design = args.design.read()?;
-    let options = Options {
-        data: args.design.data.clone(),
-        base: args.design.base(),
-        ..Options::default()
+    let file = args.design.load()?;
+    let others = variants(&file, &args.design.selected());
+    let options = args.design.options();
+    let mut d = Diagnostics::new();
+    let built = args.design.design(&file, Missing::Excused).and_then(|design| {
+        let assembly = assemble(&design, declared_streams(&design)?)?;
+        d.extend(opening(&design, &options, Missing::Excused).iter().cloned());
+        if let Some(simulation) = &design.simulation {
+            SimulatedRows::new(&design, simulation, &assembly, None)?;
+        }
+        Ok((design, assembly))
+    });
+    let built = match built {
+        Ok(built) => Some(built),
+        Err(mistakes) => {
+            d.extend(mistakes.iter().cloned());
+            None
+        }
     };
-    let assembly = assemble(&design, declared_streams(&design)?)?;
-    let sources = sources(&design, &options)?;
-    if let Some(simulation) = &design.simulation {
-        SimulatedRows::new(&design, simulation, &assembly, None)?;
+    d.extend(others.iter().cloned());
+    let (design, assembly) = match built {
+        Some(built) if !d.has_errors() => built,
+        _ => return Err(d.into()),
+    };
+    if args.resolved {
+        let origin = args
+            .design
+            .config
+            .as_ref()
+            .map_or_else(|| builtin::NAME.to_owned(), |p| p.display().to_string());
+        let folder = args.design.base();
+        return print(&format!(
+            "# {origin}, resolved; relative paths start at `{}`.\n\n{}",
+            folder.display(),
+            design.document.flat()
+        ));
     }
     let page = Page {
         title: design.run.description.clone(),
@@ -45,7 +74,7 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
             Section::new("Stages", [stages(&design)]),
             Section::new("Initialisers", [initialisers(&design)]),
             Section::new("Streams", [streams(&assembly.streams)]),
-            Section::new("Sources", [sources]),
+            Section::new("Sources", [sources(&design, &options)]),
             Section::new("Faults", [faults(&design)]),
         ],
     };
@@ -269,22 +298,13 @@ fn streams(streams: &[StreamLayout]) -> Table {
     t
 }
 
-/// Files with their sizes; those that are there are opened and their headers checked.
-fn sources(design: &Design, options: &Options) -> Result<Table, Diagnostics> {
+/// Files with their sizes.
+fn sources(design: &Design, options: &Options) -> Table {
     let mut t = Table::new(words(["source", "type", "size", "file"]));
-    let mut d = Diagnostics::new();
     let dir = data_dir(design, options);
     for named in &design.sources {
-        let context = OpenContext {
-            data_dir: dir.clone(),
-            name: named.name.clone(),
-            origin: design.run.origin.map(Into::into),
-            seed: design.run.seed,
-        };
-        let files = named.block.source.files();
-        let missing = files.iter().any(|f| !context.resolve(f).exists());
-        for file in &files {
-            let path = context.resolve(file);
+        for file in &named.block.source.files() {
+            let path = dir.join(file);
             t.row([
                 named.name.clone(),
                 type_of(&named.node).to_owned(),
@@ -292,32 +312,8 @@ fn sources(design: &Design, options: &Options) -> Result<Table, Diagnostics> {
                 path.display().to_string(),
             ]);
         }
-        if missing {
-            check_faults(named, &context, &mut d);
-        } else {
-            if let Err(e) = open_one(&named.block, &context) {
-                d.extend(e.diagnostics(&named.node));
-            }
-        }
     }
-    let recorded = design.reference.as_ref().filter(|_| design.simulation.is_none());
-    if let Some(r) = recorded.filter(|r| !design.sources.iter().any(|s| s.name == r.block.source)) {
-        d.push(unknown_reference(design, r));
-    }
-    d.unless_errors(t)
-}
-
-/// Faults against the declared channels: what can be said without the file.
-fn check_faults(named: &Named<fusion::design::SourceDesign>, context: &OpenContext, d: &mut Diagnostics) {
-    let Ok(channels) = named.block.source.channels() else { return };
-    for (name, fault) in &named.block.faults {
-        let seed = context.fault_seed(name);
-        if let Err(e) = fault.build(&FaultContext { channels: &channels, seed }) {
-            let path = format!("fault.{name}.{}", e.field);
-            let wrong = Diagnostic::error(&e.message).at(named.node.place_of(path.trim_end_matches('.')));
-            d.push(if let Some(help) = &e.help { wrong.help(help) } else { wrong });
-        }
-    }
+    t
 }
 
 fn size(path: &Path) -> String {

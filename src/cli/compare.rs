@@ -1,9 +1,10 @@
 //! `fusion compare`.
 
 use super::run::{write_report, written};
-use super::{BASE, DesignArgs, Failure, OutputArgs, report};
+use super::{BASE, DesignArgs, Failure, OutputArgs, as_warnings, report};
 use clap::Args;
 use fusion::config::{Diagnostic, Diagnostics};
+use fusion::examine::{Missing, variants};
 use fusion::present::{Page, comparison};
 use fusion::report::Run;
 use fusion::run::{Options, Summary, run_recorded};
@@ -41,12 +42,18 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     };
     let (mut results, mut recordings, mut title) = (Vec::<(String, Summary)>::new(), Vec::new(), String::new());
     for config in &configs {
+        let all = DesignArgs {
+            config: config.clone(),
+            variant: args.variant.clone(),
+            set: args.set.clone(),
+            data: args.data.clone(),
+        };
+        let file = all.load()?;
+        report(&as_warnings(&variants(&file, &all.selected())));
         for variant in &args.variant {
             let named = DesignArgs {
-                config: config.clone(),
                 variant: vec![variant.clone()],
-                set: args.set.clone(),
-                data: args.data.clone(),
+                ..all.clone()
             };
             let options = Options {
                 data: args.data.clone(),
@@ -54,7 +61,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
                 out: None,
                 seed: args.seed,
             };
-            let design = named.read()?;
+            let design = named.design(&file, Missing::Told)?;
             let (summary, recording) = run_recorded(&design, &options, &mut |_| {})?;
             title.clone_from(&design.run.description);
             recordings.push(recording);

@@ -5,6 +5,7 @@
 //! line, the design, the data or the folder to write to.
 
 mod blocks;
+mod builtin;
 mod check;
 mod compare;
 mod montecarlo;
@@ -12,16 +13,15 @@ mod progress;
 mod run;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use fusion::config::{Diagnostic, Diagnostics, Document, Severity, did_you_mean};
+use fusion::config::{Diagnostic, Diagnostics, Document, Files, Severity};
 use fusion::design::Design;
+use fusion::examine::{Missing, examine, variants};
 use fusion::present::{Page, json, text};
+use fusion::run::Options;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// What is run where no file is named.
-const DEFAULT: &str = include_str!("../../configs/ins-gps-outlier.toml");
-const DEFAULT_NAME: &str = "ins-gps-outlier.toml (built in)";
 /// The design without a variant, where variants are named.
 const BASE: &str = "base";
 
@@ -65,11 +65,13 @@ Examples:
     ///
     /// Shows the state layout, sensors, stages, initialisers, sources and faults. The exit code is
     /// 2 where the design has a mistake, or a data file that is there does not fit it. A data file
-    /// that is not there is shown as `not found` and is no mistake.
+    /// that is not there is shown as `not found` and is no mistake. All variants of the file are
+    /// checked, those that are not asked for as they are when laid over the design alone.
     #[command(after_long_help = "\
 Examples:
   fusion check drive.toml
   fusion check drive.toml --data ~/logs/drive-3
+  fusion check drive.toml --variant ekf --resolved    every value with its file and line
   fusion check drive.toml --variant ekf --set sensor.wheel.enabled=false")]
     Check(check::CheckArgs),
     /// List the blocks that designs are made of, or describe one.
@@ -158,7 +160,7 @@ fn width() -> usize {
 }
 
 /// Which design.
-#[derive(Debug, Default, Args)]
+#[derive(Clone, Debug, Default, Args)]
 struct DesignArgs {
     /// The design; without one, a built-in simulated one.
     config: Option<PathBuf>,
@@ -174,19 +176,47 @@ struct DesignArgs {
 }
 
 impl DesignArgs {
+    /// The design. Mistakes in variants that are not asked for are warnings: they do not stop a run.
     fn read(&self) -> Result<Design, Diagnostics> {
-        let mut d = Diagnostics::new();
-        let (mut document, mistakes) = match &self.config {
-            None => Document::parse(DEFAULT_NAME, DEFAULT),
-            Some(path) => Document::parse(&path.display().to_string(), &read_text(path)?),
-        };
-        d.extend(mistakes);
-        if d.has_errors() {
-            // What a broken file seems to say besides its syntax errors is guesswork.
-            return Err(d);
+        let file = self.load()?;
+        let others = as_warnings(&variants(&file, &self.selected()));
+        match self.design(&file, Missing::Told) {
+            Ok(design) => {
+                report(&others);
+                Ok(design)
+            }
+            Err(mut d) => {
+                d.extend(others.iter().cloned());
+                Err(d)
+            }
         }
+    }
+
+    /// The file with the parts it includes.
+    fn load(&self) -> Result<Document, Diagnostics> {
+        let (name, text, files) = match &self.config {
+            None => (builtin::NAME.to_owned(), builtin::DESIGN.to_owned(), builtin::PARTS),
+            Some(path) => (path.display().to_string(), read_text(path)?, Files::Disk),
+        };
+        let mut d = Diagnostics::new();
+        let (mut document, mistakes) = Document::parse(&name, &text);
+        d.extend(mistakes);
+        d.extend(document.compose(Path::new(&name), files));
+        // What a broken file seems to say besides its syntax errors is guesswork.
+        d.unless_errors(document)
+    }
+
+    /// The variants asked for.
+    fn selected(&self) -> Vec<&str> {
         let names = self.variant.iter().flat_map(|names| names.split('+'));
-        for name in names.filter(|name| *name != BASE) {
+        names.filter(|name| *name != BASE).collect()
+    }
+
+    /// The design that is asked for, of this file.
+    fn design(&self, file: &Document, missing: Missing) -> Result<Design, Diagnostics> {
+        let mut d = Diagnostics::new();
+        let mut document = file.clone();
+        for name in self.selected() {
             let laid = self
                 .check_variant(&document, name)
                 .and_then(|()| document.overlay(&format!("variant.{name}")));
@@ -195,12 +225,20 @@ impl DesignArgs {
         for assignment in &self.set {
             d.keep(document.set(assignment));
         }
-        match Design::read(document) {
+        match examine(document, &self.options(), missing) {
             Ok(design) => d.unless_errors(design),
             Err(more) => {
                 d.extend(more.iter().cloned());
                 Err(d)
             }
+        }
+    }
+
+    fn options(&self) -> Options {
+        Options {
+            data: self.data.clone(),
+            base: self.base(),
+            ..Options::default()
         }
     }
 
@@ -213,14 +251,14 @@ impl DesignArgs {
         let file = self
             .config
             .as_ref()
-            .map_or_else(|| DEFAULT_NAME.to_owned(), |p| p.display().to_string());
+            .map_or_else(|| builtin::NAME.to_owned(), |p| p.display().to_string());
         let unknown = Diagnostic::error(format!("`{file}` has no variant `{name}`"));
-        Err(match (&known[..], did_you_mean(name, &known)) {
-            ([], _) => unknown.help(format!(
+        Err(if known.is_empty() {
+            unknown.help(format!(
                 "a variant is a table [variant.{name}] with what differs; this file has none"
-            )),
-            (_, Some(meant)) => unknown.help(format!("did you mean `{meant}`? its variants: `{}`", known.join("`, `"))),
-            (_, None) => unknown.help(format!("its variants: `{}`", known.join("`, `"))),
+            ))
+        } else {
+            unknown.suggest(name, &known, "its variants")
         })
     }
 
@@ -229,6 +267,13 @@ impl DesignArgs {
         let folder = self.config.as_ref().and_then(|p| p.parent()).filter(|p| !p.as_os_str().is_empty());
         folder.unwrap_or(Path::new(".")).to_path_buf()
     }
+}
+
+/// What does not stop a run.
+fn as_warnings(mistakes: &Diagnostics) -> Diagnostics {
+    let mut warnings = Diagnostics::new();
+    warnings.extend(mistakes.iter().cloned().map(Diagnostic::into_warning));
+    warnings
 }
 
 fn read_text(path: &Path) -> Result<String, Diagnostics> {

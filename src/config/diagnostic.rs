@@ -48,6 +48,14 @@ impl Place {
         }
     }
 
+    /// The text that it is part of.
+    pub(super) fn source(&self) -> Option<&Source> {
+        match self {
+            Self::Text { source, .. } => Some(source),
+            _ => None,
+        }
+    }
+
     /// A stretch of `source`.
     pub(super) fn text(source: &Arc<Source>, span: Range<usize>) -> Self {
         Self::Text {
@@ -102,6 +110,14 @@ impl Diagnostic {
         }
     }
 
+    /// The same as a warning.
+    pub fn into_warning(self) -> Self {
+        Self {
+            severity: Severity::Warning,
+            ..self
+        }
+    }
+
     /// Says where the mistake was made.
     pub fn at(self, place: &Place) -> Self {
         Self {
@@ -126,16 +142,33 @@ impl Diagnostic {
         }
     }
 
-    /// Suggests a correction of `word` beside the underlined text, and lists what is known.
-    pub(super) fn suggest(self, word: &str, known: &[impl AsRef<str>], what: &str) -> Self {
-        let known: Vec<&str> = known.iter().map(AsRef::as_ref).collect();
-        let diagnostic = match did_you_mean(word, &known) {
-            Some(meant) => self.label(format!("did you mean `{meant}`?")),
-            None => self,
+    /// Says more about what to do.
+    pub fn and_help(self, more: impl fmt::Display) -> Self {
+        let help = match self.help.as_deref() {
+            None => more.to_string(),
+            Some(question) if question.ends_with('?') => format!("{question} {more}"),
+            Some(help) => format!("{help}; {more}"),
         };
-        match known[..] {
+        self.help(help)
+    }
+
+    /// Suggests the name that was probably meant by `word`: beside the underlined text, or in the
+    /// help where there is none.
+    pub fn meant(self, word: &str, known: &[&str]) -> Self {
+        let is_quoted = matches!(self.place, Place::Text { .. });
+        match did_you_mean(word, known).map(|meant| format!("did you mean `{meant}`?")) {
+            Some(question) if is_quoted => self.label(question),
+            Some(question) => self.and_help(question),
+            None => self,
+        }
+    }
+
+    /// As [`meant`](Self::meant), and lists what is known.
+    pub fn suggest(self, word: &str, known: &[&str], what: &str) -> Self {
+        let diagnostic = self.meant(word, known);
+        match known {
             [] => diagnostic,
-            _ => diagnostic.help(format!("{what}: `{}`", known.join("`, `"))),
+            _ => diagnostic.and_help(format!("{what}: `{}`", known.join("`, `"))),
         }
     }
 

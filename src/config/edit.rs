@@ -8,20 +8,23 @@ use toml::de::DeValue;
 use super::diagnostic::{Diagnostic, Place, Source};
 use super::document::{Document, Entry, Grower, Node, Value};
 
+/// What diagnostics call the arguments of the command line.
+pub(super) const COMMAND_LINE: &str = "command line";
+
 impl Document {
     /// Sets one value from an argument such as `gate.threshold=9`, replacing what was there.
     ///
     /// The value is TOML; whatever does not begin like an array, a table or a string may stand
-    /// without quotes: `rate=100 Hz`. An array is indexed: `lever_arm.0=0.2`. A new key is made only
-    /// in a table that exists, whose reader will reject it if it is a slip. Mistakes in the value
-    /// are later pointed at in the argument.
+    /// without quotes: `rate=100 Hz`. An array is indexed: `lever_arm.0=0.2`. Tables on the way that
+    /// are not there are made; where that is a slip, their reader will reject them. Mistakes are later
+    /// pointed at in the argument.
     ///
     /// # Errors
     /// Where the argument is malformed or its path leads nowhere.
     pub fn set(&mut self, assignment: &str) -> Result<(), Diagnostic> {
         const PREFIX: &str = "--set ";
         let source = Arc::new(Source {
-            name: "command line".to_owned(),
+            name: COMMAND_LINE.to_owned(),
             text: format!("{PREFIX}{assignment}"),
         });
         let text = source.text.as_str();
@@ -36,9 +39,7 @@ impl Document {
         let mut start = PREFIX.len();
         while let Some(length) = text[start..equals].find('.') {
             let key = text[start..start + length].trim();
-            let place = Place::text(&source, start..start + length);
-            let missing = unknown(node, key, &place);
-            node = node.get_mut(key).ok_or(missing)?;
+            node = child(node, key, &Place::text(&source, start..start + length))?;
             start += length + 1;
         }
         let key = text[start..equals].trim();
@@ -79,6 +80,25 @@ impl Document {
     }
 }
 
+/// The child of that name, made where a table has none.
+fn child<'n>(node: &'n mut Node, key: &str, place: &Place) -> Result<&'n mut Node, Diagnostic> {
+    let is_new = node.get(key).is_none() && !key.is_empty();
+    if let Value::Table { entries, .. } = &mut node.value
+        && is_new
+    {
+        entries.push(Entry {
+            key: key.to_owned(),
+            node: Node {
+                value: Value::table(Vec::new()),
+                place: place.clone(),
+                name: place.clone(),
+            },
+        });
+    }
+    let missing = unknown(node, key, place);
+    node.get_mut(key).ok_or(missing)
+}
+
 /// There is no `key` in `node`.
 fn unknown(node: &Node, key: &str, place: &Place) -> Diagnostic {
     let diagnostic = Diagnostic::error(format!("there is no `{key}` here")).at(place);
@@ -111,17 +131,21 @@ fn parse_value(source: &Arc<Source>, start: usize, name: &Place) -> Result<Node,
     grower.found.pop().map_or(Ok(node), Err)
 }
 
-fn merge(base: &mut Node, over: &Node) {
+/// Whether one block would replace another, whose fields mean something else.
+pub(super) fn is_retyped(base: &Node, over: &Node) -> bool {
     let type_of = |node: &Node| node.get("type").and_then(Node::as_str).map(str::to_owned);
-    let retyped = type_of(over).is_some_and(|new| type_of(base) != Some(new));
-    let Value::Table { entries, .. } = &mut base.value else {
-        *base = over.clone();
-        return;
+    matches!((type_of(base), type_of(over)), (Some(old), Some(new)) if old != new)
+}
+
+fn merge(base: &mut Node, over: &Node) {
+    let is_replaced = is_retyped(base, over) || !matches!(over.value, Value::Table { .. });
+    let entries = match &mut base.value {
+        Value::Table { entries, .. } if !is_replaced => entries,
+        _ => {
+            *base = over.clone();
+            return;
+        }
     };
-    if retyped || !matches!(over.value, Value::Table { .. }) {
-        *base = over.clone();
-        return;
-    }
     for Entry { key, node } in over.entries() {
         match entries.iter_mut().find(|entry| entry.key == *key) {
             Some(entry) => merge(&mut entry.node, node),
@@ -178,7 +202,6 @@ mod tests {
         let help = |result: Result<(), Diagnostic>| result.unwrap_err().help.unwrap();
         assert_eq!(help(document.set("gate.arm.3=1")), "an array of 3, indexed from 0");
         assert_eq!(help(document.set("gate.limit.x=1")), "this is a single value, with nothing in it");
-        assert_eq!(help(document.set("noise.sigma=1")), "known here: `gate`");
         assert!(document.set("=1").is_err());
         assert!(document.set("gate.=1").is_err());
     }

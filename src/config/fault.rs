@@ -17,6 +17,10 @@ pub(super) enum Fault {
         found: String,
         wanted: String,
     },
+    /// An array where the fields of a table are wanted by name.
+    ArrayForTable {
+        fields: Names,
+    },
     UnknownField {
         field: String,
         known: Names,
@@ -38,6 +42,10 @@ impl Fault {
         let diagnostic = Diagnostic::error(self.to_string()).at(place);
         match self {
             Self::Said(_) | Self::Unexpected { .. } => diagnostic,
+            Self::ArrayForTable { fields } => {
+                let fields: Vec<String> = fields.iter().map(|field| format!("{field} = …")).collect();
+                diagnostic.help(format!("name its fields: `{{ {} }}`", fields.join(", ")))
+            }
             Self::UnknownField { field, known } => {
                 let moved = moved.iter().map(String::as_str);
                 let known: Vec<&str> = known.iter().copied().chain(moved).collect();
@@ -55,6 +63,7 @@ impl fmt::Display for Fault {
         match self {
             Self::Said(sentence) => f.write_str(sentence),
             Self::Unexpected { found, wanted } => write!(f, "expected {wanted}, found {found}"),
+            Self::ArrayForTable { .. } => f.write_str("expected a table, found an array"),
             Self::UnknownField { field, .. } => write!(f, "unknown field `{field}`"),
             Self::UnknownVariant { variant, .. } => write!(f, "unknown name `{variant}`"),
             Self::MissingField(field) => write!(f, "missing field `{field}`"),

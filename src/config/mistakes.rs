@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use fusion_models::block::Nested;
 use fusion_models::units::{Axes, Length, NonNegative, Positive, Probability, dim};
 use serde::Deserialize;
 
@@ -51,7 +52,7 @@ struct Gnss {
     #[serde(default)]
     rate: Option<Positive<dim::Frequency>>,
     #[serde(default)]
-    gate: Option<Box<dyn Gate>>,
+    gate: Option<Nested<dyn Gate>>,
     #[serde(default)]
     loss: Option<Loss>,
 }
@@ -374,14 +375,14 @@ error: unknown field `mats`
 #[test]
 fn an_override_that_leads_nowhere_says_where_it_stopped() {
     let expected = "\
-error: there is no `senser` here
- --> command line:1:7
+error: there is no `mean` here
+ --> command line:1:25
   |
-1 | --set senser.gnss.mast=1
-  |       ^^^^^^ did you mean `sensor`?
+1 | --set sensor.gnss.sigma.mean=1
+  |                         ^^^^
   |
-  = help: known here: `sensor`";
-    assert_eq!(complaints_after(&["senser.gnss.mast=1"], SENSOR), expected);
+  = help: this is a single value, with nothing in it";
+    assert_eq!(complaints_after(&["sensor.gnss.sigma.mean=1"], SENSOR), expected);
 }
 
 #[test]

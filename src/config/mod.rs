@@ -1,9 +1,9 @@
 //! Reading a declaration, with every mistake pointed at where it was written.
 //!
 //! ```text
-//! text ── Document::parse ──▶ Node tree ── set, overlay ──▶ Node tree ── read, read_block ──▶ specs
-//!                                  │                           │                          │
-//!                                  └──────────── Diagnostics ◀─┴──────────────────────────┘
+//! text ── Document::parse ──▶ Node tree ── compose, overlay, set ──▶ Node tree ── read, read_block ──▶ specs
+//!                                  │                               │                              │
+//!                                  └──────────────── Diagnostics ◀─┴──────────────────────────────┘
 //! ```
 //!
 //! Every [`Node`] remembers its [`Place`] in the file, or in the command-line argument that set it.
@@ -16,6 +16,9 @@ mod diagnostic;
 mod document;
 mod edit;
 mod fault;
+mod flat;
+mod include;
+mod located;
 #[cfg(test)]
 mod mistakes;
 mod read;
@@ -23,3 +26,5 @@ mod reader;
 
 pub use diagnostic::{Diagnostic, Diagnostics, Place, Severity, Source, did_you_mean};
 pub use document::{Document, Entry, Node, Value};
+pub use include::Files;
+pub(crate) use include::INCLUDE;

@@ -7,6 +7,7 @@
 use std::cell::RefCell;
 use std::collections::HashSet;
 
+use fusion_models::block::Nested;
 use serde::de::DeserializeOwned;
 
 use super::diagnostic::{Diagnostic, Diagnostics, Place, did_you_mean};
@@ -22,8 +23,8 @@ const MOST: usize = 50;
 impl Node {
     /// Reads the node as a `T`, reporting as many mistakes as can be told apart.
     ///
-    /// A table read as a trait object (externally tagged typetag) or as an enum names its variant by
-    /// `type` beside the fields, at any depth; a name alone, `"nis"`, is short for
+    /// A table read as a [`Nested`] trait object (externally tagged typetag) or as an enum names its
+    /// variant by `type` beside the fields, at any depth; a name alone, `"nis"`, is short for
     /// `{ type = "nis" }`.
     pub fn read<T: DeserializeOwned>(&self, diagnostics: &mut Diagnostics) -> Option<T> {
         let mut hidden = HashSet::new();
@@ -59,7 +60,7 @@ impl Node {
         Box<T>: DeserializeOwned,
     {
         diagnostics.keep(self.check_type(role, known))?;
-        self.read(diagnostics)
+        self.read::<Nested<T>>(diagnostics).map(|block| block.0)
     }
 
     fn check_type(&self, role: &str, known: &[&str]) -> Result<(), Diagnostic> {
@@ -89,6 +90,11 @@ impl Node {
             Value::Table { moved, .. } => moved,
             _ => &[],
         }
+    }
+
+    /// Whether this node or any below it is so.
+    pub(crate) fn any(&self, is: &dyn Fn(&Self) -> bool) -> bool {
+        is(self) || self.children().any(|child| child.any(is))
     }
 
     fn children(&self) -> Box<dyn Iterator<Item = &Self> + '_> {
@@ -128,12 +134,7 @@ impl Blame<'_> {
                 .iter()
                 .filter(|entry| is_hidden(&entry.node))
                 .any(|entry| did_you_mean(&entry.key, &[field]).is_some()),
-            Fault::Said(_) | Fault::Unexpected { .. } => {
-                fn any(node: &Node, is: &dyn Fn(&Node) -> bool) -> bool {
-                    node.children().any(|child| is(child) || any(child, is))
-                }
-                any(self.node, &is_hidden)
-            }
+            Fault::Said(_) | Fault::Unexpected { .. } => self.node.children().any(|child| child.any(&is_hidden)),
             _ => false,
         }
     }

@@ -1,11 +1,14 @@
 //! The serde deserialiser of a node, which reports the node it was at when it failed.
 //!
 //! A block, `{ type = "nis", probability = 0.99 }`, is presented as `{ nis = { probability = 0.99 } }`:
-//! the externally tagged form, which typetag reads without buffering and serde as an enum. What asks
-//! for a block is told from other maps by what it says it expects: `dyn Trait`.
+//! the externally tagged form, which typetag reads without buffering and serde as an enum. A map is
+//! read as a block where it is asked for as a [`Nested`](fusion_models::block::Nested) one.
+//!
+//! A struct is read from a table alone, though serde would take an array for one, field by field.
 
+use fusion_models::block::NESTED;
 use serde::de::value::BorrowedStrDeserializer;
-use serde::de::{DeserializeSeed, Deserializer, EnumAccess, Expected, MapAccess, SeqAccess, VariantAccess, Visitor};
+use serde::de::{DeserializeSeed, Deserializer, EnumAccess, MapAccess, SeqAccess, VariantAccess, Visitor};
 
 use super::diagnostic::Place;
 use super::document::{Entry, Node, Value};
@@ -19,6 +22,8 @@ pub(super) struct Reader<'r, 'a> {
     attempt: &'r Attempt<'a>,
     /// Whether `type` has been dealt with and is no field any more.
     typed: bool,
+    /// Whether a map is a block.
+    block: bool,
 }
 
 impl<'r, 'a> Reader<'r, 'a> {
@@ -27,6 +32,7 @@ impl<'r, 'a> Reader<'r, 'a> {
             node,
             attempt,
             typed: false,
+            block: false,
         }
     }
 
@@ -86,7 +92,11 @@ impl<'r, 'a> Reader<'r, 'a> {
             (Value::Table { .. }, None) => ("", &self.node.name),
             _ => return None,
         };
-        let content = Self { typed: true, ..self };
+        let content = Self {
+            typed: true,
+            block: false,
+            ..self
+        };
         Some(Tagged { name, place, content })
     }
 }
@@ -99,8 +109,7 @@ impl<'a> Deserializer<'a> for Reader<'_, 'a> {
     }
 
     fn deserialize_map<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Fault> {
-        let is_block = (&visitor as &dyn Expected).to_string().starts_with("dyn ");
-        match self.tagged().filter(|_| is_block) {
+        match self.tagged().filter(|_| self.block) {
             Some(tagged) => visitor.visit_map(tagged).map_err(|fault| self.blame(fault)),
             None => self.deserialize_any(visitor),
         }
@@ -117,8 +126,19 @@ impl<'a> Deserializer<'a> for Reader<'_, 'a> {
         visitor.visit_some(self).map_err(|fault| self.blame(fault))
     }
 
-    fn deserialize_newtype_struct<V: Visitor<'a>>(self, _: &'static str, visitor: V) -> Result<V::Value, Fault> {
-        visitor.visit_newtype_struct(self).map_err(|fault| self.blame(fault))
+    fn deserialize_newtype_struct<V: Visitor<'a>>(self, name: &'static str, visitor: V) -> Result<V::Value, Fault> {
+        let inner = Self {
+            block: self.block || name == NESTED,
+            ..self
+        };
+        visitor.visit_newtype_struct(inner).map_err(|fault| self.blame(fault))
+    }
+
+    fn deserialize_struct<V: Visitor<'a>>(self, _: &'static str, fields: &'static [&'static str], visitor: V) -> Result<V::Value, Fault> {
+        match &self.node.value {
+            Value::Array(_) => Err(self.blame(Fault::ArrayForTable { fields })),
+            _ => self.deserialize_any(visitor),
+        }
     }
 
     fn deserialize_unit<V: Visitor<'a>>(self, visitor: V) -> Result<V::Value, Fault> {
@@ -145,7 +165,7 @@ impl<'a> Deserializer<'a> for Reader<'_, 'a> {
     serde::forward_to_deserialize_any! {
         <V: Visitor<'a>>
         bool i8 i16 i32 i64 i128 u8 u16 u32 u64 u128 f32 f64 char str string bytes byte_buf seq tuple
-        tuple_struct struct identifier ignored_any
+        tuple_struct identifier ignored_any
     }
 }
 
@@ -311,7 +331,7 @@ impl<'a> VariantAccess<'a> for Tagged<'_, 'a> {
         self.content.deserialize_any(visitor)
     }
 
-    fn struct_variant<V: Visitor<'a>>(self, _: &'static [&'static str], visitor: V) -> Result<V::Value, Fault> {
-        self.content.deserialize_any(visitor)
+    fn struct_variant<V: Visitor<'a>>(self, fields: &'static [&'static str], visitor: V) -> Result<V::Value, Fault> {
+        self.content.deserialize_struct("", fields, visitor)
     }
 }

@@ -1,7 +1,7 @@
 //! `only_with`: a sensor that is used only with another, its leader.
 
 use super::{Named, SensorDesign};
-use crate::config::{Diagnostic, Diagnostics, Node, did_you_mean};
+use crate::config::{Diagnostic, Diagnostics, Node};
 use std::iter::successors;
 
 fn leader(sensor: &Named<SensorDesign>) -> Option<&str> {
@@ -22,16 +22,12 @@ fn check_names(root: &Node, sensors: &[Named<SensorDesign>], d: &mut Diagnostics
             continue;
         };
         let place = sensor.node.place_of("only_with");
-        let mut diagnostic = Diagnostic::error(format!("no sensor is called `{name}`")).at(place);
-        if let Some(meant) = did_you_mean(name, &names) {
-            diagnostic = diagnostic.label(format!("did you mean `{meant}`?"));
-        }
-        let listed = names.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");
-        d.push(diagnostic.help(format!("there are: {listed}")));
+        let unknown = Diagnostic::error(format!("no sensor is called `{name}`")).at(place);
+        d.push(unknown.suggest(name, &names, "there are"));
     }
 }
 
-/// Nobody waits for himself.
+/// Refuses a cyclic `only_with`.
 fn check_circles(sensors: &[Named<SensorDesign>], d: &mut Diagnostics) {
     let next = |&at: &usize| leader(&sensors[at]).and_then(|name| sensors.iter().position(|s| s.name == name));
     for start in 0..sensors.len() {

@@ -231,8 +231,8 @@ fn the_error_is_that_at_the_reference_epoch() {
 
 #[test]
 fn rows_of_a_design_become_fixes_with_their_verdict_and_sensor_data() {
-    let text = include_str!("../../configs/ins-gps.toml");
-    let (document, _) = crate::config::Document::parse("ins-gps.toml", text);
+    let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/ins-gps.toml");
+    let document = crate::config::Document::load(&file).unwrap();
     let design = crate::design::Design::read(document).unwrap();
     let assembly = crate::assembly::assemble(&design, crate::assembly::declared_streams(&design).unwrap()).unwrap();
     let mut r = Recording::of(&design, &assembly);

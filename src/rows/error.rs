@@ -84,20 +84,8 @@ impl SourceError {
     /// source; a fault of the data at its line.
     #[must_use]
     pub fn diagnostics(&self, declaration: &Node) -> Vec<Diagnostic> {
-        let declared = |error: &BuildError| {
-            let place = if error.field.is_empty() {
-                declaration.name_place()
-            } else {
-                declaration.place_of(&error.field)
-            };
-            let diagnostic = Diagnostic::error(error.message.as_str()).at(place);
-            match &error.help {
-                Some(help) => diagnostic.help(help.as_str()),
-                None => diagnostic,
-            }
-        };
         match self {
-            Self::Declared(errors) => errors.iter().map(declared).collect(),
+            Self::Declared(errors) => errors.iter().map(|error| declaration.locate(error)).collect(),
             Self::Data(error) => vec![error.as_ref().into()],
         }
     }

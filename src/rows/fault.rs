@@ -28,11 +28,7 @@ impl FaultChain {
             let seed = seed_of(name);
             match spec.build(&FaultContext { channels, seed }) {
                 Ok(fault) => chain.faults.push((name.clone(), fault)),
-                Err(error) => {
-                    let dot = if error.field.is_empty() { "" } else { "." };
-                    let field = format!("fault.{name}{dot}{}", error.field);
-                    errors.push(BuildError { field, ..error });
-                }
+                Err(error) => errors.push(error.within(format!("fault.{name}"))),
             }
         }
         if errors.is_empty() { Ok(chain) } else { Err(errors) }

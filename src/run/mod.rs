@@ -7,7 +7,7 @@ pub use crate::rows::SourceTally;
 pub use recorded::open_one;
 
 use crate::assembly::{Assembly, assemble, declared_streams};
-use crate::config::{Diagnostic, Diagnostics, did_you_mean};
+use crate::config::{Diagnostic, Diagnostics};
 use crate::design::{Design, Named, ReferenceSpec};
 use crate::recorder::Recorder;
 use crate::report::Recording;
@@ -183,15 +183,11 @@ fn run_with(
 }
 
 /// The reference names a source that is not there.
-pub fn unknown_reference(design: &Design, reference: &Named<ReferenceSpec>) -> Diagnostic {
+pub(crate) fn unknown_reference<P>(design: &Design<P>, reference: &Named<ReferenceSpec>) -> Diagnostic {
     let names: Vec<&str> = design.sources.iter().map(|s| s.name.as_str()).collect();
-    let message = format!("no source is called `{}`", reference.block.source);
-    let diagnostic = Diagnostic::error(message).at(reference.node.place_of("source"));
-    let diagnostic = match did_you_mean(&reference.block.source, &names) {
-        Some(meant) => diagnostic.label(format!("did you mean `{meant}`?")),
-        None => diagnostic,
-    };
-    diagnostic.help(format!("there are: `{}`", names.join("`, `")))
+    let name = &reference.block.source;
+    let unknown = Diagnostic::error(format!("no source is called `{name}`")).at(reference.node.place_of("source"));
+    unknown.suggest(name, &names, "there are")
 }
 
 pub(crate) fn unwritable(path: &Path, error: &std::io::Error) -> Diagnostics {
@@ -229,7 +225,7 @@ impl RunData {
 
 /// Where relative source paths start.
 #[must_use]
-pub fn data_dir(design: &Design, options: &Options) -> PathBuf {
+pub fn data_dir<P>(design: &Design<P>, options: &Options) -> PathBuf {
     let declared = || options.base.join(design.run.data_dir.clone().unwrap_or_default());
     options.data.clone().unwrap_or_else(declared)
 }

@@ -3,7 +3,7 @@
 use super::IMU;
 use super::streams::imu_stream;
 use crate::assembly::Assembly;
-use crate::config::{Diagnostic, Diagnostics, Node};
+use crate::config::{Diagnostic, Diagnostics};
 use crate::design::{Design, Named, SimulationDesign};
 use crate::rows::{FaultChain, Feed, Row, SourceReport, SourceTally, outage_windows, provided};
 use core::ops::Range;
@@ -59,7 +59,7 @@ impl SimulatedRows {
                     } else {
                         format!("sensor.{}", stream.name)
                     };
-                    d.extend(errors.iter().map(|e| located(&simulation.node, &format!("{table}.{}", e.field), e)));
+                    d.extend(errors.into_iter().map(|e| simulation.node.locate(&e.within(table.as_str()))));
                 }
             }
         }
@@ -153,7 +153,7 @@ fn simulator(design: &Design, simulation: &Named<SimulationDesign>, assembly: &A
         gravity: assembly.gravity,
         sensors: sensors.collect(),
     };
-    Simulator::new(world, setup, seed).map_err(|e| located(&simulation.node, &e.field, &e).into())
+    Simulator::new(world, setup, seed).map_err(|e| simulation.node.locate(&e).into())
 }
 
 /// The faults declared for a simulated stream.
@@ -166,13 +166,4 @@ fn faults(simulation: &Named<SimulationDesign>, stream: &SimulatedStream, seed: 
     let channels = provided(stream.channels.iter().map(|channel| (channel.clone(), 0)));
     let seed_of = |fault: &str| derive_seed(seed, &[&stream.name, fault]);
     FaultChain::new(declared(simulation, stream), &channels, seed_of)
-}
-
-/// A mistake at `field` of the simulation's table.
-fn located(node: &Node, field: &str, error: &BuildError) -> Diagnostic {
-    let wrong = Diagnostic::error(error.message.as_str()).at(node.place_of(field));
-    match &error.help {
-        Some(help) => wrong.help(help.as_str()),
-        None => wrong,
-    }
 }

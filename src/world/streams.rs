@@ -6,20 +6,25 @@ use crate::design::{Design, SimulationDesign};
 use fusion_models::block::{Channel, Reading, imu_channels};
 use fusion_models::sim::reference_channels;
 
+/// What the process calls its source, be the process itself right or wrong.
+fn process_source<P>(design: &Design<P>) -> Option<&str> {
+    design.document.root().at("process.source")?.as_str()
+}
+
 /// The stream that carries the simulated inertial unit: what the process calls its source, or
 /// `imu` where that is a stage.
-pub(super) fn imu_stream(design: &Design) -> &str {
-    let read = design.process.block.source.as_deref();
-    read.filter(|name| design.stages.iter().all(|stage| stage.name != *name))
+pub(super) fn imu_stream<P>(design: &Design<P>) -> &str {
+    process_source(design)
+        .filter(|name| design.stages.iter().all(|stage| stage.name != *name))
         .unwrap_or(IMU)
 }
 
 /// The streams of a simulated world.
 #[must_use]
-pub fn streams(design: &Design, simulation: &SimulationDesign) -> Vec<StreamLayout> {
+pub fn streams<P>(design: &Design<P>, simulation: &SimulationDesign) -> Vec<StreamLayout> {
     let mut streams = Vec::new();
     // A process that has a source is driven by the unit: one that is missing is told by the simulator.
-    if simulation.world.imu.is_some() || design.process.block.source.is_some() {
+    if simulation.world.imu.is_some() || process_source(design).is_some() {
         streams.push(StreamLayout::of(imu_stream(design), None, &imu_channels()));
     }
     for (sensor, source, channel) in simulated(design, simulation) {
@@ -30,7 +35,7 @@ pub fn streams(design: &Design, simulation: &SimulationDesign) -> Vec<StreamLayo
 }
 
 /// The sensors of a design that are simulated: name, source, what they read.
-fn simulated<'a>(design: &'a Design, simulation: &'a SimulationDesign) -> impl Iterator<Item = (&'a str, &'a str, Channel)> {
+fn simulated<'a, P>(design: &'a Design<P>, simulation: &'a SimulationDesign) -> impl Iterator<Item = (&'a str, &'a str, Channel)> {
     design.sensors.iter().filter_map(|named| {
         let Reading::Channel(channel) = named.block.model.reading() else {
             return None;

@@ -12,13 +12,14 @@ use fusion::config::Document;
 use fusion::design::Design;
 use fusion::run::{Options, run};
 use fusion::tally::SensorTally;
+use std::path::Path;
 use std::sync::LazyLock;
 
 const RUNS: u64 = 100;
-const TEXT: &str = include_str!("../../configs/ins-gps-outlier.toml");
+const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/ins-gps-outlier.toml");
 
 fn design(variants: &str, set: &[&str]) -> Design {
-    let (mut document, _) = Document::parse("ins-gps-outlier.toml", TEXT);
+    let mut document = Document::load(Path::new(FILE)).unwrap_or_else(|d| panic!("{d}"));
     for variant in variants.split('+').filter(|v| !v.is_empty()) {
         document.overlay(&format!("variant.{variant}")).unwrap();
     }

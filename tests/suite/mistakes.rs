@@ -302,8 +302,92 @@ fn all_mistakes_of_a_file_are_told_at_once() {
     wrong_text("several", &text);
 }
 
+/// A mistake that is found on reading, one of a source's declaration, one of assembly and one of a
+/// data file.
+#[test]
+fn mistakes_of_every_step_are_told_at_once() {
+    let second = "[source.truth]\ntype = \"csv\"\npath = \"truth.csv\"\ntime = { column = \"t\" }\n[source.truth.channels.position]\nlatitude = \"lat\"\n";
+    let third = "[source.speed]\ntype = \"csv\"\npath = \"gnss.csv\"\ntime = { column = \"time\" }\n[source.speed.channels.speed]\ncolumn = \"vn\"\nunit = \"m/s\"\n";
+    let text = replaced("velocity_sigma = \"1 m/s\"", "velocity_sigma = \"1 m\"")
+        .replace("probability = 0.999", "probability = 0.3")
+        .replace("[variant.ekf]", &format!("{second}{third}[variant.ekf]"));
+    wrong_text("every_step", &text);
+}
+
+/// Where one block is wrong, those that need it are not.
+#[test]
+fn what_follows_from_a_mistake_is_not_told() {
+    let speed = "[sensor.speed]\ntype = \"gnss_velocity\"\nsource = \"gnss\"\nlever_arm = { shared = \"gnss.lever_arm\" }\nnoise = { sigma = \"0.1 m/s\" }\n\n[initial.fix]";
+    let shared = replaced(
+        "source = \"gnss\"\nnoise",
+        "lever_arm = { estimate = true, initial = [0, 0, 1], sigma = \"1 m\" }\nsource = \"gnss\"\nnoise",
+    )
+    .replacen("[initial.fix]", speed, 1);
+    let cases = [
+        replaced("\"constant_velocity\"", "\"constant_speed\""),
+        replaced("\"first_fix\"", "\"first_fixes\""),
+        replaced("origin = { latitude = \"47 deg\"", "origin = { latitude = \"47 m\""),
+        replaced("type = \"csv\"", "type = \"cvs\""),
+        replaced("unit = \"m/s\"", "unit = \"m/s/s/s\""),
+        shared.replacen("\"1 m\" }", "\"1 s\" }", 1),
+    ];
+    for text in cases {
+        let w = Workspace::new("mistake-alone");
+        w.write("design.toml", &text);
+        let told = stderr(&w.fusion(&["run", "design.toml"]).code(2));
+        assert_eq!(told.matches("error").count(), 1, "{told}");
+    }
+}
+
+#[test]
+fn variants_that_are_not_asked_for() {
+    let variants = "[variant.slip]\nsensor.gns.noise.sigma = \"3 m\"\nfilter.form = \"josef\"\n\n[variant.cut]\nsensor.gnss.source = \"gnns\"\n\n[variant.ekf]";
+    let w = Workspace::new("mistake-variants");
+    w.write("design.toml", replaced("[variant.ekf]", variants));
+    complain("variants_checked", &w, &["check", "design.toml", "--variant", "ekf"]);
+    // They do not stop the run of another one.
+    let warned = stderr(&w.fusion(&["run", "design.toml"]).success());
+    assert!(
+        warned.contains("warning: variant `slip`: ") && warned.contains("warning: variant `cut`: "),
+        "{warned}"
+    );
+    let asked = stderr(&w.fusion(&["run", "design.toml", "--variant", "slip"]).code(2));
+    assert!(
+        asked.contains("error: unknown name `josef`") && !asked.contains("variant `slip`: "),
+        "{asked}"
+    );
+    // What is wrong with the base is not repeated for each of them.
+    w.write("design.toml", replaced("sigma = \"2 m\"", "sigma = \"2 s\""));
+    let once = stderr(&w.fusion(&["check", "design.toml"]).code(2));
+    assert_eq!(once.matches("is wanted here").count(), 1, "{once}");
+}
+
+#[test]
+fn tables_are_no_arrays() {
+    wrong(
+        "array_for_a_place",
+        "origin = { latitude = \"47 deg\", longitude = \"8 deg\" }",
+        "origin = [0, 0, 0]",
+    );
+    wrong("array_for_a_block", "noise = { sigma = \"2 m\" }", "noise = [\"2 m\"]");
+}
+
 #[test]
 fn command_line() {
+    let w = Workspace::new("override-makes-tables");
+    w.fusion(&[
+        "check",
+        "design.toml",
+        "--set",
+        "filter.backend=ekf",
+        "--set",
+        "reference.source=gnss",
+    ])
+    .success();
+    wrong_argument(
+        "override_of_unknown_sensor",
+        &["run", "design.toml", "--set", "sensor.gns.noise.sigma=1"],
+    );
     wrong_argument(
         "override_of_unknown_table",
         &["run", "design.toml", "--set", "senser.gnss.noise.sigma=1"],

@@ -28,8 +28,7 @@ fn real(name: &str, variants: &[&str], sets: &[&str]) -> Option<Summary> {
         ..Options::default()
     };
     let file = base.join(format!("{name}.toml"));
-    let (mut document, mistakes) = Document::parse(name, &std::fs::read_to_string(file).unwrap());
-    assert!(mistakes.is_empty());
+    let mut document = Document::load(&file).unwrap_or_else(|d| panic!("{d}"));
     for variant in variants {
         document.overlay(&format!("variant.{variant}")).unwrap();
     }

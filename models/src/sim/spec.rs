@@ -33,6 +33,7 @@ pub struct SimulationSpec {
     pub start: StartSpec,
     /// The segments of the trajectory, in order.
     #[schemars(schema_with = "segments_schema")]
+    #[serde(deserialize_with = "crate::block::nested")]
     pub trajectory: Vec<Box<dyn SegmentSpec>>,
     /// How each sensor is simulated, by its name; a sensor without an entry is not simulated.
     #[serde(default)]

@@ -22,10 +22,8 @@ impl Trajectory {
         let (mut at, mut duration) = (start, 0.0);
         for (i, spec) in specs.iter().enumerate() {
             let segment = spec.build(&at).map_err(|mut e| {
-                let dot = if e.field.is_empty() { "" } else { "." };
-                e.field = format!("trajectory.{i}{dot}{}", e.field);
                 e.message = format!("segment {}: {}", i + 1, e.message);
-                e
+                e.within(format!("trajectory.{i}"))
             })?;
             at = segment.end();
             let starts = duration;

@@ -233,10 +233,8 @@ impl Simulator {
         }
         for sensor in setup.sensors {
             let Some(simulated) = spec.sensor.get(&sensor.name) else { continue };
-            let error = SensorError::new(simulated, &sensor.name, &sensor.rows, seed).map_err(|mut e| {
-                e.field = format!("sensor.{}.{}", sensor.name, e.field);
-                e
-            })?;
+            let error =
+                SensorError::new(simulated, &sensor.name, &sensor.rows, seed).map_err(|e| e.within(format!("sensor.{}", sensor.name)))?;
             clocks.push(Clock {
                 start: nanos(simulated.start.si()),
                 ..Clock::new(Source::Sensor(sensors.len()), simulated.rate.si())

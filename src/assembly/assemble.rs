@@ -1,0 +1,246 @@
+//! The assembler: builds every block over one layout, then puts the runner together.
+
+use super::streams::known_streams;
+use super::{SensorInfo, StreamLayout};
+use crate::config::{Diagnostic, Diagnostics, Node};
+use crate::design::{Design, Draft, Named, ProcessDesign};
+use fusion_core::filter::{Estimator, Filter};
+use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::model::{Measurement, Process, Size};
+use fusion_core::runner::{InitialiserUnit, Port, Runner, Sensor, StageUnit};
+use fusion_core::state::{Block, Dynamics, Layout, LayoutBuilder};
+use fusion_models::block::{Build, BuildError};
+use fusion_models::earth::Gravity;
+use std::sync::Arc;
+
+/// A design, built.
+#[derive(Debug)]
+pub struct Assembly {
+    /// Drives the filter.
+    pub runner: Runner,
+    /// The state layout.
+    pub layout: Arc<Layout>,
+    /// The process model.
+    pub process: Arc<dyn Process>,
+    /// The sensors' models, in order of their numbers, with what they read.
+    pub sensors: Vec<SensorInfo>,
+    /// All streams, in order of their numbers.
+    pub streams: Vec<StreamLayout>,
+    /// The gravity model of the process.
+    pub gravity: Gravity,
+}
+
+/// Builds `design` over streams whose channels are known; streams nobody declares take the
+/// channels their consumers ask for, in the order of the file.
+///
+/// # Errors
+/// Every mistake found.
+pub fn assemble(design: &Design, declared: Vec<StreamLayout>) -> Result<Assembly, Diagnostics> {
+    let mut a = Assembler::new(design, Some(&design.process), declared, Vec::new());
+    let assembly = a.assemble();
+    match assembly {
+        Some(assembly) => a.d.unless_errors(assembly),
+        None => Err(a.d),
+    }
+}
+
+/// Tells `d` every mistake of the declared sources and of assembling the draft; where there is none, it
+/// can be assembled.
+pub(crate) fn check(draft: &Draft, d: &mut Diagnostics) {
+    let (streams, vague) = known_streams(draft, d);
+    let mut a = Assembler::new(draft, draft.process.as_ref(), streams, vague);
+    a.assemble();
+    d.extend(a.d.iter().cloned());
+}
+
+/// What a runner consists of.
+struct Parts {
+    input: Option<Port>,
+    sensors: Vec<Sensor>,
+    stages: Vec<StageUnit>,
+    initialisers: Vec<InitialiserUnit>,
+}
+
+pub(super) struct Assembler<'a, P> {
+    pub(super) design: &'a Design<P>,
+    pub(super) process: Option<&'a Named<ProcessDesign>>,
+    pub(super) streams: Vec<StreamLayout>,
+    /// Streams of which not everything is known, for a mistake told before.
+    pub(super) vague: Vec<String>,
+    layout: LayoutBuilder,
+    gravity: Gravity,
+    /// Sensors that could not be built: states that they would have brought are not missed.
+    failed: Vec<&'a str>,
+    pub(super) d: Diagnostics,
+}
+
+impl<'a, P> Assembler<'a, P> {
+    fn new(design: &'a Design<P>, process: Option<&'a Named<ProcessDesign>>, streams: Vec<StreamLayout>, vague: Vec<String>) -> Self {
+        Self {
+            design,
+            process,
+            streams,
+            vague,
+            layout: LayoutBuilder::new(),
+            gravity: Gravity::default(),
+            failed: design.unread.sensors.iter().map(String::as_str).collect(),
+            d: Diagnostics::new(),
+        }
+    }
+
+    /// The assembly, where nothing is wrong. Without a process no other block is built, but all are connected.
+    fn assemble(&mut self) -> Option<Assembly> {
+        let design = self.design;
+        let process: Option<Arc<dyn Process>> = self.process.and_then(|p| self.build(p, |p, b| p.model.build(b))).map(Into::into);
+        let is_moved = process.is_some();
+        let mut models = Vec::new();
+        for sensor in &design.sensors {
+            let model = is_moved.then(|| self.build(sensor, |s, b| s.model.build(b))).flatten();
+            if model.is_none() {
+                self.failed.push(&sensor.name);
+            }
+            models.push(model.map(Into::into));
+        }
+        for stage in &design.stages {
+            self.streams.push(StreamLayout::of(&stage.name, None, &stage.block.output()));
+        }
+        let input = self.input_port();
+        let (sensors, infos) = self.sensors(models);
+        let parts = Parts {
+            input,
+            sensors,
+            stages: self.stages(is_moved),
+            initialisers: self.initialisers(is_moved),
+        };
+        self.finish(process?, parts, infos)
+    }
+
+    /// Builds one block, turning its error into a diagnostic at the field it names.
+    fn build<T, R>(&mut self, named: &Named<T>, build: impl FnOnce(&T, &mut Build<'_>) -> Result<R, BuildError>) -> Option<R> {
+        // Where [run] is wrong, its origin is not missed.
+        let (lat, lon, height) = (0.0, 0.0, 0.0);
+        let unread = self.design.unread.run.then_some(Geodetic { lat, lon, height });
+        let mut b = Build {
+            name: &named.name,
+            layout: &mut self.layout,
+            origin: self.design.run.origin.map(Geodetic::from).or(unread),
+            gravity: self.gravity,
+        };
+        let built = build(&named.block, &mut b);
+        self.gravity = b.gravity;
+        match built {
+            Ok(built) => Some(built),
+            Err(_) if self.shares_with_failed(&named.node) => None,
+            Err(error) => self.d.keep(Err(named.node.locate(&error))),
+        }
+    }
+
+    /// Whether a block names a state, `sensor.parameter`, of a sensor that could not be built.
+    fn shares_with_failed(&self, node: &Node) -> bool {
+        let is_state_of_failed = |text: &str| text.split_once('.').is_some_and(|(owner, _)| self.failed.contains(&owner));
+        node.any(&|node| node.as_str().is_some_and(is_state_of_failed))
+    }
+
+    fn sensors(&mut self, models: Vec<Option<Arc<dyn Measurement>>>) -> (Vec<Sensor>, Vec<SensorInfo>) {
+        let design = self.design;
+        let connected = design
+            .sensors
+            .iter()
+            .zip(models)
+            .filter_map(|(sensor, model)| self.sensor(sensor, model));
+        let (mut sensors, infos): (Vec<_>, Vec<_>) = connected.unzip();
+        for sensor in &design.sensors {
+            self.link(sensor, &mut sensors);
+        }
+        (sensors, infos)
+    }
+
+    fn stages(&mut self, is_moved: bool) -> Vec<StageUnit> {
+        let mut units = Vec::new();
+        for unit in &self.design.stages {
+            let built = is_moved.then(|| self.build(unit, |s, b| s.build(b))).flatten();
+            let inputs = self.listen(&unit.node, &unit.block.inputs());
+            if let (Some(stage), Some(inputs)) = (built, inputs) {
+                let output = self.position(&unit.name);
+                let name = unit.name.clone();
+                units.push(StageUnit {
+                    name,
+                    stage,
+                    inputs,
+                    output,
+                });
+            }
+        }
+        units
+    }
+
+    fn initialisers(&mut self, is_moved: bool) -> Vec<InitialiserUnit> {
+        let mut units = Vec::new();
+        for unit in &self.design.initialisers {
+            let built = is_moved.then(|| self.build(unit, |s, b| s.build(b))).flatten();
+            let inputs = self.listen(&unit.node, &unit.block.inputs());
+            if let (Some(initialiser), Some(inputs)) = (built, inputs) {
+                let name = unit.name.clone();
+                units.push(InitialiserUnit { name, initialiser, inputs });
+            }
+        }
+        units
+    }
+
+    /// Blocks that the process moves start somewhere: an initialiser must write them.
+    fn check_initialised(&mut self, layout: &Layout) {
+        let written: Vec<&str> = self.design.initialisers.iter().flat_map(|i| i.block.writes()).collect();
+        let known = |b: &Block| b.sigma.iter().all(|s| *s > 0.0) || written.contains(&b.name.as_str());
+        let moved = layout.blocks().iter().filter(|b| b.dynamics == Dynamics::Process);
+        let missing: Vec<String> = moved.filter(|b| !known(b)).map(|b| format!("`{}`", b.name)).collect();
+        let Some((last, others)) = missing.split_last() else { return };
+        let and = if others.is_empty() {
+            String::new()
+        } else {
+            format!("{} and ", others.join(", "))
+        };
+        let message = format!("nothing gives the filter its first {and}{last}");
+        let help = "add an [initial.NAME] block: `explicit`, `first_fix`, `levelling` or `course`; `fusion blocks` describes them";
+        let table = self.design.document.root().get("initial");
+        let process = self.process.map(|p| &p.node);
+        let place = table.or(process).unwrap_or(self.design.document.root()).name_place();
+        self.d.push(Diagnostic::error(message).at(place).help(help));
+    }
+
+    fn finish(&mut self, process: Arc<dyn Process>, parts: Parts, infos: Vec<SensorInfo>) -> Option<Assembly> {
+        let layout = Arc::new(std::mem::take(&mut self.layout).finish());
+        if !self.design.unread.initialisers {
+            self.check_initialised(&layout);
+        }
+        let is_whole = infos.len() == self.design.sensors.len()
+            && parts.stages.len() == self.design.stages.len()
+            && parts.initialisers.len() == self.design.initialisers.len();
+        if self.d.has_errors() || !is_whole {
+            return None;
+        }
+        let (design, streams) = (self.design, std::mem::take(&mut self.streams));
+        let largest = infos.iter().map(|s| s.model.size()).fold(Size::same(1), |m, s| Size {
+            value: m.value.max(s.value),
+            residual: m.residual.max(s.residual),
+        });
+        let filter: Box<dyn Estimator> = Box::new(Filter::new(layout.clone(), process.clone(), design.filter.backend(), largest));
+        let mut runner = Runner::new(filter, process.clone(), design.run.reorder.si());
+        for stream in &streams {
+            runner.add_stream(&stream.name, stream.width());
+        }
+        if let Some(input) = parts.input {
+            runner.set_input(input);
+        }
+        parts.sensors.into_iter().for_each(|s| runner.add_sensor(s));
+        parts.stages.into_iter().for_each(|s| runner.add_stage(s));
+        parts.initialisers.into_iter().for_each(|s| runner.add_initialiser(s));
+        Some(Assembly {
+            runner,
+            layout,
+            process,
+            sensors: infos,
+            streams,
+            gravity: self.gravity,
+        })
+    }
+}

@@ -1,0 +1,16 @@
+//! From a design to a runner: the layout is laid out, streams are connected, numbers are resolved.
+//!
+//! ```text
+//! Design ── declared_streams ──▶ StreamLayouts ─┐
+//!        └───────────────────────────── assemble ┴──▶ Assembly: runner, layout, models, streams
+//! ```
+
+mod assemble;
+mod ports;
+mod sensors;
+mod streams;
+
+pub(crate) use assemble::check;
+pub use assemble::{Assembly, assemble};
+pub use sensors::SensorInfo;
+pub use streams::{StreamChannel, StreamLayout, declared_streams};

@@ -1,0 +1,156 @@
+//! Ports: which columns of which stream a block reads.
+
+use super::StreamLayout;
+use super::assemble::Assembler;
+use super::streams::StreamChannel;
+use crate::config::{Diagnostic, Node};
+use fusion_core::runner::{Port, StreamId};
+use fusion_models::block::{Channel, Listen, Shape};
+use fusion_models::units::Dimension;
+
+impl<P> Assembler<'_, P> {
+    pub(super) fn position(&self, stream: &str) -> StreamId {
+        self.streams.iter().position(|s| s.name == stream).unwrap_or(usize::MAX)
+    }
+
+    /// The port of the process; none for a process driven by time alone.
+    pub(super) fn input_port(&mut self) -> Option<Port> {
+        let process = self.process?;
+        let channels = process.block.model.input();
+        match (&process.block.source, channels.is_empty()) {
+            (Some(source), false) => self.port(source, &channels, &process.node),
+            (None, true) => None,
+            (None, false) => {
+                let names = channels.iter().map(|c| format!("`{}`", c.name)).collect::<Vec<_>>().join(" and ");
+                let message = format!("this process is driven by {names} and has no `source`");
+                let help = "add `source = \"NAME\"`: the source or stage with these channels";
+                self.d.push(Diagnostic::error(message).at(process.node.name_place()).help(help));
+                None
+            }
+            (Some(_), true) => {
+                let message = "this process is driven by time alone and reads no source";
+                let place = process.node.place_of("source");
+                self.d.push(Diagnostic::error(message).at(place).help("remove `source`"));
+                None
+            }
+        }
+    }
+
+    pub(super) fn listen(&mut self, node: &Node, inputs: &[Listen]) -> Option<Vec<Port>> {
+        inputs.iter().map(|l| self.port(&l.source, &l.channels, node)).collect()
+    }
+
+    /// Columns of `channels` in the stream, one after the other, and the largest of their delays.
+    pub(super) fn port(&mut self, name: &str, channels: &[Channel], node: &Node) -> Option<Port> {
+        let stream = self.stream(name, channels, node)?;
+        let mut port = Port {
+            stream,
+            columns: Vec::new(),
+            delay: 0,
+        };
+        for wanted in channels {
+            let found = self.channel(stream, wanted, node)?;
+            port.columns.extend(found.offset..found.offset + wanted.width);
+            port.delay = port.delay.max(found.delay);
+        }
+        Some(port)
+    }
+
+    /// The stream of that name; one that nobody declares is made up only where the design has no
+    /// sources at all: a filter to be fed by its program.
+    fn stream(&mut self, name: &str, channels: &[Channel], node: &Node) -> Option<StreamId> {
+        let serves = |s: &StreamLayout| channels.iter().all(|c| s.channel(&c.name).is_some());
+        let is_alias = |s: &StreamLayout| s.alias.as_deref() == Some(name);
+        let find = |is: &dyn Fn(&StreamLayout) -> bool| self.streams.iter().position(is);
+        let found = find(&|s| (s.name == name || is_alias(s)) && serves(s))
+            .or_else(|| find(&|s| s.name == name))
+            .or_else(|| find(&is_alias));
+        if found.is_some() {
+            return found;
+        }
+        if self.design.unread.simulation || self.vague.iter().any(|v| v == name) {
+            return None;
+        }
+        if self.design.sources.is_empty() && self.design.simulation.is_none() {
+            self.streams.push(StreamLayout::undeclared(name));
+            return Some(self.streams.len() - 1);
+        }
+        let mut names: Vec<&str> = self.streams.iter().map(|s| s.alias.as_deref().unwrap_or(&s.name)).collect();
+        names.sort_unstable();
+        names.dedup();
+        let unknown = Diagnostic::error(format!("no source or stage is called `{name}`")).at(node.place_of("source"));
+        let mut unknown = unknown.suggest(name, &names, "there are");
+        if self.design.simulation.is_some() {
+            unknown = unknown.and_help("a simulated sensor, [simulation.sensor.NAME], provides what [sensor.NAME] reads");
+        }
+        self.d.push(unknown);
+        None
+    }
+
+    /// A channel of the stream; where its channels are not declared, it takes this one in.
+    pub(super) fn channel(&mut self, stream: StreamId, wanted: &Channel, node: &Node) -> Option<StreamChannel> {
+        let layout = &mut self.streams[stream];
+        let is_vague = |layout: &StreamLayout| {
+            let is_layout = |name: &String| *name == layout.name || Some(name) == layout.alias.as_ref();
+            self.design.unread.simulation || self.vague.iter().any(is_layout)
+        };
+        let wrong = match layout.channel(&wanted.name) {
+            Some(found) if found.fits(wanted) => return Some(found.clone()),
+            Some(found) => mismatch(layout, found, wanted),
+            None if !layout.declared => {
+                layout.append(wanted);
+                return layout.channels.last().cloned();
+            }
+            None if is_vague(layout) => return None,
+            None => missing(layout, wanted),
+        };
+        let help = match (layout.channel(&wanted.name), &self.design.simulation) {
+            (Some(_), _) if self.design.sources.iter().any(|s| s.name == layout.name) => {
+                let table = format!("[source.{}.channels.{}]", layout.name, wanted.name);
+                Some(format!("look at the columns and the `unit` under {table}"))
+            }
+            (Some(_), _) => None,
+            (None, Some(_)) => Some(format!("what is simulated is not declared further; {}", has(layout))),
+            (None, None) => Some(format!("declare it under [source.{}.channels]; {}", layout.name, has(layout))),
+        };
+        let wrong = wrong.at(node.place_of("source"));
+        self.d.push(match help {
+            Some(help) => wrong.help(help),
+            None => wrong,
+        });
+        None
+    }
+}
+
+fn mismatch(layout: &StreamLayout, found: &StreamChannel, wanted: &Channel) -> Diagnostic {
+    Diagnostic::error(format!(
+        "channel `{}` of `{}` is {}, and {} is needed",
+        wanted.name,
+        layout.name,
+        describe(found.width, found.shape, found.dimension),
+        describe(wanted.width, wanted.shape, wanted.dimension)
+    ))
+}
+
+fn missing(layout: &StreamLayout, wanted: &Channel) -> Diagnostic {
+    Diagnostic::error(format!(
+        "`{}` has no channel `{}`, which this block reads",
+        layout.name, wanted.name
+    ))
+}
+
+fn has(layout: &StreamLayout) -> String {
+    let names: Vec<String> = layout.channels.iter().map(|c| format!("`{}`", c.name)).collect();
+    match &names[..] {
+        [] => "it has no channels".to_owned(),
+        _ => format!("it has: {}", names.join(", ")),
+    }
+}
+
+fn describe(width: usize, shape: Shape, dimension: Dimension) -> String {
+    match shape {
+        Shape::Geodetic => "a geodetic position".to_owned(),
+        Shape::Quaternion => "a quaternion".to_owned(),
+        Shape::Vector | Shape::Angle => format!("{width} × {}", dimension.kind()),
+    }
+}

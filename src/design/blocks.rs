@@ -1,0 +1,81 @@
+//! What the tables of blocks are read as: each block with its name, its place and its siblings.
+
+use super::NoiseSpec;
+use crate::config::Node;
+use crate::source::SourceSpec;
+use fusion_models::block::{GateSpec, LossSpec, ProcessSpec, SensorSpec};
+use fusion_models::fault::FaultSpec;
+use fusion_models::sim::SimulationSpec;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// What stands beside a sensor's own fields.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SensorCommon {
+    /// The source or stage that it reads or that times it.
+    pub source: String,
+    /// Its noise.
+    #[serde(default)]
+    pub noise: NoiseSpec,
+    /// The sensor that it goes with: a measurement is rejected where the latest one of that sensor
+    /// that is valid no later, and no more than 10 s earlier, was not used. Without effect where that
+    /// sensor is left out.
+    pub only_with: Option<String>,
+    /// False leaves the sensor out.
+    pub enabled: Option<bool>,
+}
+
+/// A block with its name and the place of its declaration.
+#[derive(Debug)]
+pub struct Named<T> {
+    /// The name in the file.
+    pub name: String,
+    /// Its table, for messages.
+    pub node: Node,
+    /// What was read.
+    pub block: T,
+}
+
+/// A sensor with its siblings.
+#[derive(Debug)]
+pub struct SensorDesign {
+    /// The measurement model.
+    pub model: Box<dyn SensorSpec>,
+    /// Source and noise.
+    pub common: SensorCommon,
+    /// The gate; none passes everything.
+    pub gate: Option<Box<dyn GateSpec>>,
+    /// The loss; none is least squares.
+    pub loss: Option<Box<dyn LossSpec>>,
+}
+
+/// A fault with its name.
+pub type Fault = (String, Box<dyn FaultSpec>);
+
+/// A source with its faults.
+#[derive(Debug)]
+pub struct SourceDesign {
+    /// The source.
+    pub source: Box<dyn SourceSpec>,
+    /// What goes wrong with it, in order.
+    pub faults: Vec<Fault>,
+}
+
+/// A simulated world with the faults of its streams.
+#[derive(Debug)]
+pub struct SimulationDesign {
+    /// The world and the errors of its sensors.
+    pub world: SimulationSpec,
+    /// By stream, `imu` or a sensor: what goes wrong with it, in order.
+    pub faults: Vec<(String, Vec<Fault>)>,
+}
+
+/// The process with its source.
+#[derive(Debug)]
+pub struct ProcessDesign {
+    /// The process model.
+    pub model: Box<dyn ProcessSpec>,
+    /// The source of its input.
+    pub source: Option<String>,
+}

@@ -1,0 +1,31 @@
+//! A design: the declaration of a filter, read and checked but not yet built.
+//!
+//! ```toml
+//! [run]                 # origin, time span, output
+//! [filter]              # backend
+//! [process]             # the process model and its source
+//! [sensor.NAME]         # measurement models with source, noise, gate, loss
+//! [stage.NAME]          # streams into streams
+//! [initial.NAME]        # how the filter starts
+//! [source.NAME]         # recorded data, with faults
+//! [simulation]          # or a simulated world
+//! [reference]           # what the run is scored against
+//! [variant.NAME]        # overrides by path
+//! ```
+
+mod blocks;
+mod filter;
+mod leaders;
+mod names;
+mod noise;
+mod read;
+mod reference;
+mod run;
+
+pub use blocks::{Fault, Named, ProcessDesign, SensorCommon, SensorDesign, SimulationDesign, SourceDesign};
+pub use filter::{ChartSpec, FilterSpec, FormSpec, PresetSpec, UpdateSpec};
+pub use noise::{NoiseSpec, PerRow};
+pub use read::Design;
+pub(crate) use read::Draft;
+pub use reference::{DifferentiateSpec, ReferenceSpec};
+pub use run::RunSpec;

@@ -1,0 +1,87 @@
+//! Names: of tables, and of streams, which share one space.
+
+use super::Draft;
+use crate::config::{Diagnostic, Diagnostics, Entry, INCLUDE, Node};
+use fusion_models::sim::{IMU, REFERENCE};
+
+/// Tables that may stand at the top of a design.
+const TABLES: [&str; 10] = [
+    "run",
+    "filter",
+    "process",
+    "sensor",
+    "stage",
+    "initial",
+    "source",
+    "simulation",
+    "reference",
+    "variant",
+];
+
+/// Refuses tables that nobody reads.
+pub(super) fn check_tables(root: &Node, d: &mut Diagnostics) {
+    if let Some(include) = root.get(INCLUDE) {
+        let message = "nothing can be included here: this design was not read from a file";
+        let help = "use `Navigator::from_file`, or say where its paths start with `Navigator::from_toml_in`";
+        d.push(Diagnostic::error(message).at(include.name_place()).help(help));
+    }
+    let entries = root.entries().iter().filter(|e| e.key != INCLUDE);
+    for Entry { key, node } in entries.filter(|e| !TABLES.contains(&e.key.as_str())) {
+        let unknown = Diagnostic::error(format!("unknown table `{key}`")).at(node.name_place());
+        d.push(unknown.suggest(key, &TABLES, "known tables"));
+    }
+}
+
+/// Checks what no table can say by itself.
+pub(super) fn check(design: &mut Draft, d: &mut Diagnostics) {
+    check_origin(design, d);
+    check_streams(design, d);
+    let before = d.iter().count();
+    check_simulated(design, d);
+    design.unread.simulation |= d.iter().count() > before;
+}
+
+fn check_origin(design: &Draft, d: &mut Diagnostics) {
+    if design
+        .run
+        .origin
+        .is_some_and(|o| o.latitude.si().abs() > std::f64::consts::FRAC_PI_2)
+    {
+        let place = design.document.root().place_of("run.origin.latitude");
+        let help = "a bare number is in radians: write \"47 deg\"";
+        d.push(Diagnostic::error("a latitude lies between -90 and 90 degrees").at(place).help(help));
+    }
+}
+
+/// Sources, stages and what is simulated share one space of names.
+fn check_streams(design: &Draft, d: &mut Diagnostics) {
+    let world = design.simulation.as_ref().map(|s| &s.block.world);
+    for stage in &design.stages {
+        let name = stage.name.as_str();
+        let mut taken = |by: &str, help: &str| {
+            let message = format!("`{name}` is the name of {by}");
+            d.push(Diagnostic::error(message).at(stage.node.name_place()).help(help));
+        };
+        if design.sources.iter().any(|s| s.name == name) {
+            taken("a source and of a stage", "streams share one space of names; rename one of the two");
+        }
+        if world.is_some_and(|w| [IMU, REFERENCE].contains(&name) || w.sensor.contains_key(name)) {
+            taken(
+                "a stream of the simulated world",
+                "give the stage another name, and name that where it is read",
+            );
+        }
+    }
+}
+
+/// What is simulated is a sensor.
+fn check_simulated(design: &Draft, d: &mut Diagnostics) {
+    let sensors = design.document.root().get("sensor").map_or(&[][..], Node::entries);
+    let names: Vec<&str> = sensors.iter().map(|s| s.key.as_str()).collect();
+    let simulated = design.simulation.as_ref().and_then(|s| s.node.get("sensor"));
+    let simulated = simulated.map_or(&[][..], Node::entries).iter();
+    for Entry { key, node } in simulated.filter(|e| !names.contains(&e.key.as_str())) {
+        let unknown = Diagnostic::error(format!("`{key}` is simulated and is no sensor of this design")).at(node.name_place());
+        d.push(unknown.suggest(key, &names, "simulated sensors bear the names of sensors"));
+    }
+}

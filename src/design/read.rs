@@ -1,0 +1,322 @@
+//! From a document to a design: every table read, every mistake kept.
+
+use super::{
+    Fault, FilterSpec, Named, ProcessDesign, ReferenceSpec, RunSpec, SensorCommon, SensorDesign, SimulationDesign, SourceDesign, leaders,
+    names,
+};
+use crate::config::{Diagnostic, Diagnostics, Document, Entry, Node, Value, did_you_mean};
+use fusion_models::block::{InitialiserSpec, StageSpec};
+use fusion_models::registry::{self, Role};
+use fusion_models::sim::IMU;
+use serde::Deserialize;
+
+/// A whole design.
+///
+/// `P` is the process: always there in a design, perhaps missing in a draft.
+#[derive(Debug)]
+pub struct Design<P = Named<ProcessDesign>> {
+    /// The document it was read from.
+    pub document: Document,
+    /// `[run]`.
+    pub run: RunSpec,
+    /// `[filter]`.
+    pub filter: FilterSpec,
+    /// `[process]`.
+    pub process: P,
+    /// `[sensor.*]`, those enabled.
+    pub sensors: Vec<Named<SensorDesign>>,
+    /// `[stage.*]`.
+    pub stages: Vec<Named<Box<dyn StageSpec>>>,
+    /// `[initial.*]`.
+    pub initialisers: Vec<Named<Box<dyn InitialiserSpec>>>,
+    /// `[source.*]`.
+    pub sources: Vec<Named<SourceDesign>>,
+    /// `[simulation]`.
+    pub simulation: Option<Named<SimulationDesign>>,
+    /// `[reference]`.
+    pub reference: Option<Named<ReferenceSpec>>,
+    /// What could not be read; nothing of a design without mistakes.
+    pub(crate) unread: Unread,
+}
+
+/// A design as far as it could be read, in which further mistakes are looked for.
+pub(crate) type Draft = Design<Option<Named<ProcessDesign>>>;
+
+/// Tables that could not be read: what refers to them is not told as another mistake.
+#[derive(Debug, Default)]
+pub(crate) struct Unread {
+    /// `[run]`.
+    pub run: bool,
+    /// `[simulation]`, or it simulates what is no sensor.
+    pub simulation: bool,
+    /// Names of sensors.
+    pub sensors: Vec<String>,
+    /// Names of sources and stages.
+    pub streams: Vec<String>,
+    /// Whether an initialiser is among them.
+    pub initialisers: bool,
+}
+
+impl Design {
+    /// Reads a design, with every mistake of reading in one go.
+    ///
+    /// # Errors
+    /// The mistakes.
+    pub fn read(document: Document) -> Result<Self, Diagnostics> {
+        let mut d = Diagnostics::new();
+        let draft = Draft::of(document, &mut d);
+        match draft.whole() {
+            Ok(design) => d.unless_errors(design),
+            Err(_) => Err(d),
+        }
+    }
+}
+
+impl Draft {
+    /// Reads what can be read; what cannot is told to `d`.
+    pub(crate) fn of(document: Document, d: &mut Diagnostics) -> Self {
+        fusion_models::link();
+        let root = document.root().clone();
+        names::check_tables(&root, d);
+        let run: Option<RunSpec> = root.get("run").map_or_else(|| Some(RunSpec::default()), |n| n.read(d));
+        let filter = root.get("filter").map_or_else(|| Some(FilterSpec::default()), |n| n.read(d));
+        let process = read_process(&root, d);
+        let (sensors, unread_sensors) = each(&root, "sensor", d, read_sensor);
+        let (stages, mut streams) = each(&root, "stage", d, |n, d| read_optional(n, "stage", Role::Stage, d));
+        let (initialisers, unread_initialisers) = each(&root, "initial", d, |n, d| read_optional(n, "initialiser", Role::Initialiser, d));
+        let (sources, unread_sources) = each(&root, "source", d, read_source);
+        streams.extend(unread_sources);
+        let simulation = one(&root, "simulation", d, |n, d| read_simulation(n, &root, d));
+        let reference = one(&root, "reference", d, Node::read);
+        leaders::check(&root, &sensors, d);
+        let unread = Unread {
+            run: run.is_none(),
+            simulation: simulation.is_none() && root.get("simulation").is_some(),
+            sensors: unread_sensors,
+            streams,
+            initialisers: !unread_initialisers.is_empty(),
+        };
+        let mut draft = Self {
+            document,
+            run: run.unwrap_or_default(),
+            filter: filter.unwrap_or_default(),
+            process,
+            sensors: sensors.into_iter().filter(|s| s.block.common.enabled != Some(false)).collect(),
+            stages: enabled(stages),
+            initialisers: enabled(initialisers),
+            sources,
+            simulation,
+            reference,
+            unread,
+        };
+        names::check(&mut draft, d);
+        draft
+    }
+
+    /// The design, where it has a process.
+    ///
+    /// # Errors
+    /// The draft.
+    pub(crate) fn whole(self) -> Result<Design, Box<Self>> {
+        match self.process {
+            None => Err(Box::new(self)),
+            Some(process) => Ok(Design {
+                process,
+                document: self.document,
+                run: self.run,
+                filter: self.filter,
+                sensors: self.sensors,
+                stages: self.stages,
+                initialisers: self.initialisers,
+                sources: self.sources,
+                simulation: self.simulation,
+                reference: self.reference,
+                unread: self.unread,
+            }),
+        }
+    }
+}
+
+/// The blocks of a table of blocks; none where it is left out.
+fn entries<'a>(table: Option<&'a Node>, d: &mut Diagnostics) -> &'a [Entry] {
+    let Some(node) = table else { return &[] };
+    if !matches!(node.value(), Value::Table { .. }) {
+        let help = "write a table for each block, with a name of your choice: `NAME = { type = … }`";
+        d.push(Diagnostic::error("blocks by name are wanted here").at(node.place()).help(help));
+    }
+    node.entries()
+}
+
+/// The blocks of a table of blocks, and the names of those that could not be read.
+fn each<T>(
+    root: &Node,
+    table: &str,
+    d: &mut Diagnostics,
+    mut read: impl FnMut(&Node, &mut Diagnostics) -> Option<T>,
+) -> (Vec<Named<T>>, Vec<String>) {
+    let (mut all, mut unread) = (Vec::new(), Vec::new());
+    let entries = entries(root.get(table), d);
+    for Entry { key, node } in entries {
+        let block = match misspelt(key, node, entries) {
+            Some(mistake) => {
+                d.push(mistake);
+                None
+            }
+            None => read(node, d),
+        };
+        match block {
+            Some(block) => all.push(Named {
+                name: key.clone(),
+                node: node.clone(),
+                block,
+            }),
+            None => unread.push(key.clone()),
+        }
+    }
+    (all, unread)
+}
+
+/// A table without a `type` beside a block of nearly that name was meant to change that one.
+fn misspelt(key: &str, node: &Node, entries: &[Entry]) -> Option<Diagnostic> {
+    let is_typed = |node: &Node| node.get("type").is_some();
+    let is_table = matches!(node.value(), Value::Table { .. });
+    if is_typed(node) || !is_table {
+        return None;
+    }
+    let typed: Vec<&str> = entries.iter().filter(|e| is_typed(&e.node)).map(|e| e.key.as_str()).collect();
+    did_you_mean(key, &typed)?;
+    let message = format!("there is no `{key}` to change, and a new block needs a `type`");
+    let unknown = Diagnostic::error(message).at(node.name_place());
+    Some(unknown.suggest(key, &typed, "there are"))
+}
+
+/// A table that stands once.
+fn one<T>(root: &Node, table: &str, d: &mut Diagnostics, read: impl FnOnce(&Node, &mut Diagnostics) -> Option<T>) -> Option<Named<T>> {
+    let node = root.get(table)?;
+    Some(Named {
+        name: table.to_owned(),
+        node: node.clone(),
+        block: read(node, d)?,
+    })
+}
+
+/// A block, and whether it is left out.
+struct Optional<T> {
+    enabled: bool,
+    block: T,
+}
+
+fn enabled<T>(all: Vec<Named<Optional<T>>>) -> Vec<Named<T>> {
+    let kept = all.into_iter().filter(|named| named.block.enabled);
+    kept.map(|Named { name, node, block }| Named {
+        name,
+        node,
+        block: block.block,
+    })
+    .collect()
+}
+
+/// Reads a block that `enabled = false` leaves out.
+fn read_optional<T: ?Sized>(node: &Node, role: &str, registered: Role, d: &mut Diagnostics) -> Option<Optional<Box<T>>>
+where
+    Box<T>: serde::de::DeserializeOwned,
+{
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Common {
+        enabled: Option<bool>,
+    }
+    let mut own = node.clone();
+    let common: Option<Common> = own.split_off(&["enabled"]).read(d);
+    let block = own.read_block(role, &registry::names(registered), d)?;
+    let enabled = common?.enabled != Some(false);
+    Some(Optional { enabled, block })
+}
+
+fn read_process(root: &Node, d: &mut Diagnostics) -> Option<Named<ProcessDesign>> {
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Common {
+        source: Option<String>,
+    }
+    let Some(node) = root.get("process") else {
+        let help = "add a [process] table, e.g. type = \"strapdown\"; `fusion blocks` lists the process models";
+        d.push(Diagnostic::error("this design has no process model").at(root.place()).help(help));
+        return None;
+    };
+    let mut own = node.clone();
+    let common: Option<Common> = own.split_off(&["source"]).read(d);
+    let model = own.read_block("process model", &registry::names(Role::Process), d)?;
+    let block = ProcessDesign {
+        model,
+        source: common?.source,
+    };
+    Some(Named {
+        name: "process".to_owned(),
+        node: node.clone(),
+        block,
+    })
+}
+
+fn read_sensor(node: &Node, d: &mut Diagnostics) -> Option<SensorDesign> {
+    let mut own = node.clone();
+    let gate = own.take("gate").map(|n| n.read_block("gate", &registry::names(Role::Gate), d));
+    let loss = own.take("loss").map(|n| n.read_block("loss", &registry::names(Role::Loss), d));
+    let siblings = own.split_off(&["source", "noise", "only_with", "enabled"]);
+    let common: Option<SensorCommon> = siblings.read(d);
+    let model = own.read_block("sensor", &registry::names(Role::Sensor), d)?;
+    let block = SensorDesign {
+        model,
+        common: common?,
+        gate: gate.flatten(),
+        loss: loss.flatten(),
+    };
+    Some(block)
+}
+
+fn read_faults(table: Option<&Node>, d: &mut Diagnostics) -> Vec<Fault> {
+    let mut faults = Vec::new();
+    for Entry { key, node } in entries(table, d) {
+        if let Some(block) = node.read_block("fault", &registry::names(Role::Fault), d) {
+            faults.push((key.clone(), block));
+        }
+    }
+    faults
+}
+
+fn read_source(node: &Node, d: &mut Diagnostics) -> Option<SourceDesign> {
+    let mut own = node.clone();
+    let faults = read_faults(own.take("fault").as_ref(), d);
+    let source = own.read_block("source", &registry::names(Role::Source), d)?;
+    Some(SourceDesign { source, faults })
+}
+
+fn read_simulation(node: &Node, root: &Node, d: &mut Diagnostics) -> Option<SimulationDesign> {
+    let mut own = node.clone();
+    // A sensor that is left out is not simulated either.
+    let is_off = |e: &&Entry| matches!(e.node.get("enabled").map(Node::value), Some(Value::Boolean(false)));
+    let off: Vec<&str> = root
+        .get("sensor")
+        .map_or(&[][..], Node::entries)
+        .iter()
+        .filter(is_off)
+        .map(|e| e.key.as_str())
+        .collect();
+    if let Some(sensors) = own.get_mut("sensor") {
+        drop(sensors.split_off(&off));
+    }
+    let mut faults = Vec::new();
+    if let Some(imu) = own.get_mut(IMU) {
+        faults.push((IMU.to_owned(), read_faults(imu.take("fault").as_ref(), d)));
+    }
+    if let Some(sensors) = own.get_mut("sensor") {
+        for sensor in sensors.entries_mut() {
+            let table = sensor.node.take("fault");
+            faults.push((sensor.key.clone(), read_faults(table.as_ref(), d)));
+        }
+    }
+    Some(SimulationDesign {
+        world: own.read(d)?,
+        faults,
+    })
+}

@@ -1,0 +1,29 @@
+//! `[run]`: origin, time span and output.
+
+use fusion_models::initial::explicit::PlaceSpec;
+use fusion_models::units::{Duration, NonNegative, Positive, dim};
+use schemars::JsonSchema;
+use serde::Deserialize;
+use std::path::PathBuf;
+
+/// What a run as a whole needs.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RunSpec {
+    /// What this design is, in a line.
+    pub description: String,
+    /// Where relative source paths start, itself relative to the file; `--data` overrides it.
+    pub data_dir: Option<PathBuf>,
+    /// Origin of the local coordinates n, e, d; by default the filter's first position.
+    pub origin: Option<PlaceSpec>,
+    /// Rows stamped earlier are not read.
+    pub start: Option<Duration>,
+    /// Rows stamped later are not read.
+    pub stop: Option<Duration>,
+    /// Rows of estimates.csv per second of log; every input sample where absent.
+    pub output_rate: Option<Positive<dim::Frequency>>,
+    /// Seed of everything random: faults and simulated errors.
+    pub seed: u64,
+    /// How far out of order live rows may arrive.
+    pub reorder: NonNegative<dim::Duration>,
+}

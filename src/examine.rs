@@ -1,0 +1,125 @@
+//! All mistakes of a design in one go: of reading, assembling and opening, and those of the variants
+//! that are not asked for.
+
+use crate::assembly;
+use crate::config::{Diagnostic, Diagnostics, Document, Node};
+use crate::design::{Design, Draft};
+use crate::rows::FaultChain;
+use crate::run::{Options, data_dir, open_one, unknown_reference};
+use crate::source::OpenContext;
+
+/// What is said of a data file that is not there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Missing {
+    /// It is a mistake.
+    Told,
+    /// It is none: the design may be checked without its data.
+    Excused,
+}
+
+/// The design of `document`. Where it has a mistake its data files are opened as well, so that
+/// their mistakes are told in the same run.
+///
+/// # Errors
+/// Every mistake of reading, of the declared sources and of assembling; with them those of the data files.
+pub fn examine(document: Document, options: &Options, missing: Missing) -> Result<Design, Diagnostics> {
+    let (draft, mut d) = draft(document);
+    if d.has_errors() {
+        d.extend(opening(&draft, options, missing).iter().cloned());
+        return Err(d);
+    }
+    draft.whole().map_err(|_| d)
+}
+
+/// The design of `document`, which can be assembled.
+///
+/// # Errors
+/// Every mistake of reading, of the declared sources and of assembling.
+pub fn build(document: Document) -> Result<Design, Diagnostics> {
+    let (draft, d) = draft(document);
+    match draft.whole() {
+        Ok(design) => d.unless_errors(design),
+        Err(_) => Err(d),
+    }
+}
+
+/// What can be read of a document, with the mistakes of reading and of assembling it.
+fn draft(document: Document) -> (Draft, Diagnostics) {
+    let mut d = Diagnostics::new();
+    let draft = Draft::of(document, &mut d);
+    assembly::check(&draft, &mut d);
+    (draft, d)
+}
+
+/// Opens the data files of a design: mistakes in their headers, and in the faults declared on them.
+#[must_use]
+pub fn opening<P>(design: &Design<P>, options: &Options, missing: Missing) -> Diagnostics {
+    let mut d = Diagnostics::new();
+    let sources = if design.simulation.is_some() { &[][..] } else { &design.sources };
+    for named in sources {
+        let context = OpenContext {
+            data_dir: data_dir(design, options),
+            name: named.name.clone(),
+            origin: design.run.origin.map(Into::into),
+            seed: design.run.seed,
+        };
+        // A wrong declaration has been told.
+        let Ok(channels) = named.block.source.channels() else { continue };
+        let mut files = named.block.source.files().into_iter();
+        if missing == Missing::Excused && files.any(|f| !context.resolve(&f).exists()) {
+            // What can be said of the faults without the file.
+            let faults = FaultChain::new(&named.block.faults, &channels, |fault| context.fault_seed(fault));
+            let mistakes = faults.err().unwrap_or_default();
+            d.extend(mistakes.iter().map(|e| named.node.locate(e)));
+            continue;
+        }
+        if let Err(e) = open_one(&named.block, &context) {
+            d.extend(e.diagnostics(&named.node));
+        }
+    }
+    let recorded = design.reference.as_ref().filter(|_| design.simulation.is_none());
+    let is_known = |name: &String| design.unread.streams.contains(name) || design.sources.iter().any(|s| s.name == *name);
+    if let Some(r) = recorded.filter(|r| !is_known(&r.block.source)) {
+        d.push(unknown_reference(design, r));
+    }
+    d
+}
+
+/// The mistakes of the variants of `file` besides those in `selected`, each laid over the base
+/// alone; what is wrong with the base itself is not repeated.
+#[must_use]
+pub fn variants(file: &Document, selected: &[&str]) -> Diagnostics {
+    let mut all = Diagnostics::new();
+    let names = file
+        .root()
+        .get("variant")
+        .map_or(&[][..], Node::entries)
+        .iter()
+        .map(|e| e.key.as_str());
+    let mut base: Option<Diagnostics> = None;
+    for name in names.filter(|name| !selected.contains(name)) {
+        let mut document = file.clone();
+        let laid = document.overlay(&format!("variant.{name}"));
+        let mistakes = match laid {
+            Ok(()) => draft(document).1,
+            Err(mistake) => mistake.into(),
+        };
+        if mistakes.is_empty() {
+            continue;
+        }
+        let base = base.get_or_insert_with(|| draft(file.clone()).1);
+        for mistake in mistakes.iter().filter(|m| !is_among(m, base)) {
+            let message = format!("variant `{name}`: {}", mistake.message);
+            let named = Diagnostic {
+                message,
+                ..mistake.clone()
+            };
+            all.push(named);
+        }
+    }
+    all
+}
+
+fn is_among(mistake: &Diagnostic, known: &Diagnostics) -> bool {
+    known.iter().any(|k| k.message == mistake.message && k.place == mistake.place)
+}
