@@ -9,7 +9,7 @@ use fusion_core::model::Measurement;
 use fusion_core::runner::{Noise, Sensor, StreamId};
 use fusion_core::time::nanos;
 use fusion_models::block::{Channel, Reading, Shape, check_delay};
-use fusion_models::units::Dimension;
+use fusion_models::units::{Dimension, range};
 use std::sync::Arc;
 
 /// What is known of a sensor besides its runtime model.
@@ -125,8 +125,8 @@ fn sigma(design: &Named<SensorDesign>, rows: &[Dimension]) -> Result<Vec<f64>, D
     let NoiseSpec { sigma, from_source, .. } = &design.block.common.noise;
     let sigma = match sigma {
         Some(sigma) => sigma
-            .resolve(rows)
-            .map_err(|why| Diagnostic::error(why).at(node.place_of("noise.sigma")))?,
+            .si::<range::NonNegative>(rows)
+            .map_err(|why| Diagnostic::error(why.to_string()).at(node.place_of("noise.sigma")))?,
         None if *from_source => vec![0.0; rows.len()],
         None => {
             let message = format!("`{}` has no noise", design.name);

@@ -24,7 +24,7 @@ mod run;
 
 pub use blocks::{Fault, Named, ProcessDesign, SensorCommon, SensorDesign, SimulationDesign, SourceDesign};
 pub use filter::{ChartSpec, FilterSpec, FormSpec, PresetSpec, UpdateSpec};
-pub use noise::{NoiseSpec, PerRow};
+pub use noise::NoiseSpec;
 pub use read::Design;
 pub(crate) use read::Draft;
 pub use reference::{DifferentiateSpec, ReferenceSpec};

@@ -1,7 +1,6 @@
 //! `[run]`: origin, time span and output.
 
-use fusion_models::initial::explicit::PlaceSpec;
-use fusion_models::units::{Duration, NonNegative, Positive, dim};
+use fusion_models::units::{Duration, NonNegative, Place, Positive, dim};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::path::PathBuf;
@@ -15,7 +14,7 @@ pub struct RunSpec {
     /// Where relative source paths start, itself relative to the file; `--data` overrides it.
     pub data_dir: Option<PathBuf>,
     /// Origin of the local coordinates n, e, d; by default the filter's first position.
-    pub origin: Option<PlaceSpec>,
+    pub origin: Option<Place>,
     /// Rows stamped earlier are not read.
     pub start: Option<Duration>,
     /// Rows stamped later are not read.

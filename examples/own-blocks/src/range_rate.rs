@@ -4,14 +4,14 @@
 
 use fusion::core::model::{Exact, ExactModel, ExactView, Measurement, Real, Undefined};
 use fusion::core::state::{Geodetic, Quantity, Velocity};
-use fusion::models::{block::*, initial::explicit::PlaceSpec, units::*};
+use fusion::models::{block::*, units::*, vocabulary::state};
 
 /// Range rate to a fixed beacon.
 #[derive(Debug, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RangeRateSpec {
     /// Where the beacon is.
-    beacon: PlaceSpec,
+    beacon: Place,
 }
 fusion::models::register! { Sensor, "range_rate", RangeRateSpec, r#"beacon = { latitude = "36.0985 deg", longitude = "129.4505 deg" }"# }
 
@@ -24,7 +24,7 @@ impl SensorSpec for RangeRateSpec {
         vec![dim::Speed::KIND.dimension]
     }
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        let (position, velocity) = (b.quantity("position")?, b.quantity("velocity")?);
+        let (position, velocity) = (b.quantity(state::POSITION)?, b.quantity(state::VELOCITY)?);
         Ok(Box::new(Exact(RangeRate(self.beacon.into(), position, velocity))))
     }
 }

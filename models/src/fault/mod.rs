@@ -10,7 +10,6 @@
 //!          body axes; everything else in its own unit
 //! Not here late or reordered rows, faults that depend on the truth
 
-mod amount;
 mod frozen;
 mod noise;
 mod outage;
@@ -20,7 +19,6 @@ mod shift;
 mod target;
 mod window;
 
-pub use amount::Amounts;
 pub use frozen::FrozenSpec;
 pub use noise::NoiseSpec;
 pub use outage::{DropSpec, OutageSpec};

@@ -2,8 +2,9 @@
 
 use super::random::generator;
 use super::target::Target;
-use super::{Amounts, Fault, FaultContext, FaultSpec, Outcome, Windows};
+use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
 use crate::block::BuildError;
+use crate::units::{PerAxis, range};
 use core::ops::Range;
 use fusion_core::time::Time;
 use rand::RngExt;
@@ -18,7 +19,7 @@ pub struct NoiseSpec {
     /// The channel; may be left out where the source has only one.
     channel: Option<String>,
     /// 1σ per axis; metres for a position, an angle for an attitude.
-    sigma: Amounts,
+    sigma: PerAxis,
     /// When; always without it.
     #[serde(default)]
     window: Windows,
@@ -38,10 +39,9 @@ sigma = ["1 m", "1 m", "2 m"]
 impl FaultSpec for NoiseSpec {
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
         let target = Target::find(context, self.channel.as_deref())?;
-        let sigma = self.sigma.expect("sigma", target.degrees(), target.dimension())?;
-        if sigma.iter().any(|s| *s < 0.0) {
-            return Err(BuildError::at("sigma", "a standard deviation is not negative"));
-        }
+        let axes = vec![target.dimension(); target.degrees()];
+        let sigma = self.sigma.si::<range::NonNegative>(&axes);
+        let sigma = sigma.map_err(|e| BuildError::at("sigma", e.to_string()))?;
         let by = vec![0.0; sigma.len()];
         Ok(Box::new(Noise {
             target,

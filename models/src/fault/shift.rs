@@ -1,10 +1,9 @@
 //! A constant offset, from an instant on or for a while.
 
-use super::amount::wrong_number;
 use super::target::Target;
-use super::{Amounts, Fault, FaultContext, FaultSpec, Outcome, Windows};
+use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
 use crate::block::BuildError;
-use crate::units::Duration;
+use crate::units::{Duration, PerAxis, UnitError, range};
 use core::ops::Range;
 use fusion_core::time::Time;
 use schemars::JsonSchema;
@@ -19,7 +18,7 @@ pub struct BiasStepSpec {
     /// When it sets in, in the time of the log.
     at: Duration,
     /// The offset, one quantity per axis; metres north, east, down for a position.
-    value: Amounts,
+    value: PerAxis,
 }
 
 crate::register!(
@@ -54,7 +53,7 @@ pub struct SpikeSpec {
     /// When, in the time of the log.
     window: Windows,
     /// The offset, one quantity per axis; metres north, east, down for a position.
-    value: Amounts,
+    value: PerAxis,
 }
 
 crate::register!(
@@ -81,12 +80,14 @@ impl FaultSpec for SpikeSpec {
 }
 
 /// An offset has a direction, so that one number does not hold for every axis.
-fn offset(context: &FaultContext<'_>, channel: Option<&str>, value: &Amounts) -> Result<(Target, Vec<f64>), BuildError> {
+fn offset(context: &FaultContext<'_>, channel: Option<&str>, value: &PerAxis) -> Result<(Target, Vec<f64>), BuildError> {
     let target = Target::find(context, channel)?;
-    if value.written() != target.degrees() {
-        return Err(BuildError::at("value", wrong_number(value.written(), target.degrees())));
-    }
-    Ok((target, value.expect("value", target.degrees(), target.dimension())?))
+    let axes = vec![target.dimension(); target.degrees()];
+    let by = match value.written() {
+        given if given == axes.len() => value.si::<range::Finite>(&axes),
+        given => Err(UnitError::Count { given, wanted: axes.len() }),
+    };
+    Ok((target, by.map_err(|e| BuildError::at("value", e.to_string()))?))
 }
 
 #[derive(Debug)]

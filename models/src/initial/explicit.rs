@@ -3,7 +3,7 @@
 use super::{write_attitude, write_position, write_velocity, write_yaw};
 use crate::block::{Build, BuildError, InitialiserSpec, Listen};
 use crate::param::Rpy;
-use crate::units::{Angle, Axes, Length, NonNegative, Vec3Of, dim, range};
+use crate::units::{Angle, Axes, NonNegative, Place, Vec3Of, dim, range};
 use crate::vocabulary::state;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::runner::Initialiser;
@@ -13,36 +13,13 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// A geodetic place.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct PlaceSpec {
-    /// Geodetic latitude, e.g. "36.098 deg".
-    pub latitude: Angle,
-    /// Longitude.
-    pub longitude: Angle,
-    /// Height above the ellipsoid.
-    #[serde(default)]
-    pub height: Length,
-}
-
-impl From<PlaceSpec> for Geodetic {
-    fn from(p: PlaceSpec) -> Self {
-        Self {
-            lat: p.latitude.si(),
-            lon: p.longitude.si(),
-            height: p.height.si(),
-        }
-    }
-}
-
 /// Initial values written in the file: any of position, velocity, attitude or heading, each with
 /// its 1σ.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ExplicitSpec {
     /// Initial position; without it the origin where `position_sigma` is given.
-    position: Option<PlaceSpec>,
+    position: Option<Place>,
     /// 1σ north, east, down.
     position_sigma: Option<Axes<dim::Length, range::NonNegative>>,
     /// Initial velocity north, east, down.

@@ -13,7 +13,7 @@
 use crate::block::{Build, BuildError, Channel, ProcessSpec};
 use crate::earth::rates::earth_rate_n;
 use crate::param::VectorParam;
-use crate::units::{self, Axes, dim, range};
+use crate::units::{Axes, Latitude, dim, range};
 use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3;
 use fusion_core::linear::Transition;
@@ -34,7 +34,7 @@ pub struct AttitudeOnlySpec {
     #[serde(default)]
     gyro_bias: VectorParam<dim::AngularRate>,
     /// Latitude, for the Earth's rotation; that of the origin, or no rotation, where absent.
-    latitude: Option<units::Angle>,
+    latitude: Option<Latitude>,
 }
 
 crate::register!(

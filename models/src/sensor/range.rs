@@ -8,9 +8,8 @@
 use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
 use crate::earth::frames::ecef_from_geodetic;
 use crate::param::{ScalarParam, VectorParam};
-use crate::units::{Angle, Dimension, Dimensional, Length, dim};
+use crate::units::{Dimension, Dimensional, Latitude, Length, Longitude, dim};
 use crate::vocabulary::state;
-use core::f64::consts::FRAC_PI_2;
 use fusion_core::geometry::wgs84::{ECCENTRICITY_SQUARED, Geodetic, SEMI_MAJOR_AXIS};
 use fusion_core::model::{Exact, ExactModel, ExactView, Measurement, Real, Undefined};
 use fusion_core::state::{Attitude, Param, Quantity, Scalar, Vector};
@@ -23,9 +22,9 @@ use serde::Deserialize;
 #[serde(deny_unknown_fields)]
 pub struct RangeSpec {
     /// Latitude of the beacon, north positive.
-    latitude: Angle,
+    latitude: Latitude,
     /// Longitude of the beacon, east positive.
-    longitude: Angle,
+    longitude: Longitude,
     /// Height of the beacon above the ellipsoid, up positive.
     height: Length,
     /// Transducer position in body axes, from the body origin (the IMU).
@@ -64,9 +63,6 @@ impl SensorSpec for RangeSpec {
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        if self.latitude.si().abs() > FRAC_PI_2 {
-            return Err(BuildError::at("latitude", "a latitude lies between -90 and 90 degrees").help("bare numbers are radians"));
-        }
         let lever_arm = b.param("lever_arm", &self.lever_arm)?;
         let at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
         Ok(Box::new(Exact(Range {

@@ -21,7 +21,7 @@ mod trajectory;
 mod world;
 
 pub use imu_error::{AccelerometerErrorSpec, GyroErrorSpec, ImuError, ImuErrorSpec, ImuPreset};
-pub use noise::{Rows, SensorError, SensorErrorSpec};
+pub use noise::{SensorError, SensorErrorSpec};
 pub use segment::{Junction, Motion, Segment, SegmentSpec};
 pub use simulator::{IMU, REFERENCE, Setup, SimulatedSensor, SimulatedStream, Simulator, reference_channels};
 pub use spec::{SimulationSpec, StartSpec};

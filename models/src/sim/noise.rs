@@ -6,93 +6,10 @@
 
 use super::random::{Markov, Random};
 use crate::block::BuildError;
-use crate::units::{AnyQuantity, Dimension, Positive, dim};
-use core::fmt;
+use crate::units::{Dimension, PerAxis, Positive, dim, range};
 use fusion_core::Time;
 use fusion_core::model::Measurement;
-use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::value::SeqAccessDeserializer;
-use serde::de::{Deserialize, Deserializer, Error, IntoDeserializer, SeqAccess, Visitor};
-use std::borrow::Cow;
-
-/// One quantity per residual row, or one that holds for all rows.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Rows {
-    /// For all rows.
-    Same(AnyQuantity),
-    /// For each row.
-    Each(Vec<AnyQuantity>),
-}
-
-impl Rows {
-    /// The values in SI, of the rows' dimensions and not negative.
-    fn si(&self, rows: &[Dimension], field: &str) -> Result<Vec<f64>, BuildError> {
-        let one = |quantity: &AnyQuantity, wanted: Dimension| match quantity.expect(wanted) {
-            Ok(si) if si >= 0.0 => Ok(si),
-            Ok(si) => Err(BuildError::at(field, format!("{si} is negative"))),
-            Err(e) => Err(BuildError::at(field, e.to_string())),
-        };
-        match self {
-            Self::Same(quantity) => rows.iter().map(|d| one(quantity, *d)).collect(),
-            Self::Each(each) if each.len() == rows.len() => each.iter().zip(rows).map(|(q, d)| one(q, *d)).collect(),
-            Self::Each(each) => {
-                let wrong = format!("{} numbers for a measurement of {} rows", each.len(), rows.len());
-                Err(BuildError::at(field, wrong))
-            }
-        }
-    }
-}
-
-impl<'de> Deserialize<'de> for Rows {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct RowsVisitor;
-
-        impl<'de> Visitor<'de> for RowsVisitor {
-            type Value = Rows;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a quantity, or an array of one per residual row")
-            }
-
-            fn visit_f64<E: Error>(self, si: f64) -> Result<Rows, E> {
-                AnyQuantity::deserialize(si.into_deserializer()).map(Rows::Same)
-            }
-
-            fn visit_i64<E: Error>(self, si: i64) -> Result<Rows, E> {
-                self.visit_f64(si as f64)
-            }
-
-            fn visit_u64<E: Error>(self, si: u64) -> Result<Rows, E> {
-                self.visit_f64(si as f64)
-            }
-
-            fn visit_str<E: Error>(self, text: &str) -> Result<Rows, E> {
-                AnyQuantity::deserialize(text.into_deserializer()).map(Rows::Same)
-            }
-
-            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Rows, A::Error> {
-                Vec::deserialize(SeqAccessDeserializer::new(seq)).map(Rows::Each)
-            }
-        }
-
-        deserializer.deserialize_any(RowsVisitor)
-    }
-}
-
-impl JsonSchema for Rows {
-    fn inline_schema() -> bool {
-        true
-    }
-
-    fn schema_name() -> Cow<'static, str> {
-        "Rows".into()
-    }
-
-    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
-        let one = generator.subschema_for::<AnyQuantity>();
-        json_schema!({ "anyOf": [one, { "type": "array", "items": one }] })
-    }
-}
+use schemars::JsonSchema;
 
 /// How a sensor is simulated: when it measures, and how wrong.
 #[derive(Clone, Debug, serde::Deserialize, JsonSchema)]
@@ -104,13 +21,13 @@ pub struct SensorErrorSpec {
     #[serde(default)]
     pub(super) start: crate::units::NonNegative<dim::Duration>,
     /// 1σ of white noise, per residual row.
-    white: Option<Rows>,
+    white: Option<PerAxis>,
     /// A slowly varying error.
     markov: Option<MarkovSpec>,
     /// 1σ of a constant error, drawn once per run, per residual row.
-    bias_sigma: Option<Rows>,
+    bias_sigma: Option<PerAxis>,
     /// Least step of the measured value, per residual row.
-    resolution: Option<Rows>,
+    resolution: Option<PerAxis>,
 }
 
 /// A first-order Gauss-Markov error.
@@ -118,7 +35,7 @@ pub struct SensorErrorSpec {
 #[serde(deny_unknown_fields)]
 struct MarkovSpec {
     /// Stationary 1σ, per residual row.
-    sigma: Rows,
+    sigma: PerAxis,
     /// Correlation time.
     correlation_time: Positive<dim::Duration>,
 }
@@ -136,6 +53,13 @@ pub struct SensorError {
     error: Vec<f64>,
 }
 
+/// The values for the rows of a residual, none of them negative.
+fn per_row(given: &PerAxis, rows: &[Dimension], field: &str) -> Result<Vec<f64>, BuildError> {
+    given
+        .si::<range::NonNegative>(rows)
+        .map_err(|e| BuildError::at(field, e.to_string()))
+}
+
 impl SensorError {
     /// The errors of the sensor `name` with residual rows of those dimensions.
     ///
@@ -143,13 +67,13 @@ impl SensorError {
     /// A dimension or a count of rows that does not fit; the field is within the sensor's table.
     pub fn new(spec: &SensorErrorSpec, name: &str, rows: &[Dimension], seed: u64) -> Result<Self, BuildError> {
         let random = |part: &str| Random::new(seed, &format!("sensor/{name}/{part}"));
-        let si = |given: &Option<Rows>, field: &str| match given {
-            Some(given) => given.si(rows, field),
+        let si = |given: &Option<PerAxis>, field: &str| match given {
+            Some(given) => per_row(given, rows, field),
             None => Ok(vec![0.0; rows.len()]),
         };
         let markov = match &spec.markov {
             Some(m) => Some(Markov::new(
-                m.sigma.si(rows, "markov.sigma")?,
+                per_row(&m.sigma, rows, "markov.sigma")?,
                 m.correlation_time.si(),
                 random("markov"),
             )),

@@ -4,12 +4,14 @@ use std::borrow::Cow;
 use std::fmt;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::{Deserialize, Deserializer, Error, Visitor};
+use serde::de::{Deserialize, Deserializer};
 use serde::ser::{Serialize, Serializer};
 
 use super::dimension::Dimension;
 use super::error::UnitError;
 use super::expression::parse;
+use super::quantity::{Range, within};
+use super::written::{Written, deserialize_written};
 
 /// A finite quantity of any dimension, such as the sigma of a sensor not yet looked at.
 ///
@@ -63,6 +65,15 @@ impl AnyQuantity {
             _ => Ok(self.si),
         }
     }
+
+    /// The same, if it is within the range `R` too.
+    ///
+    /// # Errors
+    /// Another dimension, or a value out of range.
+    pub fn within<R: Range>(&self, wanted: Dimension) -> Result<f64, UnitError> {
+        let text = self.stated.as_ref().map(|(text, _)| text.as_str());
+        within::<R>(self.expect(wanted)?, text, wanted.kind())
+    }
 }
 
 /// As it was written: the bare number, or the text.
@@ -75,35 +86,23 @@ impl Serialize for AnyQuantity {
     }
 }
 
+impl Written for AnyQuantity {
+    fn expecting(f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a number in SI, or text with a unit")
+    }
+
+    fn number(si: f64) -> Result<Self, UnitError> {
+        Self::from_si(si)
+    }
+
+    fn text(text: &str) -> Result<Self, UnitError> {
+        Self::from_text(text)
+    }
+}
+
 impl<'de> Deserialize<'de> for AnyQuantity {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct AnyVisitor;
-
-        impl Visitor<'_> for AnyVisitor {
-            type Value = AnyQuantity;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a number in SI, or text with a unit")
-            }
-
-            fn visit_f64<E: Error>(self, si: f64) -> Result<AnyQuantity, E> {
-                AnyQuantity::from_si(si).map_err(E::custom)
-            }
-
-            fn visit_i64<E: Error>(self, si: i64) -> Result<AnyQuantity, E> {
-                self.visit_f64(si as f64)
-            }
-
-            fn visit_u64<E: Error>(self, si: u64) -> Result<AnyQuantity, E> {
-                self.visit_f64(si as f64)
-            }
-
-            fn visit_str<E: Error>(self, text: &str) -> Result<AnyQuantity, E> {
-                AnyQuantity::from_text(text).map_err(E::custom)
-            }
-        }
-
-        deserializer.deserialize_any(AnyVisitor)
+        deserialize_written(deserializer)
     }
 }
 

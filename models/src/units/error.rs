@@ -46,6 +46,15 @@ pub enum UnitError {
         wanted: Kind,
         /// The range, as in `greater than 0`.
         range: &'static str,
+        /// The text that was probably meant.
+        meant: Option<String>,
+    },
+    /// There are more or fewer quantities than axes.
+    Count {
+        /// How many are written.
+        given: usize,
+        /// How many axes there are.
+        wanted: usize,
     },
 }
 
@@ -73,14 +82,24 @@ impl fmt::Display for UnitError {
                 write!(f, "; {wanted} is wanted here")?;
                 write_example(f, wanted)
             }
-            Self::OutOfRange { text, wanted, range } => {
+            Self::OutOfRange {
+                text,
+                wanted,
+                range,
+                meant,
+            } => {
                 match text.parse::<f64>() {
                     Ok(_) => write!(f, "{text} is out of range")?,
                     Err(_) => write!(f, "{text:?} is out of range")?,
                 }
                 write!(f, "; {wanted} {range} is wanted here")?;
-                write_example(f, wanted)
+                write_example(f, wanted)?;
+                match meant {
+                    Some(meant) => write!(f, "; a bare number is in {}: was {meant:?} meant?", wanted.symbol),
+                    None => Ok(()),
+                }
             }
+            Self::Count { given, wanted } => write!(f, "one quantity per axis is wanted: {wanted}, not {given}"),
         }
     }
 }

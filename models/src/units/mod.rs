@@ -21,17 +21,20 @@
 //! is known only once the block is built, [`parse_unit`] for the heading of a data column.
 
 mod any;
-mod axes;
 mod catalogue;
 mod dimension;
 mod error;
 mod expression;
+mod per_axis;
+mod place;
 mod quantity;
+mod written;
 
 pub use any::AnyQuantity;
-pub use axes::{Axes, Vec3Of};
 pub use catalogue::STANDARD_GRAVITY;
 pub use dimension::{Dimension, Kind};
 pub use error::UnitError;
 pub use expression::{parse, parse_unit};
+pub use per_axis::{Axes, PerAxis, Vec3Of};
+pub use place::Place;
 pub use quantity::*;

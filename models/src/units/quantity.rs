@@ -5,12 +5,13 @@ use std::fmt;
 use std::marker::PhantomData;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::{Deserialize, Deserializer, Error, Visitor};
+use serde::de::{Deserialize, Deserializer};
 use serde::ser::{Serialize, Serializer};
 
 use super::dimension::{Dimension, Kind};
 use super::error::UnitError;
 use super::expression::parse;
+use super::written::{Written, deserialize_written};
 
 /// A dimension as a type: the markers in [`dim`].
 pub trait Dimensional: Copy + Send + Sync + 'static {
@@ -28,8 +29,29 @@ pub trait Range: Copy + Send + Sync + 'static {
     const NAME: &'static str;
     /// Whether the finite value `si` is allowed.
     fn contains(si: f64) -> bool;
+    /// What was probably meant by the bare number `si` outside the range.
+    fn meant(_si: f64) -> Option<String> {
+        None
+    }
     /// States the range in the schema of the number.
     fn limit(_schema: &mut Schema) {}
+}
+
+/// `si` where it is finite and within `R`; `text` is how it was written, `None` for a bare number.
+pub(super) fn within<R: Range>(si: f64, text: Option<&str>, wanted: Kind) -> Result<f64, UnitError> {
+    let written = || text.map_or_else(|| si.to_string(), str::to_owned);
+    if !si.is_finite() {
+        Err(UnitError::Number { text: written() })
+    } else if R::contains(si) {
+        Ok(si)
+    } else {
+        Err(UnitError::OutOfRange {
+            text: written(),
+            wanted,
+            range: R::CONDITION,
+            meant: if text.is_none() { R::meant(si) } else { None },
+        })
+    }
 }
 
 /// A value of dimension `D` within the range `R`, in SI. Always finite when it was deserialised.
@@ -46,6 +68,10 @@ pub type Positive<D> = Quantity<D, range::Positive>;
 pub type NonNegative<D> = Quantity<D, range::NonNegative>;
 /// A number from 0 to 1, both allowed; `"99 %"` too.
 pub type Probability = Quantity<dim::Ratio, range::UnitInterval>;
+/// A geodetic latitude \[rad\].
+pub type Latitude = Quantity<dim::Angle, range::Latitude>;
+/// A longitude \[rad\], counted from -180 degrees or from 0.
+pub type Longitude = Quantity<dim::Angle, range::Longitude>;
 
 impl<D, R> Quantity<D, R> {
     /// The value in SI units.
@@ -69,7 +95,7 @@ impl<D: Dimensional, R: Range> Quantity<D, R> {
     /// # Errors
     /// Where the value is not finite or out of range.
     pub fn try_from_si(si: f64) -> Result<Self, UnitError> {
-        Self::checked(si, || si.to_string())
+        Self::checked(si, None)
     }
 
     /// From text with a unit; a pure number needs none.
@@ -79,7 +105,7 @@ impl<D: Dimensional, R: Range> Quantity<D, R> {
     pub fn from_text(text: &str) -> Result<Self, UnitError> {
         let (si, found) = parse(text)?;
         if found == D::KIND.dimension {
-            return Self::checked(si, || text.to_owned());
+            return Self::checked(si, Some(text));
         }
         Err(UnitError::WrongDimension {
             text: text.to_owned(),
@@ -88,19 +114,9 @@ impl<D: Dimensional, R: Range> Quantity<D, R> {
         })
     }
 
-    fn checked(si: f64, text: impl FnOnce() -> String) -> Result<Self, UnitError> {
-        if !si.is_finite() {
-            Err(UnitError::Number { text: text() })
-        } else if R::contains(si) {
-            Ok(Self { si, marker: PhantomData })
-        } else {
-            let range = R::CONDITION;
-            Err(UnitError::OutOfRange {
-                text: text(),
-                wanted: D::KIND,
-                range,
-            })
-        }
+    fn checked(si: f64, text: Option<&str>) -> Result<Self, UnitError> {
+        let si = within::<R>(si, text, D::KIND)?;
+        Ok(Self { si, marker: PhantomData })
     }
 }
 
@@ -163,35 +179,23 @@ impl<D, R> Serialize for Quantity<D, R> {
     }
 }
 
-impl<'de, D: Dimensional, R: Range> Deserialize<'de> for Quantity<D, R> {
-    fn deserialize<A: Deserializer<'de>>(deserializer: A) -> Result<Self, A::Error> {
-        deserializer.deserialize_any(QuantityVisitor(PhantomData))
-    }
-}
-
-pub(super) struct QuantityVisitor<D, R>(pub(super) PhantomData<(D, R)>);
-
-impl<D: Dimensional, R: Range> Visitor<'_> for QuantityVisitor<D, R> {
-    type Value = Quantity<D, R>;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl<D: Dimensional, R: Range> Written for Quantity<D, R> {
+    fn expecting(f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}, e.g. {:?}", D::KIND, D::KIND.example)
     }
 
-    fn visit_f64<E: Error>(self, si: f64) -> Result<Self::Value, E> {
-        Quantity::try_from_si(si).map_err(E::custom)
+    fn number(si: f64) -> Result<Self, UnitError> {
+        Self::try_from_si(si)
     }
 
-    fn visit_i64<E: Error>(self, si: i64) -> Result<Self::Value, E> {
-        self.visit_f64(si as f64)
+    fn text(text: &str) -> Result<Self, UnitError> {
+        Self::from_text(text)
     }
+}
 
-    fn visit_u64<E: Error>(self, si: u64) -> Result<Self::Value, E> {
-        self.visit_f64(si as f64)
-    }
-
-    fn visit_str<E: Error>(self, text: &str) -> Result<Self::Value, E> {
-        Quantity::from_text(text).map_err(E::custom)
+impl<'de, D: Dimensional, R: Range> Deserialize<'de> for Quantity<D, R> {
+    fn deserialize<A: Deserializer<'de>>(deserializer: A) -> Result<Self, A::Error> {
+        deserialize_written(deserializer)
     }
 }
 
@@ -238,6 +242,12 @@ pub mod range {
     /// From 0 to 1, both included.
     #[derive(Clone, Copy, Debug)]
     pub enum UnitInterval {}
+    /// An angle from the equator: -90 to 90 degrees.
+    #[derive(Clone, Copy, Debug)]
+    pub enum Latitude {}
+    /// An angle from Greenwich: -180 to 360 degrees.
+    #[derive(Clone, Copy, Debug)]
+    pub enum Longitude {}
 
     impl Range for Finite {
         const CONDITION: &'static str = "";
@@ -280,6 +290,28 @@ pub mod range {
             schema.insert("maximum".to_owned(), 1.into());
         }
     }
+
+    /// A range of angles, in degrees: its conversion rounds as that of the text does.
+    macro_rules! degrees {
+        ($Name:ident, $least:literal, $most:literal, $condition:literal) => {
+            impl Range for $Name {
+                const CONDITION: &'static str = $condition;
+                const NAME: &'static str = stringify!($Name);
+                fn contains(si: f64) -> bool {
+                    (f64::to_radians($least)..=f64::to_radians($most)).contains(&si)
+                }
+                fn meant(si: f64) -> Option<String> {
+                    ($least..=$most).contains(&si).then(|| format!("{si} deg"))
+                }
+                fn limit(schema: &mut Schema) {
+                    schema.insert("minimum".to_owned(), f64::to_radians($least).into());
+                    schema.insert("maximum".to_owned(), f64::to_radians($most).into());
+                }
+            }
+        };
+    }
+    degrees!(Latitude, -90.0, 90.0, "from -90 to 90 degrees");
+    degrees!(Longitude, -180.0, 360.0, "from -180 to 360 degrees");
 }
 
 /// Declares the marker, the alias and the catalogue entry of each dimension.

@@ -55,7 +55,7 @@ pub struct AttitudeReferenceSpec {
     compensation: Compensation,
     /// Latitude for `compensation` and gravity until the filter has a position, or without one; by
     /// default that of the origin.
-    latitude: Option<units::Angle>,
+    latitude: Option<units::Latitude>,
     /// How the accelerometers correct roll and pitch.
     #[serde(default)]
     correction: CorrectionSpec,

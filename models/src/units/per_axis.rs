@@ -1,4 +1,7 @@
-//! One quantity per axis.
+//! One quantity, or one per axis.
+//!
+//! [`Axes`] where number and dimension of the axes are known to the type, [`PerAxis`] where the block
+//! that it is written in decides them, [`Vec3Of`] where no one number could stand for all.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -6,10 +9,108 @@ use std::marker::PhantomData;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::SeqAccessDeserializer;
-use serde::de::{Deserialize, Deserializer, Error, SeqAccess, Visitor};
+use serde::de::{Deserialize, Deserializer, Error, IntoDeserializer, SeqAccess, Visitor};
 use serde::ser::{Serialize, Serializer};
 
-use super::quantity::{Dimensional, Quantity, QuantityVisitor, Range, range};
+use super::any::AnyQuantity;
+use super::dimension::Dimension;
+use super::error::UnitError;
+use super::quantity::{Dimensional, Quantity, Range, range};
+
+/// As it is written: one quantity that holds for every axis, or an array with one per axis.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PerAxis<Q = AnyQuantity> {
+    /// One for all.
+    Same(Q),
+    /// One each.
+    Each(Vec<Q>),
+}
+
+impl<Q> PerAxis<Q> {
+    /// How many are written.
+    #[must_use]
+    pub fn written(&self) -> usize {
+        match self {
+            Self::Same(_) => 1,
+            Self::Each(each) => each.len(),
+        }
+    }
+}
+
+impl PerAxis {
+    /// The SI values for axes of these dimensions, each within the range `R`.
+    ///
+    /// # Errors
+    /// A wrong number of them, another dimension, or a value out of range.
+    pub fn si<R: Range>(&self, axes: &[Dimension]) -> Result<Vec<f64>, UnitError> {
+        match self {
+            Self::Same(one) => axes.iter().map(|dimension| one.within::<R>(*dimension)).collect(),
+            Self::Each(each) if each.len() == axes.len() => each.iter().zip(axes).map(|(q, d)| q.within::<R>(*d)).collect(),
+            Self::Each(each) => Err(UnitError::Count {
+                given: each.len(),
+                wanted: axes.len(),
+            }),
+        }
+    }
+}
+
+/// Reads a [`PerAxis`]; what is expected besides one quantity is said by `array`.
+struct PerAxisVisitor<Q> {
+    array: fn(&mut fmt::Formatter<'_>) -> fmt::Result,
+    quantity: PhantomData<Q>,
+}
+
+impl<'de, Q: Deserialize<'de>> Visitor<'de> for PerAxisVisitor<Q> {
+    type Value = PerAxis<Q>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        (self.array)(f)
+    }
+
+    fn visit_f64<E: Error>(self, si: f64) -> Result<Self::Value, E> {
+        Q::deserialize(si.into_deserializer()).map(PerAxis::Same)
+    }
+
+    fn visit_i64<E: Error>(self, si: i64) -> Result<Self::Value, E> {
+        Q::deserialize(si.into_deserializer()).map(PerAxis::Same)
+    }
+
+    fn visit_u64<E: Error>(self, si: u64) -> Result<Self::Value, E> {
+        Q::deserialize(si.into_deserializer()).map(PerAxis::Same)
+    }
+
+    fn visit_str<E: Error>(self, text: &str) -> Result<Self::Value, E> {
+        Q::deserialize(text.into_deserializer()).map(PerAxis::Same)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
+        Vec::deserialize(SeqAccessDeserializer::new(seq)).map(PerAxis::Each)
+    }
+}
+
+impl<'de> Deserialize<'de> for PerAxis {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(PerAxisVisitor {
+            array: |f| f.write_str("a number in SI, text with a unit, or an array of them, one per axis"),
+            quantity: PhantomData,
+        })
+    }
+}
+
+impl JsonSchema for PerAxis {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> Cow<'static, str> {
+        "PerAxis".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let one = generator.subschema_for::<AnyQuantity>();
+        json_schema!({ "anyOf": [one, { "type": "array", "items": one }] })
+    }
+}
 
 /// `N` quantities: an array of exactly `N`, or one quantity that holds for every axis.
 pub struct Axes<D, R = range::Finite, const N: usize = 3>([Quantity<D, R>; N]);
@@ -75,7 +176,14 @@ array_traits!(Vec3Of, 3);
 
 impl<'de, D: Dimensional, R: Range, const N: usize> Deserialize<'de> for Axes<D, R, N> {
     fn deserialize<A: Deserializer<'de>>(deserializer: A) -> Result<Self, A::Error> {
-        deserializer.deserialize_any(AxesVisitor(PhantomData)).map(Self)
+        let written = deserializer.deserialize_any(PerAxisVisitor {
+            array: |f| write!(f, "{}, e.g. {:?}, or an array of {N}", D::KIND, D::KIND.example),
+            quantity: PhantomData,
+        })?;
+        match written {
+            PerAxis::Same(one) => Ok(Self([one; N])),
+            PerAxis::Each(each) => exactly(each).map(Self),
+        }
     }
 }
 
@@ -83,6 +191,13 @@ impl<'de, D: Dimensional, R: Range> Deserialize<'de> for Vec3Of<D, R> {
     fn deserialize<A: Deserializer<'de>>(deserializer: A) -> Result<Self, A::Error> {
         deserializer.deserialize_any(ArrayVisitor(PhantomData)).map(Self)
     }
+}
+
+/// An array of `N` out of what is written as one.
+fn exactly<D: Dimensional, R: Range, E: Error, const N: usize>(each: Vec<Quantity<D, R>>) -> Result<[Quantity<D, R>; N], E> {
+    let length = each.len();
+    each.try_into()
+        .map_err(|_| E::invalid_length(length, &ArrayVisitor::<D, R, N>(PhantomData)))
 }
 
 /// Reads an array of exactly `N`.
@@ -96,44 +211,7 @@ impl<'de, D: Dimensional, R: Range, const N: usize> Visitor<'de> for ArrayVisito
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
-        let axes = Vec::<Quantity<D, R>>::deserialize(SeqAccessDeserializer::new(seq))?;
-        let length = axes.len();
-        axes.try_into().map_err(|_| A::Error::invalid_length(length, &self))
-    }
-}
-
-/// Reads an array of exactly `N`, or one quantity for all.
-struct AxesVisitor<D, R, const N: usize>(PhantomData<(D, R)>);
-
-impl<D: Dimensional, R: Range, const N: usize> AxesVisitor<D, R, N> {
-    const ONE: QuantityVisitor<D, R> = QuantityVisitor(PhantomData);
-}
-
-impl<'de, D: Dimensional, R: Range, const N: usize> Visitor<'de> for AxesVisitor<D, R, N> {
-    type Value = [Quantity<D, R>; N];
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}, e.g. {:?}, or an array of {N}", D::KIND, D::KIND.example)
-    }
-
-    fn visit_f64<E: Error>(self, si: f64) -> Result<Self::Value, E> {
-        Self::ONE.visit_f64(si).map(|one| [one; N])
-    }
-
-    fn visit_i64<E: Error>(self, si: i64) -> Result<Self::Value, E> {
-        Self::ONE.visit_i64(si).map(|one| [one; N])
-    }
-
-    fn visit_u64<E: Error>(self, si: u64) -> Result<Self::Value, E> {
-        Self::ONE.visit_u64(si).map(|one| [one; N])
-    }
-
-    fn visit_str<E: Error>(self, text: &str) -> Result<Self::Value, E> {
-        Self::ONE.visit_str(text).map(|one| [one; N])
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
-        ArrayVisitor(PhantomData).visit_seq(seq)
+        Vec::deserialize(SeqAccessDeserializer::new(seq)).and_then(exactly)
     }
 }
 
@@ -215,6 +293,26 @@ mod tests {
         assert_eq!(
             read::<Axes<dim::Length>>("true").unwrap_err(),
             r#"invalid type: boolean `true`, expected a length [m], e.g. "0.5 m", or an array of 3"#
+        );
+    }
+
+    #[test]
+    fn where_the_block_decides_the_axes_number_dimension_and_range_are_checked_then() {
+        let (metre, rad) = (dim::Length::KIND.dimension, dim::Angle::KIND.dimension);
+        let said = |value: &str, axes: &[Dimension]| {
+            let read = read::<PerAxis>(value).unwrap().si::<range::NonNegative>(axes);
+            read.map_err(|e| e.to_string())
+        };
+        assert_eq!(said("'5 cm'", &[metre; 3]), Ok(vec![0.05; 3]));
+        assert_eq!(said("['5 cm', 2]", &[metre, rad]), Ok(vec![0.05, 2.0]));
+        assert_eq!(said("[2]", &[metre; 3]).unwrap_err(), "one quantity per axis is wanted: 3, not 1");
+        assert!(said("2", &[]).unwrap().is_empty());
+        let wrong = said("['5 cm', '2 m']", &[metre, rad]).unwrap_err();
+        assert_eq!(wrong, r#""2 m" is a length [m]; an angle [rad] is wanted here, e.g. "5 deg""#);
+        let negative = said("['5 cm', '-2 deg']", &[metre, rad]).unwrap_err();
+        assert_eq!(
+            negative,
+            r#""-2 deg" is out of range; an angle [rad] of at least 0 is wanted here, e.g. "5 deg""#
         );
     }
 
