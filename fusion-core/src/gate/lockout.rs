@@ -2,9 +2,8 @@
 
 use super::{Decision, GateInput, Mode};
 use crate::time::Time;
+use smallvec::SmallVec;
 
-/// Numbers of the largest residual the gates remember.
-pub(super) const MAX_DIM: usize = 8;
 /// Residuals that must agree before a denied sensor is believed again.
 const WITNESSES: usize = 5;
 
@@ -44,7 +43,7 @@ impl Default for Recovery {
 /// with each other after a long denial or after a gap. They agree where their residuals lie on a
 /// straight line in time: an estimate gone wrong has left at some speed, and a constant is the case
 /// of none.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Lockout {
     recovery: Recovery,
     mode: Mode,
@@ -53,7 +52,8 @@ pub struct Lockout {
     since: Time,
     last: Option<Time>,
     resumed: bool,
-    witnesses: [[f64; MAX_DIM]; WITNESSES],
+    /// Residuals, the latest last; up to eight rows they need no memory of their own.
+    witnesses: [SmallVec<[f64; 8]>; WITNESSES],
     times: [Time; WITNESSES],
     count: usize,
 }
@@ -122,9 +122,9 @@ impl Lockout {
 
     fn remember(&mut self, input: &GateInput<'_>) {
         self.witnesses.rotate_left(1);
-        for (slot, r) in self.witnesses[WITNESSES - 1].iter_mut().zip(input.residual) {
-            *slot = *r;
-        }
+        let latest = &mut self.witnesses[WITNESSES - 1];
+        latest.clear();
+        latest.extend_from_slice(input.residual);
         self.times.rotate_left(1);
         self.times[WITNESSES - 1] = input.time;
         self.count = (self.count + 1).min(WITNESSES);
@@ -132,7 +132,7 @@ impl Lockout {
 
     fn witnesses_agree(&self, input: &GateInput<'_>, floor: f64) -> bool {
         let m = input.residual.len();
-        if self.count < WITNESSES || m > MAX_DIM {
+        if self.count < WITNESSES || self.witnesses.iter().any(|w| w.len() != m) {
             return false;
         }
         let mean = |values: [f64; WITNESSES]| values.iter().sum::<f64>() / WITNESSES as f64;
@@ -141,7 +141,7 @@ impl Lockout {
         let spread = mean(times.map(|t| (t - middle).powi(2)));
         (0..m).all(|i| {
             let limit = (self.recovery.agreement * input.noise[i * m + i].sqrt()).max(floor);
-            let values = self.witnesses.map(|w| w[i]);
+            let values = core::array::from_fn(|k| self.witnesses[k][i]);
             let centre = mean(values);
             let moment = mean(core::array::from_fn(|k| (times[k] - middle) * (values[k] - centre)));
             let slope = if spread > 0.0 { moment / spread } else { 0.0 };

@@ -1,13 +1,14 @@
 //! The classical gate.
 
-use super::lockout::MAX_DIM;
 use super::{Answer, Gate, GateInput, Lockout, Recovery};
 use crate::consistency::chi_square_quantile;
 
 /// Normalised innovation squared against a χ² quantile.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Nis {
-    thresholds: [f64; MAX_DIM + 1],
+    probability: f64,
+    /// By the number of rows; of more rows once such a residual has come.
+    thresholds: Vec<f64>,
     lockout: Lockout,
 }
 
@@ -15,17 +16,27 @@ impl Nis {
     /// Passes what a consistent filter would see with `probability`.
     #[must_use]
     pub fn new(probability: f64, recovery: Recovery) -> Self {
-        let thresholds = core::array::from_fn(|m| chi_square_quantile(probability, m as f64));
-        Self {
-            thresholds,
+        let mut gate = Self {
+            probability,
+            thresholds: Vec::new(),
             lockout: Lockout::new(recovery),
+        };
+        gate.threshold(8);
+        gate
+    }
+
+    /// The quantile for `rows`.
+    fn threshold(&mut self, rows: usize) -> f64 {
+        for m in self.thresholds.len()..=rows {
+            self.thresholds.push(chi_square_quantile(self.probability, m as f64));
         }
+        self.thresholds[rows]
     }
 }
 
 impl Gate for Nis {
     fn judge(&mut self, input: &GateInput<'_>) -> Answer {
-        let threshold = self.thresholds[input.residual.len().min(MAX_DIM)];
+        let threshold = self.threshold(input.residual.len());
         let decision = self.lockout.decide(input.nis <= threshold, input);
         Answer {
             decision,
@@ -36,7 +47,7 @@ impl Gate for Nis {
     }
 
     fn boxed_clone(&self) -> Box<dyn Gate> {
-        Box::new(*self)
+        Box::new(self.clone())
     }
 }
 

@@ -42,7 +42,7 @@ pub enum Magnitude {
 }
 
 /// The test, with the memory that keeps it from locking out.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct TwoCondition {
     gamma: f64,
     ellipse: Ellipse,
@@ -144,7 +144,7 @@ impl Gate for TwoCondition {
     }
 
     fn boxed_clone(&self) -> Box<dyn Gate> {
-        Box::new(*self)
+        Box::new(self.clone())
     }
 }
 

@@ -1,24 +1,22 @@
 //! Exact derivatives for models that write only h.
 //!
 //! An author implements [`ExactModel::h`] once, generic over the number type, and wraps the
-//! model in [`Exact`]. Dual numbers carry the derivative along one tangent direction at a time;
-//! only the directions of the quantities that h reads are evaluated.
+//! model in [`Exact`]. Evaluated once in real numbers, h tells which quantities it reads; dual
+//! numbers then carry the derivative along one tangent direction of those at a time.
 
 use super::measurement::{Measurement, Size, Undefined};
 use crate::geometry::wgs84;
 use crate::linear::Jacobian;
 use crate::state::{Angle, Attitude, Geodetic, Manifold, Position, Quantity, Scalar, Vector, Velocity, View};
-use core::cell::Cell;
+use core::cell::RefCell;
 use core::fmt::Debug;
 use nalgebra::{SVector, Vector3};
 use num_dual::{Dual64, DualNum};
+use smallvec::{SmallVec, smallvec};
 
 /// A real or dual number over `f64`: what h is generic in.
 pub trait Real: DualNum<Primitive = f64> + Copy {}
 impl<D: DualNum<Primitive = f64> + Copy> Real for D {}
-
-/// Numbers of the largest residual an [`ExactModel`] may have.
-pub const MAX_RESIDUAL: usize = 16;
 
 /// A measurement model given by h alone.
 pub trait ExactModel: Debug + Send + Sync {
@@ -32,14 +30,12 @@ pub trait ExactModel: Debug + Send + Sync {
     fn h<D: Real>(&self, x: &ExactView<'_, D>, z: &mut [D]) -> Result<(), Undefined>;
 }
 
-/// The state in dual numbers, perturbed along one tangent direction.
+/// The state in real or dual numbers, perturbed along one tangent direction or none.
 #[derive(Debug)]
 pub struct ExactView<'a, D> {
     at: &'a View<'a>,
     seed: Option<(Source, usize, D)>,
-    read: Cell<Option<Next>>,
-    cursor: Cell<usize>,
-    wanted: usize,
+    reads: Option<&'a RefCell<Reads>>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,39 +45,51 @@ enum Source {
 }
 
 /// One quantity read by h: where its tangent starts and how long it is.
-#[derive(Clone, Copy, Debug)]
-struct Next {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Read {
     source: Source,
     tangent: usize,
     dim: usize,
 }
 
+/// The quantities that h reads, each once, in the order of the first reading. Up to sixteen need
+/// no memory of their own.
+type Reads = SmallVec<[Read; 16]>;
+
 impl<'a, D: Real> ExactView<'a, D> {
-    fn new(at: &'a View<'a>, seed: Option<(Source, usize, D)>, wanted: usize) -> Self {
-        Self {
-            at,
-            seed,
-            read: Cell::new(None),
-            cursor: Cell::new(0),
-            wanted,
-        }
+    /// Where nothing is perturbed.
+    const fn plain(at: &'a View<'a>) -> Self {
+        let (seed, reads) = (None, None);
+        Self { at, seed, reads }
     }
 
-    /// Notes the reading of a quantity and returns its perturbation along tangent axis `i`.
+    /// Notes in `reads` what is read.
+    const fn noting(at: &'a View<'a>, reads: &'a RefCell<Reads>) -> Self {
+        let (seed, reads) = (None, Some(reads));
+        Self { at, seed, reads }
+    }
+
+    /// Perturbs the tangent axis `axis`, counted over the whole state or all signals.
+    const fn along(at: &'a View<'a>, source: Source, axis: usize, by: D) -> Self {
+        let (seed, reads) = (Some((source, axis, by)), None);
+        Self { at, seed, reads }
+    }
+
+    /// Notes the reading of a quantity and returns where its tangent starts; `None` for a constant.
     fn note<M: Manifold>(&self, q: &Quantity<M>) -> Option<(Source, usize)> {
         let (source, tangent) = match q {
             Quantity::Fixed(_) => return None,
             Quantity::State(s) => (Source::State, s.tangent),
             Quantity::Signal(s) => (Source::Signal, s.tangent),
         };
-        if self.cursor.get() == self.wanted {
-            self.read.set(Some(Next {
-                source,
-                tangent,
-                dim: M::KIND.dim(),
-            }));
+        if let Some(reads) = self.reads {
+            let dim = M::KIND.dim();
+            let read = Read { source, tangent, dim };
+            let mut reads = reads.borrow_mut();
+            if !reads.contains(&read) {
+                reads.push(read);
+            }
         }
-        self.cursor.set(self.cursor.get() + 1);
         Some((source, tangent))
     }
 
@@ -166,34 +174,21 @@ impl<M: ExactModel> Measurement for Exact<M> {
     }
 
     fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {
-        let n = self.0.dim();
-        self.0.h(&ExactView::new(at, None, usize::MAX), &mut value[..n])
+        self.0.h(&ExactView::plain(at), &mut value[..self.0.dim()])
     }
 
     fn jacobian(&self, at: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined> {
-        let n = self.0.dim().min(MAX_RESIDUAL);
-        let mut z = [Dual64::from_re(0.0); MAX_RESIDUAL];
-        let mut seen = [None::<Next>; 32];
-        // The k-th quantity that h reads is found by evaluating it; h reads in a fixed order.
-        for k in 0..seen.len() {
-            let probe = ExactView::<Dual64>::new(at, None, k);
-            self.0.h(&probe, &mut z[..n])?;
-            let Some(next) = probe.read.get() else { break };
-            let known = seen[..k]
-                .iter()
-                .flatten()
-                .any(|s| s.source == next.source && s.tangent == next.tangent);
-            seen[k] = Some(next);
-            if known {
-                continue;
-            }
-            for i in 0..next.dim {
-                let column = next.tangent + i;
-                let seed = Dual64::new(0.0, 1.0);
-                self.0
-                    .h(&ExactView::new(at, Some((next.source, column, seed)), usize::MAX), &mut z[..n])?;
-                for (row, z) in z[..n].iter().enumerate() {
-                    match next.source {
+        let m = self.0.dim();
+        // Up to sixteen rows need no memory of their own.
+        let mut value: SmallVec<[f64; 16]> = smallvec![0.0; m];
+        let reads = RefCell::new(Reads::new());
+        self.0.h(&ExactView::noting(at, &reads), &mut value)?;
+        let mut z: SmallVec<[Dual64; 16]> = smallvec![Dual64::from_re(0.0); m];
+        for Read { source, tangent, dim } in reads.into_inner() {
+            for column in tangent..tangent + dim {
+                self.0.h(&ExactView::along(at, source, column, Dual64::new(0.0, 1.0)), &mut z)?;
+                for (row, z) in z.iter().enumerate() {
+                    match source {
                         Source::State => h.add_element(row, column, z.eps),
                         Source::Signal => h.add_signal_element(row, column, z.eps),
                     }
@@ -256,20 +251,21 @@ mod tests {
         }
     }
 
+    fn state<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M::Value) -> Slot<M> {
+        let (name, owner, sigma) = (name.to_owned(), String::new(), vec![1.0; M::KIND.dim()]);
+        b.declare::<M>(Declaration {
+            name,
+            owner,
+            unit: "",
+            initial,
+            sigma,
+            role: StateRole::Kinematic,
+            dynamics: Dynamics::Process,
+        })
+        .unwrap()
+    }
+
     fn problem() -> (Layout, Turning, Everything) {
-        fn state<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M::Value) -> Slot<M> {
-            let (name, owner, sigma) = (name.to_owned(), String::new(), vec![1.0; M::KIND.dim()]);
-            b.declare::<M>(Declaration {
-                name,
-                owner,
-                unit: "",
-                initial,
-                sigma,
-                role: StateRole::Kinematic,
-                dynamics: Dynamics::Process,
-            })
-            .unwrap()
-        }
         let mut b = LayoutBuilder::new();
         let velocity = state::<Velocity>(&mut b, "velocity", Vector3::new(1.0, -2.0, 0.5));
         let signal = b.signal("rate").unwrap();
@@ -290,6 +286,31 @@ mod tests {
     fn exact_jacobians_of_every_kind_match_central_differences() {
         let (layout, process, model) = problem();
         check_measurement(&layout, Some(&process), &Exact(model), layout.initial(), &Input::alone(&[])).unwrap();
+    }
+
+    /// Row i of many is the square of state i of as many, plus the one before.
+    #[derive(Debug)]
+    struct Many(Vec<Quantity<Scalar>>);
+
+    impl ExactModel for Many {
+        fn dim(&self) -> usize {
+            self.0.len()
+        }
+        fn h<D: Real>(&self, x: &ExactView<'_, D>, z: &mut [D]) -> Result<(), Undefined> {
+            for (i, state) in self.0.iter().enumerate() {
+                z[i] = x.scalar(state) * x.scalar(state) + x.scalar(&self.0[i.saturating_sub(1)]);
+            }
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn more_rows_and_readings_than_fit_inline_are_all_there() {
+        let mut b = LayoutBuilder::new();
+        let mut scalar = |i: u32| state::<Scalar>(&mut b, &format!("s{i}"), 1.0 + f64::from(i)).into();
+        let model = Many((0..40).map(&mut scalar).collect());
+        let layout = b.finish();
+        check_measurement(&layout, None, &Exact(model), layout.initial(), &Input::alone(&[])).unwrap();
     }
 
     #[test]

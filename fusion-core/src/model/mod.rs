@@ -4,6 +4,6 @@ mod exact;
 mod measurement;
 mod process;
 
-pub use exact::{Exact, ExactModel, ExactView, MAX_RESIDUAL, Real};
+pub use exact::{Exact, ExactModel, ExactView, Real};
 pub use measurement::{Measurement, Size, Undefined};
 pub use process::{Input, Process, SignalBuffer, SignalsOut};
