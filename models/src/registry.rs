@@ -68,6 +68,8 @@ pub struct Registration {
     pub name: &'static str,
     /// Its fields as JSON Schema; the descriptions are the spec's doc comments.
     pub schema: fn() -> Schema,
+    /// The module that registers it.
+    pub module: &'static str,
     /// Its fields in TOML, complete enough to build: shown by `fusion blocks NAME` and built by
     /// the conformance tests.
     pub example: &'static str,
@@ -83,6 +85,7 @@ macro_rules! register {
             $crate::registry::Registration {
                 role: $crate::registry::Role::$role,
                 name: $name,
+                module: ::core::module_path!(),
                 schema: || $crate::schemars::schema_for!($spec),
                 example: $example,
             }
@@ -104,12 +107,46 @@ pub fn names(role: Role) -> Vec<&'static str> {
     all().into_iter().filter(|r| r.role == role).map(|r| r.name).collect()
 }
 
-/// Names registered twice in one role: an error of whoever links the program.
-#[must_use]
-pub fn duplicates() -> Vec<(Role, &'static str)> {
-    let all = all();
-    all.windows(2)
-        .filter(|w| (w[0].role, w[0].name) == (w[1].role, w[1].name))
-        .map(|w| (w[0].role, w[0].name))
-        .collect()
+/// Refuses names that are registered twice in one role: a mistake of whoever links the program.
+///
+/// # Errors
+/// A sentence per such name, with the modules that register it.
+pub fn refuse_duplicates() -> Result<(), String> {
+    refuse_duplicates_of(&all())
+}
+
+/// The same of blocks sorted by role and name.
+fn refuse_duplicates_of(sorted: &[&Registration]) -> Result<(), String> {
+    let twice = sorted.windows(2).filter(|w| (w[0].role, w[0].name) == (w[1].role, w[1].name));
+    let sentences: Vec<String> = twice
+        .map(|w| {
+            let (role, name) = (w[0].role.name(), w[0].name);
+            format!("the {role} `{name}` is registered by both `{}` and `{}`", w[0].module, w[1].module)
+        })
+        .collect();
+    if sentences.is_empty() { Ok(()) } else { Err(sentences.join("; ")) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_registered_twice_is_refused_with_both_modules_unless_the_roles_differ() {
+        let block = |role, module| Registration {
+            role,
+            name: "range",
+            schema: || Schema::default(),
+            module,
+            example: "",
+        };
+        let (ours, theirs, gate) = (
+            block(Role::Sensor, "ours"),
+            block(Role::Sensor, "theirs"),
+            block(Role::Gate, "ours"),
+        );
+        assert_eq!(refuse_duplicates_of(&[&ours, &gate]), Ok(()));
+        let said = refuse_duplicates_of(&[&ours, &theirs, &gate]).unwrap_err();
+        assert_eq!(said, "the sensor `range` is registered by both `ours` and `theirs`");
+    }
 }

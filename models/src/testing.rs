@@ -4,6 +4,12 @@
 //! registered, in this crate or in another: a test there calls [`check`] for what it registers.
 //! What fails is named: block, process, state, element.
 
+mod fault;
+mod initialiser;
+mod rows;
+mod segment;
+mod stage;
+
 use crate::block::{Build, GateSpec, LossSpec, ProcessSpec, Reading, SensorSpec};
 use crate::earth::Gravity;
 use crate::registry::{self, Registration, Role};
@@ -37,8 +43,12 @@ pub fn check(r: &Registration) -> Result<(), String> {
         Role::Sensor => sensor(r),
         Role::Gate => gate(r),
         Role::Loss => loss(r),
-        // No laws of their own yet.
-        Role::Stage | Role::Initialiser | Role::Source | Role::Fault | Role::Segment => Ok(()),
+        Role::Stage => stage::check(r),
+        Role::Initialiser => initialiser::check(r),
+        Role::Fault => fault::check(r),
+        Role::Segment => segment::check(r),
+        // The crate that reads files has their laws.
+        Role::Source => Ok(()),
     }
     .map_err(|e| format!("{} `{}`: {e}", r.role.name(), r.name))
 }

@@ -18,13 +18,29 @@ fn all_obey(role: Role) {
 }
 
 #[test]
-fn every_registered_name_is_unique_and_every_field_is_described() {
+fn no_name_is_registered_twice() {
     fusion_models::link();
-    assert_eq!(registry::duplicates(), []);
-    // Sources are registered by the crate that reads files.
-    for role in [Role::Stage, Role::Initialiser, Role::Fault, Role::Segment] {
-        all_obey(role);
-    }
+    registry::refuse_duplicates().unwrap();
+}
+
+#[test]
+fn every_stage_obeys_the_laws_of_stages_on_every_process_that_suits_it() {
+    all_obey(Role::Stage);
+}
+
+#[test]
+fn every_initialiser_obeys_the_laws_of_initialisers_on_every_process_that_suits_it() {
+    all_obey(Role::Initialiser);
+}
+
+#[test]
+fn every_fault_obeys_the_laws_of_faults() {
+    all_obey(Role::Fault);
+}
+
+#[test]
+fn every_segment_obeys_the_laws_of_segments() {
+    all_obey(Role::Segment);
 }
 
 #[test]

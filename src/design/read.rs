@@ -76,6 +76,10 @@ impl Draft {
     /// Reads what can be read; what cannot is told to `d`.
     pub(crate) fn of(document: Document, d: &mut Diagnostics) -> Self {
         fusion_models::link();
+        if let Err(twice) = registry::refuse_duplicates() {
+            let help = "blocks are found by role and `type`: give one of them another name, or leave one crate out";
+            d.push(Diagnostic::error(twice).help(help));
+        }
         let root = document.root().clone();
         names::check_tables(&root, d);
         let run: Option<RunSpec> = root.get("run").map_or_else(|| Some(RunSpec::default()), |n| n.read(d));

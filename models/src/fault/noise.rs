@@ -124,7 +124,7 @@ mod tests {
         );
         assert_eq!(
             said("channel = 'heading'\nsigma = -1"),
-            "sigma: a standard deviation is not negative"
+            r#"sigma: -1 is out of range; an angle [rad] of at least 0 is wanted here, e.g. "5 deg""#
         );
         assert_eq!(
             said("channel = 'velocity'\nsigma = [1, 2]"),

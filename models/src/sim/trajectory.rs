@@ -69,7 +69,6 @@ impl Trajectory {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::registry::{self, Role};
     use core::f64::consts::{FRAC_PI_2, PI};
     use nalgebra::Vector3;
 
@@ -107,50 +106,6 @@ mod tests {
         // 1e-10 m, 1e-12 rad: rounding over minutes.
         assert!((end.position - Vector3::from(position)).norm() < 1e-10, "{}", end.position);
         assert!((end.rpy.z - heading).abs() < 1e-12, "{}", end.rpy.z);
-    }
-
-    #[test]
-    fn every_segment_is_smooth_and_consistent_with_its_derivatives() {
-        let segments: Vec<_> = registry::all().into_iter().filter(|r| r.role == Role::Segment).collect();
-        assert!(segments.len() >= 7);
-        for block in segments {
-            let example: toml::Table = toml::from_str(block.example).unwrap();
-            let tagged = toml::Table::from_iter([(block.name.to_owned(), example.into())]);
-            let spec: Box<dyn SegmentSpec> = tagged.try_into().unwrap();
-            let moving = Junction { speed: 1.0, ..START };
-            let (from, segment) = match spec.build(&moving) {
-                Ok(segment) => (moving, segment),
-                Err(_) => (START, spec.build(&START).unwrap()),
-            };
-            let (start, end) = (segment.at(0.0), segment.at(segment.duration()));
-            assert!((start.position - from.position).norm() < 1e-12, "{}", block.name);
-            assert!(
-                (start.rpy.z - from.heading).abs() < 1e-15 && segment.at(0.0).velocity.norm() == from.speed,
-                "{}",
-                block.name
-            );
-            for m in [start, end] {
-                assert!(
-                    m.acceleration.norm() < 1e-9 && m.rpy_rate.norm() < 1e-9 && m.rpy.xy().norm() < 1e-9,
-                    "{}",
-                    block.name
-                );
-            }
-            let h = 1e-5;
-            for k in 1..500 {
-                let t = segment.duration() * f64::from(k) / 500.0;
-                let (a, m, b) = (segment.at(t - h), segment.at(t), segment.at(t + h));
-                // 1e-6: truncation h²/6 times jerks of up to 1e3, rounding 1e-14/h.
-                let error = |x: Vector3<f64>, d: Vector3<f64>| (x / (2.0 * h) - d).norm();
-                assert!(error(b.position - a.position, m.velocity) < 1e-6, "{} position", block.name);
-                assert!(error(b.velocity - a.velocity, m.acceleration) < 1e-6, "{} velocity", block.name);
-                assert!(error(b.rpy - a.rpy, m.rpy_rate) < 1e-6, "{} angles", block.name);
-                // Finite jerk: 2h of it, at most 80 m/s³ in the bump.
-                assert!((b.acceleration - a.acceleration).norm() < 2.0 * h * 90.0, "{} jumps", block.name);
-                let turned = fusion_core::geometry::so3::log(&(a.attitude().inverse() * b.attitude())) / (2.0 * h);
-                assert!((turned - m.angular_rate()).norm() < 1e-6, "{} rate", block.name);
-            }
-        }
     }
 
     #[test]

@@ -50,7 +50,7 @@ mod tests {
         assert_eq!(
             place("latitude = 47\nlongitude = '8 deg'").unwrap_err(),
             "47 is out of range; an angle [rad] from -90 to 90 degrees is wanted here, e.g. \"5 deg\"; \
-             a bare number is in radians: was \"47 deg\" meant?"
+             a bare number is in rad: was \"47 deg\" meant?"
         );
         assert!(
             place("latitude = 0.7\nlongitude = 129.45")

@@ -1,0 +1,70 @@
+//! Laws of faults, on a source of position, velocity, heading and attitude.
+
+use super::spec;
+use crate::fault::{Fault, FaultContext, FaultSpec, Outcome, ProvidedChannel};
+use crate::registry::Registration;
+use crate::vocabulary::channel;
+use fusion_core::time::Time;
+
+/// A fault changes only the numbers that it names, and says of each row what it did; one seed gives
+/// one disturbance; and its example is at work within 400 s. Statistics of a gate count a row as
+/// disturbed by this.
+pub(super) fn check(r: &Registration) -> Result<(), String> {
+    let spec: Box<dyn FaultSpec> = spec(r)?;
+    let mut offset = 0;
+    let channels = [channel::POSITION, channel::VELOCITY, channel::HEADING, channel::ATTITUDE].map(|channel| {
+        let at = offset;
+        offset += channel.width;
+        ProvidedChannel {
+            channel,
+            offset: at,
+            delay_ns: 0,
+        }
+    });
+    let built = || {
+        let context = FaultContext {
+            channels: &channels,
+            seed: 4,
+        };
+        spec.build(&context)
+            .map_err(|e| format!("its example does not build: {}: {e}", e.field))
+    };
+    let (mut fault, mut again) = (built()?, built()?);
+    let at_work = if fault.columns().is_empty() {
+        Outcome::Withheld
+    } else {
+        Outcome::Disturbed
+    };
+    let mut seen = false;
+    for k in 0..400_u32 {
+        let time = Time::from_seconds(f64::from(k));
+        let (row, outcome) = applied(fault.as_mut(), time, k)?;
+        if applied(again.as_mut(), time, k)? != (row, outcome) {
+            return Err(format!("row {k}: the same seed gives another disturbance"));
+        }
+        seen |= outcome == at_work;
+    }
+    if seen {
+        Ok(())
+    } else {
+        Err("its example does nothing in 400 s".to_owned())
+    }
+}
+
+/// Row `k` after the fault, and what the fault says of it.
+fn applied(fault: &mut dyn Fault, time: Time, k: u32) -> Result<([f64; 11], Outcome), String> {
+    let clean = [0.7, -1.4, 200.0, 1.0, 2.0, 3.0, 0.5, 1.0, 0.0, 0.0, 0.0].map(|x| x + 1e-3 * f64::from(k));
+    let (mut row, columns) = (clean, fault.columns());
+    let outcome = fault.apply(time, &mut row);
+    let changed: Vec<usize> = (0..row.len()).filter(|i| row[*i] != clean[*i]).collect();
+    if let Some(other) = changed.iter().find(|i| !columns.contains(i)) {
+        return Err(format!("row {k}: it changes number {other} and names {columns:?}"));
+    }
+    if changed.is_empty() == (outcome == Outcome::Disturbed) {
+        return Err(format!("row {k}: it changes the numbers {changed:?} and says {outcome:?}"));
+    }
+    if row.iter().any(|v| !v.is_finite()) {
+        return Err(format!("row {k}: it leaves {row:?}"));
+    }
+    Ok((row, outcome))
+}

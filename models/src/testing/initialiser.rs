@@ -1,0 +1,116 @@
+//! Laws of initialisers, on every registered process that they can be built for.
+
+use super::rows::Motion;
+use super::{Bench, build, spec};
+use crate::block::InitialiserSpec;
+use crate::registry::{self, Registration, Role};
+use crate::vocabulary::state;
+use fusion_core::runner::Initialiser;
+use fusion_core::state::{Belief, Layout};
+use fusion_core::testing::Lcg;
+use fusion_core::time::Time;
+
+/// Rows on each input, 100 a second, after which it must have found what it looks for.
+const ROWS: i32 = 12_000;
+
+/// An initialiser is ready at some time, writes a sound belief into the blocks that it declares and
+/// no others, and a copy made on the way writes the same bits.
+pub(super) fn check(r: &Registration) -> Result<(), String> {
+    let (mut refusals, mut accepted, mut written) = (String::new(), 0, 0);
+    for p in registry::all().into_iter().filter(|p| p.role == Role::Process) {
+        let mut bench = Bench::new(p).map_err(|e| format!("process `{}`: {e}", p.name))?;
+        let spec: Box<dyn InitialiserSpec> = spec(r)?;
+        match spec.build(&mut build(r.name, &mut bench.layout)) {
+            Ok(initialiser) => {
+                accepted += 1;
+                for motion in Motion::ALL {
+                    let blocks = feed(spec.as_ref(), initialiser.clone(), bench.layout.so_far(), motion);
+                    written += blocks.map_err(|e| format!("on process `{}`, {motion:?}: {e}", p.name))?;
+                }
+            }
+            Err(e) => refusals += &format!("\n{}: {e}", p.name),
+        }
+    }
+    match (accepted, written) {
+        (0, _) => Err(format!("no process suits it:{refusals}")),
+        (_, 0) => Err("it writes nothing, at rest or on the move".to_owned()),
+        _ => Ok(()),
+    }
+}
+
+/// How many blocks it writes; none where it is never ready.
+fn feed(spec: &dyn InitialiserSpec, mut initialiser: Box<dyn Initialiser>, layout: &Layout, motion: Motion) -> Result<usize, String> {
+    let inputs = spec.inputs();
+    if inputs.is_empty() && initialiser.waits_for().is_some() {
+        return Err("it listens to nothing and waits all the same".to_owned());
+    }
+    let (mut random, mut copy, mut time) = (Lcg::new(12), initialiser.clone(), Time::default());
+    for k in 0..ROWS {
+        if initialiser.waits_for().is_none() {
+            break;
+        }
+        time = Time::from_seconds(0.01 * f64::from(k));
+        if k % 7 == 0 {
+            copy = initialiser.clone();
+        }
+        for (input, listen) in inputs.iter().enumerate() {
+            let row = motion.row(&listen.channels, time.seconds(), &mut random);
+            initialiser.row(input, time, &row);
+            copy.row(input, time, &row);
+        }
+    }
+    if initialiser.waits_for() != copy.waits_for() {
+        return Err("a copy waits for something else".to_owned());
+    }
+    if initialiser.waits_for().is_some() {
+        return Ok(0);
+    }
+    let before = Belief::initial(layout, time);
+    let (mut after, mut of_the_copy) = (before.clone(), before.clone());
+    initialiser.write(time, layout, &mut after);
+    copy.write(time, layout, &mut of_the_copy);
+    if after.x != of_the_copy.x || covariance(&after) != covariance(&of_the_copy) {
+        return Err("a copy writes another belief".to_owned());
+    }
+    sound(&after)?;
+    only_declared(spec, layout, &before, &after)
+}
+
+/// P, row by row.
+fn covariance(belief: &Belief) -> Vec<f64> {
+    let n = belief.covariance.dim();
+    (0..n * n).map(|k| belief.covariance.get(k / n, k % n)).collect()
+}
+
+/// No correlation is larger than one.
+fn sound(belief: &Belief) -> Result<(), String> {
+    let (n, p) = (belief.covariance.dim(), covariance(belief));
+    let possible = |k: usize| {
+        let limit = p[k / n * (n + 1)] * p[k % n * (n + 1)];
+        // 1e-12: rounding where a variance is turned into other axes.
+        p[k] * p[k] <= limit * (1.0 + 1e-12)
+    };
+    if belief.is_sound() && (0..n * n).all(possible) {
+        Ok(())
+    } else {
+        Err(format!("the belief it writes is not sound: {:?}, {p:?}", belief.x))
+    }
+}
+
+/// How many blocks differ, all of them declared. A heading is written to `attitude` where there is one.
+fn only_declared(spec: &dyn InitialiserSpec, layout: &Layout, before: &Belief, after: &Belief) -> Result<usize, String> {
+    let (n, declared) = (layout.dim(), spec.writes());
+    let (p, q) = (covariance(before), covariance(after));
+    let mut count = 0;
+    for b in layout.blocks() {
+        let by_heading = b.name == state::ATTITUDE.as_str() && declared.contains(&state::HEADING.as_str());
+        let moved = before.x[b.storage_range()] != after.x[b.storage_range()];
+        if moved || b.tangent_range().any(|i| p[i * n..(i + 1) * n] != q[i * n..(i + 1) * n]) {
+            if !by_heading && !declared.contains(&b.name.as_str()) {
+                return Err(format!("it writes `{}`, which it does not declare", b.name));
+            }
+            count += 1;
+        }
+    }
+    Ok(count)
+}
