@@ -71,6 +71,13 @@ fn sample(k: usize) -> [f64; 6] {
     ]
 }
 
+fn prepared(k: usize) -> [f64; 13] {
+    let mut numbers = [DT; 13];
+    numbers[..6].copy_from_slice(&sample(k));
+    numbers[6..12].copy_from_slice(&sample(k.saturating_sub(1)));
+    numbers
+}
+
 fn fix(k: usize) -> [f64; 3] {
     let t = k as f64 * DT;
     [47_f64.to_radians() + 1.57e-6 * t, 8_f64.to_radians() - 1.15e-6 * t, 400.0 - t]
@@ -82,6 +89,8 @@ struct Composed {
     noise: [f64; 9],
     start: Belief,
     samples: Vec<[f64; 6]>,
+    /// Each with the one before and its interval, as the process's preparation makes them.
+    prepared: Vec<[f64; 13]>,
 }
 
 impl Composed {
@@ -103,16 +112,14 @@ impl Composed {
             noise,
             start,
             samples: (0..2000).map(sample).collect(),
+            prepared: (0..2000).map(prepared).collect(),
         }
     }
 
     fn predict(&mut self, k: usize) {
         let input = Input {
-            sample: &self.samples[k],
-            neighbour: &self.samples[k - 1],
+            sample: &self.prepared[k],
             interval: DT,
-            neighbour_interval: DT,
-            neighbour_is_earlier: true,
         };
         self.filter.predict(Time::from_nanos(k as i64 * 10_000_000), &input).unwrap();
     }
@@ -123,7 +130,7 @@ impl Composed {
             value: z,
             noise: &self.noise,
         };
-        assert_eq!(self.filter.update(&observed, &mut Open, &Quadratic).verdict, Verdict::Accepted);
+        assert_eq!(self.filter.update(&observed, &mut Open, &[], &Quadratic).verdict, Verdict::Accepted);
     }
 }
 
@@ -164,7 +171,7 @@ impl Dense {
             },
             gyro_bias: three(10),
             accel_bias: three(13),
-            covariance: P15::from_fn(|i, j| start.covariance.get(i, j)),
+            covariance: P15::from_row_slice(&start.covariance.to_dense()),
             q_white: diagonal([1, 2], [psd(70e-6 * 9.80665), psd(gyro)]),
             q_walk: diagonal([3, 4], [psd(1e-6), psd(1e-4)]),
             r: Matrix3::from_row_slice(noise),
@@ -235,12 +242,13 @@ fn agree() {
         }
     }
     let belief = composed.filter.belief();
-    let sigma = |i: usize| belief.covariance.sigma(i);
+    let p = P15::from_row_slice(&belief.covariance.to_dense());
+    let sigma = |i: usize| p[(i, i)].sqrt();
     for i in 0..15 {
         for j in 0..15 {
             // 1e-9 of the deviations: 1000 products whose roundings, 1e-16, condition numbers
             // of 1e6 in units of metres and radians magnify.
-            let e = (belief.covariance.get(i, j) - dense.covariance[(i, j)]).abs();
+            let e = (p[(i, j)] - dense.covariance[(i, j)]).abs();
             assert!(e <= 1e-9 * sigma(i) * sigma(j), "P({i}, {j}) differs by {e:e}");
         }
     }

@@ -22,8 +22,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     nav.finish(&mut listen)?;
     let belief = nav.belief().ok_or("it never started")?;
     for block in nav.layout().blocks() {
-        let (value, sigma) = (&belief.x[block.storage_range()], belief.covariance.sigma(block.tangent));
-        println!("{:12} {value:9.6?}, 1σ of its first axis {sigma:.1e} {}", block.name, block.unit);
+        let value = &belief.x[block.storage_range()];
+        let sigma: Vec<f64> = belief.covariance.sigmas(block).collect();
+        println!("{:12} {value:9.6?}, 1σ {sigma:.6?} {}", block.name, block.unit);
     }
     let (rpy, sigma) = nav.solution().and_then(|s| s.rpy()).ok_or("it has no attitude")?;
     println!("heading {:.2} deg, 1σ {:.2} deg", rpy.z.to_degrees(), sigma.z.to_degrees());

@@ -130,12 +130,8 @@ impl Recorder {
                 name: b.name.clone(),
                 kind: b.kind,
                 value: last.x[b.storage_range()].to_vec(),
-                sigma: b.tangent_range().map(|i| last.covariance.sigma(i)).collect(),
-                covariance: b
-                    .tangent_range()
-                    .flat_map(|i| b.tangent_range().map(move |j| (i, j)))
-                    .map(|(i, j)| last.covariance.get(i, j))
-                    .collect(),
+                sigma: last.covariance.sigmas(b).collect(),
+                covariance: last.covariance.block(b),
                 unit: b.unit,
             });
         Ok(Summary {

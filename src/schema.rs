@@ -9,7 +9,7 @@
 //! Not here  units and ranges beyond what JSON Schema can say: those are checked on reading
 
 use crate::config::INCLUDE;
-use crate::design::{FilterSpec, NoiseSpec, ReferenceSpec, RunSpec};
+use crate::design::{FilterSpec, NoiseSpec, OnlyWithSpec, ReferenceSpec, RunSpec};
 use fusion_models::registry::{self, Registration, Role};
 use fusion_models::sim::SimulationSpec;
 use schemars::{JsonSchema, schema_for};
@@ -148,7 +148,7 @@ impl Builder {
         let noise = self.of::<NoiseSpec>("noise");
         let source = |description: &str| json!({ "type": "string", "description": description });
         let enabled = json!({ "type": "boolean", "default": true, "description": "False leaves the block out." });
-        let only_with = json!({ "type": "string", "description": "The sensor that it goes with: a measurement is rejected where the latest one of that sensor that is valid no later, and no more than 10 s earlier, was not used. Without effect where that sensor is left out." });
+        let only_with = self.of::<OnlyWithSpec>("only_with");
         let gate = self.any(Role::Gate, "Judges each measurement; without one, everything passes.");
         let loss = self.any(Role::Loss, "Weighs each measurement; without one, least squares.");
         let faults = self.named(Role::Fault, "What goes wrong with the rows, by name, in order.");

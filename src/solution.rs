@@ -120,11 +120,11 @@ impl SolutionReader {
         if self.from_signals {
             // Derived position, velocity and attitude do not depend on the input.
             self.signals
-                .evaluate(self.process.as_ref(), &belief.x, &Input::alone(&self.input), true);
+                .evaluate(self.process.as_ref(), &belief.x, &Input::held(&self.input), true);
         }
         let view = self.signals.view(&belief.x);
         let spread = |place: Option<(usize, bool)>| match place {
-            Some((tangent, false)) => Matrix3::from_fn(|i, j| belief.covariance.get(tangent + i, tangent + j)),
+            Some((tangent, false)) => belief.covariance.marginal_at(tangent),
             Some((tangent, true)) => self.signals.covariance(tangent, &belief.covariance),
             None => Matrix3::zeros(),
         };

@@ -177,6 +177,7 @@ fn prediction_and_update_allocate_nothing() {
                         noise: &noise,
                     },
                     &mut Open,
+                    &[],
                     &Quadratic,
                 );
                 assert_eq!(update.verdict, Verdict::Accepted);
@@ -184,13 +185,13 @@ fn prediction_and_update_allocate_nothing() {
         };
         let mut run = |steps: core::ops::Range<i64>| {
             for k in steps {
-                let (now, before) = (imu(k), imu(k - 1));
+                // With the sample before and its interval, as the process's preparation makes them.
+                let mut sample = [0.01; 13];
+                sample[..6].copy_from_slice(&imu(k));
+                sample[6..12].copy_from_slice(&imu(k - 1));
                 let input = Input {
-                    sample: &now,
-                    neighbour: &before,
+                    sample: &sample,
                     interval: 0.01,
-                    neighbour_interval: 0.01,
-                    neighbour_is_earlier: true,
                 };
                 filter.predict(Time::from_nanos(k * 10_000_000), &input).unwrap();
                 if k % 20 == 0 {

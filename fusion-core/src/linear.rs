@@ -252,6 +252,17 @@ impl Transition {
         self.after.add(row.tangent, col.tangent, block, 1.0);
     }
 
+    /// The noise added before Φ, element by element (row, column, value), both triangles; elements may
+    /// repeat and then add up.
+    pub fn noise_before(&self) -> impl Iterator<Item = (usize, usize, f64)> {
+        self.before.entries.iter().map(|&(i, j, v)| (i.into(), j.into(), v))
+    }
+
+    /// The same of the noise added after Φ.
+    pub fn noise_after(&self) -> impl Iterator<Item = (usize, usize, f64)> {
+        self.after.entries.iter().map(|&(i, j, v)| (i.into(), j.into(), v))
+    }
+
     /// Adds half of `block` before Φ and half after it: the trapezoidal rule
     /// Q_d = ½(ΦQΦᵀ + Q) for Q = G Q_c Gᵀ Δt (spec: ½(ΦGQ_cGᵀΦᵀ + GQ_cGᵀ)Δt).
     pub fn noise_trapezoid<A, B, const R: usize, const C: usize>(&mut self, row: Slot<A>, col: Slot<B>, block: &SMatrix<f64, R, C>)

@@ -15,7 +15,7 @@ use crate::earth::Gravity;
 use crate::registry::{self, Registration, Role};
 use crate::units::{Dimensional, dim};
 use fusion_core::geometry::wgs84::Geodetic;
-use fusion_core::model::{Input, Process};
+use fusion_core::model::{Input, Prepared, Process};
 use fusion_core::state::{Dynamics, Kind, Layout, LayoutBuilder};
 use fusion_core::testing::{Lcg, check_gate, check_loss, check_measurement, check_process};
 use serde::de::DeserializeOwned;
@@ -147,15 +147,18 @@ fn state(layout: &Layout, random: &mut Lcg) -> Vec<f64> {
     x
 }
 
-/// A steady input: corrections for what changes between samples may be left out of Φ.
-fn steady(sample: &[f64], neighbour_is_earlier: bool) -> Input<'_> {
-    Input {
-        sample,
-        neighbour: sample,
-        interval: 0.01,
-        neighbour_interval: 0.01,
-        neighbour_is_earlier,
+/// `sample` as the process runs over it, after another just like it: corrections for what changes
+/// between samples may be left out of Φ.
+fn steady(process: &dyn Process, sample: &[f64]) -> Vec<f64> {
+    let Some(mut preparation) = process.preparation() else {
+        return sample.to_vec();
+    };
+    let mut out = Prepared::default();
+    for interval in [0.0, 0.01, 0.01] {
+        preparation.take(interval, sample, &mut out);
     }
+    preparation.finish(&mut out);
+    out.samples().last().unwrap_or_default().to_vec()
 }
 
 fn process(r: &Registration) -> Result<(), String> {
@@ -165,7 +168,10 @@ fn process(r: &Registration) -> Result<(), String> {
         let mut random = Lcg::new(seed);
         let x = state(layout, &mut random);
         let sample = bench.sample(&mut random)?;
-        let input = steady(&sample, seed % 2 == 0);
+        let input = Input {
+            sample: &steady(bench.process.as_ref(), &sample),
+            interval: 0.01,
+        };
         for dt in [0.1, 0.01] {
             check_process(layout, bench.process.as_ref(), &x, &input, dt).map_err(|e| format!("state {seed}, dt {dt}: {e}"))?;
         }
@@ -206,7 +212,10 @@ fn sensor(r: &Registration) -> Result<(), String> {
             let mut random = Lcg::new(100 + seed);
             let x = state(layout, &mut random);
             let sample = bench.sample(&mut random)?;
-            let input = steady(&sample, seed % 2 == 0);
+            let input = Input {
+                sample: &steady(bench.process.as_ref(), &sample),
+                interval: 0.01,
+            };
             check_measurement(layout, Some(bench.process.as_ref()), model.as_ref(), &x, &input)
                 .map_err(|e| format!("on process `{}`, state {seed}: {e}", p.name))?;
         }

@@ -150,7 +150,7 @@ impl<'a, P> Assembler<'a, P> {
             .filter_map(|(sensor, model)| self.sensor(sensor, model));
         let (mut sensors, infos): (Vec<_>, Vec<_>) = connected.unzip();
         for sensor in &design.sensors {
-            self.link(sensor, &mut sensors);
+            Self::link(sensor, &mut sensors);
         }
         (sensors, infos)
     }

@@ -3,7 +3,7 @@
 use super::assemble::Assembler;
 use crate::config::{Diagnostic, Node};
 use crate::design::{Named, NoiseSpec, SensorDesign};
-use fusion_core::gate::{Gate, Open};
+use fusion_core::gate::{Gate, OnlyWith, Open};
 use fusion_core::loss::{Loss, Quadratic};
 use fusion_core::model::Measurement;
 use fusion_core::runner::{Noise, Sensor, StreamId};
@@ -73,7 +73,6 @@ impl<P> Assembler<'_, P> {
             noise: noise(&common.noise, &info.sigma, reported?),
             gate: gate?,
             loss: loss?,
-            only_with: None,
         };
         Some((sensor, info))
     }
@@ -95,27 +94,15 @@ impl<P> Assembler<'_, P> {
         Some((found.offset..found.offset + rows.len()).collect())
     }
 
-    /// Numbers the sensor that this one goes with. Of one row, that one must be valid no later.
-    pub(super) fn link(&mut self, design: &Named<SensorDesign>, sensors: &mut [Sensor]) {
+    /// Lays the gate policy `only_with` over the sensor's own gate.
+    pub(super) fn link(design: &Named<SensorDesign>, sensors: &mut [Sensor]) {
         let at = |name: &str| sensors.iter().position(|s| s.name == name);
-        let leader = design.block.common.only_with.as_deref();
-        let (Some(leader), Some(follower)) = (leader.and_then(at), at(&design.name)) else {
-            return;
-        };
-        let source = &design.block.common.source;
-        let name = &sensors[leader].name;
-        let mut others = self.design.sensors.iter();
-        let is_same_row = others.any(|s| s.name == *name && s.block.common.source == *source);
-        if is_same_row && sensors[follower].port.delay > sensors[leader].port.delay {
-            let message = format!(
-                "of a row of `{source}`, `{}` is valid before `{name}`, which is to be judged first",
-                design.name
-            );
-            let help = "give both the same `time_offset`, or let the one that is valid later go with the other";
-            let place = design.node.place_of("only_with");
-            self.d.push(Diagnostic::error(message).at(place).help(help));
+        let Some(spec) = &design.block.common.only_with else { return };
+        if let (Some(leader), Some(follower)) = (at(&spec.sensor), at(&design.name)) {
+            let gate = &mut sensors[follower].gate;
+            let own = core::mem::replace(gate, Box::new(Open));
+            *gate = Box::new(OnlyWith::new(leader, spec.memory.si(), own));
         }
-        sensors[follower].only_with = Some(leader);
     }
 }
 

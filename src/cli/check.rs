@@ -226,7 +226,7 @@ fn policies(design: &Design) -> Table {
                 t.row([named.name.as_str(), key, &inline(node)]);
             }
         }
-        if let Some(leader) = &named.block.common.only_with {
+        if let Some(leader) = named.block.common.only_with.as_ref().map(|o| &o.sensor) {
             let is_there = design.sensors.iter().any(|s| s.name == *leader);
             let effect = if is_there { "" } else { ", which is left out: no effect" };
             t.row([named.name.as_str(), "only with", &format!("{leader}{effect}")]);

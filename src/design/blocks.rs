@@ -1,6 +1,6 @@
 //! What the tables of blocks are read as: each block with its name, its place and its siblings.
 
-use super::NoiseSpec;
+use super::{NoiseSpec, OnlyWithSpec};
 use crate::config::Node;
 use crate::source::SourceSpec;
 use fusion_models::block::{GateSpec, LossSpec, ProcessSpec, SensorSpec};
@@ -18,10 +18,8 @@ pub struct SensorCommon {
     /// Its noise.
     #[serde(default)]
     pub noise: NoiseSpec,
-    /// The sensor that it goes with: a measurement is rejected where the latest one of that sensor
-    /// that is valid no later, and no more than 10 s earlier, was not used. Without effect where that
-    /// sensor is left out.
-    pub only_with: Option<String>,
+    /// The sensor that it goes with.
+    pub only_with: Option<OnlyWithSpec>,
     /// False leaves the sensor out.
     pub enabled: Option<bool>,
 }

@@ -1,6 +1,6 @@
 //! `[filter]`: the backend, as a preset or by its axes.
 
-use fusion_core::covariance::Form;
+use fusion_core::covariance::FormKind;
 use fusion_core::filter::{Backend, ChartKind, UpdateKind};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -82,8 +82,8 @@ impl FilterSpec {
         }
         if let Some(form) = self.form {
             backend.form = match form {
-                FormSpec::Joseph => Form::Joseph,
-                FormSpec::Standard => Form::Standard,
+                FormSpec::Joseph => FormKind::Joseph,
+                FormSpec::Standard => FormKind::Standard,
             };
         }
         backend

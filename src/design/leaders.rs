@@ -2,10 +2,78 @@
 
 use super::{Named, SensorDesign};
 use crate::config::{Diagnostic, Diagnostics, Node};
+use fusion_core::gate::Recovery;
+use fusion_models::units::{Positive, dim};
+use schemars::JsonSchema;
+use serde::Deserialize;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Deserializer, MapAccess, Visitor};
+use std::fmt;
 use std::iter::successors;
 
+/// The sensor that a sensor goes with: a measurement is rejected where that one's latest was not
+/// used. Its name alone, or a table.
+#[derive(Clone, Debug)]
+pub struct OnlyWithSpec {
+    /// The sensor.
+    pub sensor: String,
+    /// How long what became of its measurement counts.
+    pub memory: Positive<dim::Duration>,
+}
+
+/// As long as a gate takes the silence of its own sensor for a mere pause.
+fn memory() -> Positive<dim::Duration> {
+    Positive::try_from_si(Recovery::default().gap).unwrap_or_else(|_| unreachable!("the default pause is positive"))
+}
+
+/// The table.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Table {
+    /// The sensor that it goes with.
+    sensor: String,
+    /// How long what became of that one's measurement counts; 10 s where it is not given, as for the
+    /// pause after which gates re-acquire.
+    #[serde(default = "memory")]
+    memory: Positive<dim::Duration>,
+}
+
+impl<'de> Deserialize<'de> for OnlyWithSpec {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct NameOrTable;
+        impl<'de> Visitor<'de> for NameOrTable {
+            type Value = OnlyWithSpec;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("the name of a sensor, or a table `{ sensor = \"NAME\", memory = \"10 s\" }`")
+            }
+            fn visit_str<E>(self, sensor: &str) -> Result<Self::Value, E> {
+                let (sensor, memory) = (sensor.to_owned(), memory());
+                Ok(OnlyWithSpec { sensor, memory })
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+                let Table { sensor, memory } = Table::deserialize(MapAccessDeserializer::new(map))?;
+                Ok(OnlyWithSpec { sensor, memory })
+            }
+        }
+        deserializer.deserialize_any(NameOrTable)
+    }
+}
+
+impl JsonSchema for OnlyWithSpec {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "OnlyWith".into()
+    }
+    fn json_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        let table = generator.subschema_for::<Table>();
+        schemars::json_schema!({
+            "description": "The sensor that it goes with: a measurement is rejected where that one's latest was not used. Without effect where that sensor is left out.",
+            "anyOf": [{ "type": "string" }, table]
+        })
+    }
+}
+
 fn leader(sensor: &Named<SensorDesign>) -> Option<&str> {
-    sensor.block.common.only_with.as_deref()
+    sensor.block.common.only_with.as_ref().map(|o| o.sensor.as_str())
 }
 
 /// A leader is a sensor of the design, be it left out, and goes with none of those that go with it.

@@ -24,6 +24,7 @@ mod run;
 
 pub use blocks::{Fault, Named, ProcessDesign, SensorCommon, SensorDesign, SimulationDesign, SourceDesign};
 pub use filter::{ChartSpec, FilterSpec, FormSpec, PresetSpec, UpdateSpec};
+pub use leaders::OnlyWithSpec;
 pub use noise::NoiseSpec;
 pub use read::Design;
 pub(crate) use read::Draft;

@@ -144,8 +144,8 @@ impl<W: Write> EstimateWriter<W> {
             } else {
                 values.iter().try_for_each(|value| self.cells.put(format_args!("{value:.8e}")))?;
             }
-            for i in block.tangent_range() {
-                self.cells.put(format_args!("{:.4e}", belief.covariance.sigma(i)))?;
+            for sigma in belief.covariance.sigmas(block) {
+                self.cells.put(format_args!("{sigma:.4e}"))?;
             }
         }
         Ok(())

@@ -150,7 +150,7 @@ fn sensors_that_go_with_others() {
     wrong_pair("only_with_unknown", "", "only_with = \"gnns\"");
     wrong_pair("only_with_each_other", "only_with = \"speed\"\n", "only_with = \"gnss\"");
     wrong_pair("only_with_itself", "", "only_with = \"speed\"");
-    wrong_pair("only_with_later", "", "only_with = \"gnss\"\ntime_offset = \"0.2 s\"");
+    wrong_pair("only_with_of_no_shape", "", "only_with = 5");
 }
 
 #[test]

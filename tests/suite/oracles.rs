@@ -327,8 +327,9 @@ fn a_gate_rejects_of_clean_fixes_its_false_reject_rate_and_otherwise_changes_not
         let gated = clean("type = 'nis', probability = 0.99", seed);
         nis += gated.rejected;
         let d = place(gated.nav.belief().unwrap()).difference(&place(belief));
-        let p = &belief.covariance;
-        moved += (d.x * d.x / p.get(0, 0) + d.y * d.y / p.get(1, 1)) / (2 * runs) as f64;
+        let mut variances = belief.covariance.variances(&open.nav.layout().blocks()[0]);
+        let mut variance = || variances.next().unwrap();
+        moved += (d.x * d.x / variance() + d.y * d.y / variance()) / (2 * runs) as f64;
 
         let gated = clean("type = 'two_condition', sigma = '1 m', min_distance = '3 m'", seed);
         two_condition += gated.rejected;

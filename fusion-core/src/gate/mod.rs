@@ -6,10 +6,12 @@
 
 mod lockout;
 mod nis;
+mod only_with;
 mod two_condition;
 
 pub use lockout::{Lockout, Recovery};
 pub use nis::Nis;
+pub use only_with::OnlyWith;
 pub use two_condition::{Ellipse, Magnitude, TwoCondition};
 
 use crate::time::Time;
@@ -30,6 +32,20 @@ pub struct GateInput<'a> {
     pub innovation: &'a [f64],
     /// rᵀS⁻¹r.
     pub nis: f64,
+    /// What became of the latest measurement of each sensor of the design, by number; none before
+    /// the first. It may be empty.
+    pub others: &'a [Option<Outcome>],
+}
+
+/// What became of a sensor's measurement.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outcome {
+    /// Its time of validity.
+    pub time: Time,
+    /// Whether it corrected the estimate.
+    pub is_used: bool,
+    /// The mode of its gate afterwards.
+    pub mode: Mode,
 }
 
 /// What a gate decides.
@@ -71,6 +87,12 @@ pub trait Gate: Debug + Send {
     /// Judges one measurement.
     fn judge(&mut self, input: &GateInput<'_>) -> Answer;
 
+    /// The number of the sensor whose outcome it goes by, if it does; in no cycle. Of one time that
+    /// sensor is served first, and of one row it is foreseen where it is valid later.
+    fn leader(&self) -> Option<usize> {
+        None
+    }
+
     /// Copies the gate with its memory: the copy continues bit for bit as the original would.
     fn boxed_clone(&self) -> Box<dyn Gate>;
 }
@@ -78,25 +100,6 @@ pub trait Gate: Debug + Send {
 impl Clone for Box<dyn Gate> {
     fn clone(&self) -> Self {
         self.boxed_clone()
-    }
-}
-
-/// Rejects what goes with a measurement that was not used, in that one's mode; the NIS is still reported.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Closed(pub(crate) Mode);
-
-impl Gate for Closed {
-    fn judge(&mut self, input: &GateInput<'_>) -> Answer {
-        Answer {
-            decision: Decision::Reject,
-            statistic: input.nis,
-            threshold: f64::INFINITY,
-            mode: self.0,
-        }
-    }
-
-    fn boxed_clone(&self) -> Box<dyn Gate> {
-        Box::new(*self)
     }
 }
 

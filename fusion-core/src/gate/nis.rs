@@ -95,6 +95,7 @@ mod tests {
             noise: &[1.0],
             innovation: &[2.0],
             nis,
+            others: &[],
         })
     }
 

@@ -167,6 +167,7 @@ mod tests {
             noise: &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2.0],
             innovation: &[p + 1.0, 0.0, 0.0, 0.0, p + 1.0, 0.0, 0.0, 0.0, p + 2.0],
             nis: (n * n + e * e) / (p + 1.0),
+            others: &[],
         };
         let answer = gate.judge(&input);
         (answer.decision, answer.mode)

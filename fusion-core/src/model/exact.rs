@@ -285,7 +285,7 @@ mod tests {
     #[test]
     fn exact_jacobians_of_every_kind_match_central_differences() {
         let (layout, process, model) = problem();
-        check_measurement(&layout, Some(&process), &Exact(model), layout.initial(), &Input::alone(&[])).unwrap();
+        check_measurement(&layout, Some(&process), &Exact(model), layout.initial(), &Input::held(&[])).unwrap();
     }
 
     /// Row i of many is the square of state i of as many, plus the one before.
@@ -310,7 +310,7 @@ mod tests {
         let mut scalar = |i: u32| state::<Scalar>(&mut b, &format!("s{i}"), 1.0 + f64::from(i)).into();
         let model = Many((0..40).map(&mut scalar).collect());
         let layout = b.finish();
-        check_measurement(&layout, None, &Exact(model), layout.initial(), &Input::alone(&[])).unwrap();
+        check_measurement(&layout, None, &Exact(model), layout.initial(), &Input::held(&[])).unwrap();
     }
 
     #[test]

@@ -12,42 +12,83 @@ use nalgebra::{Matrix3, SMatrix};
 /// measurement: the parts see the same rates over shorter times.
 #[derive(Clone, Copy, Debug)]
 pub struct Input<'a> {
-    /// The sample, [`Process::input_dim`] numbers.
+    /// The sample: [`Process::input_dim`] numbers as the stream has them, and behind them what the
+    /// process's [`Preparation`] has added.
     pub sample: &'a [f64],
-    /// The neighbour that the coning and sculling corrections pair the sample with; the sample
-    /// itself where there is none.
-    pub neighbour: &'a [f64],
-    /// Whole length of the sample's interval \[s\], however short the step within it.
+    /// Whole length of the sample's interval \[s\], however short the step within it; 0 where the
+    /// sample is held beyond its interval, or there is none.
     pub interval: f64,
-    /// Whole length of the neighbour's interval \[s\].
-    pub neighbour_interval: f64,
-    /// Whether the neighbour comes before the sample.
-    pub neighbour_is_earlier: bool,
 }
 
 impl<'a> Input<'a> {
-    /// A sample without a neighbour.
+    /// A sample as the stream has it, held beyond its interval.
     #[must_use]
-    pub const fn alone(sample: &'a [f64]) -> Self {
-        Self {
-            sample,
-            neighbour: sample,
-            interval: 0.0,
-            neighbour_interval: 0.0,
-            neighbour_is_earlier: true,
-        }
+    pub const fn held(sample: &'a [f64]) -> Self {
+        Self { sample, interval: 0.0 }
+    }
+}
+
+/// Adds to the samples of the input stream what the process needs besides: their neighbours, for
+/// instance. It has a memory, which a process has not.
+pub trait Preparation: Debug + Send {
+    /// Takes the sample of an interval of `interval` seconds; 0 for the first of a stream, which
+    /// covers no time and is not run over. Writes to `out` what has become of it or of those
+    /// before it: every interval once, in order.
+    fn take(&mut self, interval: f64, sample: &[f64], out: &mut Prepared);
+
+    /// Writes what it has kept back: no sample follows.
+    fn finish(&mut self, out: &mut Prepared);
+
+    /// Copies it with its memory: the copy continues bit for bit as the original would.
+    fn boxed_clone(&self) -> Box<dyn Preparation>;
+}
+
+impl Clone for Box<dyn Preparation> {
+    fn clone(&self) -> Self {
+        self.boxed_clone()
+    }
+}
+
+/// Samples that a preparation has made.
+#[derive(Clone, Debug, Default)]
+pub struct Prepared {
+    data: Vec<f64>,
+    ends: Vec<usize>,
+}
+
+impl Prepared {
+    /// The sample of the next interval in order: `sample` as the stream has it, then `added`.
+    pub fn push(&mut self, sample: &[f64], added: &[&[f64]]) {
+        self.data.extend_from_slice(sample);
+        added.iter().for_each(|part| self.data.extend_from_slice(part));
+        self.ends.push(self.data.len());
+    }
+
+    /// The samples, in order.
+    pub fn samples(&self) -> impl Iterator<Item = &[f64]> {
+        let mut start = 0;
+        self.ends.iter().map(move |&end| {
+            let sample = &self.data[start..end];
+            start = end;
+            sample
+        })
+    }
+
+    /// Forgets them.
+    pub fn clear(&mut self) {
+        self.data.clear();
+        self.ends.clear();
     }
 }
 
 /// A process model: object-safe, immutable, allocation-free.
 pub trait Process: Debug + Send + Sync {
-    /// Numbers in one input sample; 0 for a process driven by time alone.
+    /// Numbers in one sample of the input stream; 0 for a process driven by time alone.
     fn input_dim(&self) -> usize;
 
-    /// Whether a sample is paired with the next one (two-sample algorithms) rather than with
-    /// the one before.
-    fn pairs_samples(&self) -> bool {
-        false
+    /// What adds to the samples before they are run over; without it they are run over as they come.
+    fn preparation(&self) -> Option<Box<dyn Preparation>> {
+        None
     }
 
     /// The longest step \[s\] one linearisation may cover.
@@ -160,17 +201,10 @@ impl SignalBuffer {
     /// J P Jᵀ of the three signal axes from `tangent`, as evaluated last with Jacobian.
     #[must_use]
     pub fn covariance(&self, tangent: usize, p: &Covariance) -> Matrix3<f64> {
-        let n = p.dim();
-        let rows: [&[f64]; 3] = core::array::from_fn(|i| self.jacobian.row(tangent + i));
-        Matrix3::from_fn(|a, b| {
-            let mut sum = 0.0;
-            for i in (0..n).filter(|&i| rows[a][i] != 0.0) {
-                for j in (0..n).filter(|&j| rows[b][j] != 0.0) {
-                    sum += rows[a][i] * p.get(i, j) * rows[b][j];
-                }
-            }
-            sum
-        })
+        let mut columns: Vec<_> = self.jacobian.columns().iter().map(|&(start, end)| start..end).collect();
+        columns.sort_by_key(|range| range.start);
+        let row = |i: usize| self.jacobian.row(tangent + i);
+        Matrix3::from_fn(|a, b| p.between_rows(row(a), row(b), &columns))
     }
 
     /// The view of `x` with these signals.

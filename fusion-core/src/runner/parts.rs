@@ -81,9 +81,6 @@ pub struct Sensor {
     pub gate: Box<dyn Gate>,
     /// Its loss.
     pub loss: Arc<dyn Loss>,
-    /// The number of the sensor that it goes with, in no circle: a measurement is rejected, whatever
-    /// the own gate would say, where the latest one of that sensor that is valid no later was not used.
-    pub only_with: Option<usize>,
 }
 
 /// Turns streams into a stream: a detector, a clock, a filter of its own.

@@ -75,6 +75,10 @@ impl Queue {
         }
     }
 
+    pub(super) fn find(&self, is_it: impl Fn(&Entry) -> bool) -> Option<&Entry> {
+        self.0.iter().find(|e| is_it(e))
+    }
+
     /// Takes the first entry, unless it is later than `until`.
     pub(super) fn take(&mut self, until: Time) -> Option<Entry> {
         self.0.front().is_some_and(|e| e.time <= until).then(|| self.0.pop_front())?

@@ -2,12 +2,13 @@
 
 use super::*;
 use crate::filter::tests::{Direct, Still, declare, second};
-use crate::filter::{Backend, Filter};
-use crate::gate::{Nis, Open, Recovery};
+use crate::filter::{Backend, Filter, Verdict};
+use crate::gate::{Gate, Mode, Nis, OnlyWith, Open, Recovery};
 use crate::loss::Quadratic;
-use crate::model::{Measurement, Size, Undefined};
+use crate::model::{Measurement, Process, Size, Undefined};
 use crate::state::{Dynamics, LayoutBuilder, Scalar, View};
-use crate::time::nanos;
+use crate::time::{Time, nanos};
+use std::sync::Arc;
 
 const WILD: f64 = 1000.0;
 
@@ -29,6 +30,14 @@ impl Outcome {
     }
 }
 
+fn gate(gated: bool) -> Box<dyn Gate> {
+    if gated {
+        Box::new(Nis::new(0.99, Recovery::default()))
+    } else {
+        Box::new(Open)
+    }
+}
+
 /// Sensors of one random walk, each a port with the number of its leader, gated where `gated`.
 fn runner(sensors: &[(Port, Option<usize>, bool)], widths: &[usize], buffer: f64) -> Runner {
     let mut b = LayoutBuilder::new();
@@ -46,13 +55,11 @@ fn runner(sensors: &[(Port, Option<usize>, bool)], widths: &[usize], buffer: f64
             port: port.clone(),
             constant: Vec::new(),
             noise: Noise::diagonal(&[1.0]),
-            gate: if *gated {
-                Box::new(Nis::new(0.99, Recovery::default()))
-            } else {
-                Box::new(Open)
+            gate: match only_with {
+                None => gate(*gated),
+                Some(leader) => Box::new(OnlyWith::new(*leader, 10.0, gate(*gated))),
             },
             loss: Arc::new(Quadratic),
-            only_with: *only_with,
         });
     }
     runner
@@ -228,4 +235,120 @@ fn a_leader_that_could_not_be_used_takes_its_follower_with_it() {
     assert_eq!(leader.verdict, Verdict::Undefined(Undefined("anywhere")));
     assert_eq!((follower.verdict, follower.mode), (Verdict::Rejected, Mode::Track));
     assert!(follower.statistic.is_finite(), "{follower:?}");
+}
+
+/// Of one row the follower is valid first. The leader's verdict on the same row counts, not that on the
+/// row before.
+#[test]
+fn a_follower_that_is_valid_before_its_leader_waits_for_the_verdict_on_its_own_row() {
+    for delay in [0.2, 1.5] {
+        let ports = [(port(0, 0, 0.0), None, true), (port(0, 1, delay), Some(0), false)];
+        let rows: Vec<_> = (0..30).map(|k| (0, second(k), vec![leading(k), 0.0])).collect();
+        let (outcomes, x) = fed(&mut runner(&ports, &[2], 0.0), &rows);
+        let unused = outcomes.iter().filter(|o| o.sensor == 1 && !o.is_used());
+        let stamps: Vec<_> = unused.map(|o| o.time.shifted(nanos(delay))).collect();
+        assert_eq!(stamps, REFUSED.map(second), "{delay}");
+        // A wild value would have left its trace, had a copy that looks ahead changed the original.
+        assert!(x[0].abs() < 1.0, "{x:?}");
+        // In any order of arrival within the buffer of 4 s.
+        let mut arrivals: Vec<_> = rows.iter().enumerate().collect();
+        arrivals.sort_by_key(|(i, (_, time, _))| time.shifted(nanos([1.6, 0.0, 3.2][i % 3])));
+        let shuffled: Vec<_> = arrivals.into_iter().map(|(_, row)| row.clone()).collect();
+        assert_ne!(shuffled, rows);
+        let wanted = fed(&mut runner(&ports, &[2], 4.0), &rows);
+        assert_eq!(fed(&mut runner(&ports, &[2], 4.0), &shuffled), wanted);
+        assert_eq!(wanted, (outcomes, x));
+    }
+}
+
+#[test]
+fn an_estimate_is_told_once_per_epoch_after_the_measurements_of_its_time() {
+    let mut runner = runner(&[(port(0, 0, 0.0), None, false), (port(1, 0, 0.0), None, false)], &[1, 1], 0.0);
+    let mut told: Vec<(&str, Time)> = Vec::new();
+    let mut listen = |event: &Event<'_>| match event {
+        Event::Estimate { belief } => told.push(("estimate", belief.time)),
+        Event::Updated { time, .. } => told.push(("updated", *time)),
+        _ => {}
+    };
+    for k in 0..4 {
+        runner.feed(&Row::new(0, second(k), &[0.0]), &mut listen).unwrap();
+        runner.feed(&Row::new(1, second(k), &[1.0]), &mut listen).unwrap();
+    }
+    runner.finish(&mut listen).unwrap();
+    // The rows of second 0 start the filter.
+    let wanted: Vec<_> = (1..4)
+        .flat_map(|k| ["updated", "updated", "estimate"].map(|what| (what, second(k))))
+        .collect();
+    assert_eq!(told, wanted);
+}
+
+#[test]
+fn a_measurement_tells_what_was_measured_predicted_and_where_it_came_from() {
+    let mut runner = runner(&[(port(0, 1, 0.25), None, false)], &[2], 0.0);
+    let mut told = Vec::new();
+    let mut listen = |event: &Event<'_>| {
+        if let Event::Updated { update, time, row, .. } = event {
+            told.push((update.value[0], update.predicted[0], update.noise[0], *time, *row));
+        }
+    };
+    for k in 0..3 {
+        let whole = 0..k as usize;
+        let row = Row {
+            number: 10 + k as u64,
+            disturbed: core::slice::from_ref(&whole),
+            ..Row::new(0, second(k), &[5.0, 7.0])
+        };
+        runner.feed(&row, &mut listen).unwrap();
+    }
+    runner.finish(&mut listen).unwrap();
+    let (value, predicted, noise, time, row) = told[1];
+    assert_eq!((value, noise, time), (7.0, 1.0, second(2).shifted(-nanos(0.25))));
+    // The first update has moved the estimate towards 7.
+    assert!(told[0].1 == 0.0 && predicted > 3.0);
+    let wanted = RowId {
+        stream: 0,
+        number: 12,
+        stamp: second(2),
+        arrival: second(2),
+        disturbed: true,
+    };
+    assert_eq!(row, wanted);
+    // Only the first column of row 11 was disturbed, which the sensor does not read.
+    assert!(!told[0].4.disturbed);
+}
+
+#[test]
+fn an_observer_that_fails_stops_the_run_and_the_next_is_not_told() {
+    #[derive(Debug)]
+    struct Full;
+    impl Observer for Full {
+        fn on(&mut self, _: &Event<'_>) -> Result<(), Halt> {
+            Err("disk full".into())
+        }
+    }
+    let mut runner = runner(&[(port(0, 0, 0.0), None, false)], &[1], 0.0);
+    let mut told = 0;
+    let mut count = |_: &Event<'_>| told += 1;
+    let mut observers = Observers::default();
+    let mut full = Full;
+    observers.add(&mut full);
+    observers.add(&mut count);
+    let error = runner.feed(&Row::new(0, second(0), &[0.0]), &mut observers).unwrap_err();
+    assert_eq!(error.to_string(), "disk full");
+    assert_eq!(told, 0);
+}
+
+#[test]
+fn a_copy_of_the_runner_continues_bit_for_bit() {
+    let ports = [(port(0, 0, 0.0), None, true), (port(0, 1, 0.2), Some(0), true)];
+    let rows: Vec<_> = (0..40).map(|k| (0, second(k), vec![leading(k), leading(k) * 0.5])).collect();
+    for cut in [1, 7, 14, 25] {
+        let mut original = runner(&ports, &[2], 0.5);
+        let mut nobody = |_: &Event<'_>| {};
+        for (stream, time, row) in &rows[..cut] {
+            original.feed(&Row::new(*stream, *time, row), &mut nobody).unwrap();
+        }
+        let mut copy = original.clone();
+        assert_eq!(fed(&mut original, &rows[cut..]), fed(&mut copy, &rows[cut..]), "cut at {cut}");
+    }
 }

@@ -1,8 +1,9 @@
 //! The belief: a nominal state and the covariance of its error, as a value.
 
 use super::layout::Layout;
-use crate::covariance::Covariance;
+use crate::covariance::{Covariance, Form};
 use crate::time::Time;
+use std::sync::Arc;
 
 /// What the filter believes at one instant. Clone it to save it, assign it to restore it.
 #[derive(Clone, Debug)]
@@ -16,14 +17,13 @@ pub struct Belief {
 }
 
 impl Belief {
-    /// The initial belief a layout declares: initial values and variances, no correlation.
+    /// The initial belief a layout declares: initial values and variances, no correlation; the
+    /// covariance is stored in `form`.
     #[must_use]
-    pub fn initial(layout: &Layout, time: Time) -> Self {
-        let mut covariance = Covariance::zeros(layout.dim());
+    pub fn initial(layout: &Layout, form: &Arc<dyn Form>, time: Time) -> Self {
+        let mut covariance = Covariance::zeros(layout.dim(), form.clone());
         for block in layout.blocks() {
-            for (i, sigma) in block.tangent_range().zip(&block.sigma) {
-                covariance.set(i, i, sigma * sigma);
-            }
+            covariance.set_sigmas(block, &block.sigma);
         }
         Self {
             time,
@@ -35,10 +35,6 @@ impl Belief {
     /// Whether every number of state and variance is finite and no variance negative.
     #[must_use]
     pub fn is_sound(&self) -> bool {
-        self.x.iter().all(|v| v.is_finite())
-            && (0..self.covariance.dim()).all(|i| {
-                let v = self.covariance.get(i, i);
-                v.is_finite() && v >= 0.0
-            })
+        self.x.iter().all(|v| v.is_finite()) && self.covariance.is_sound()
     }
 }

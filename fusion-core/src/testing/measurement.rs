@@ -153,7 +153,7 @@ mod tests {
             None,
             &Distance { position, factor, undone },
             layout.initial(),
-            &Input::alone(&[]),
+            &Input::held(&[]),
         )
     }
 

@@ -62,6 +62,7 @@ impl Feed {
             noise: &one,
             innovation: &two,
             nis,
+            others: &[],
         })
     }
 }

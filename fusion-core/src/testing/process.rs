@@ -300,7 +300,7 @@ mod tests {
                 fault,
             },
             layout.initial(),
-            &Input::alone(&[]),
+            &Input::held(&[]),
             0.01,
         )
     }

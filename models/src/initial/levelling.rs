@@ -233,7 +233,7 @@ impl Initialiser for Levelling {
         write_attitude(layout, belief, q, &[self.tilt_sigma, self.tilt_sigma, yaw]);
         if let (Some(sigma), Some(b)) = (&self.gyro_bias_sigma, layout.block(state::GYRO_BIAS)) {
             Vector::<3>::write(bias, &mut belief.x[b.storage_range()]);
-            belief.covariance.reset_block(b.tangent_range(), sigma);
+            belief.covariance.set_sigmas(b, sigma);
         }
     }
 

@@ -20,10 +20,10 @@ use nalgebra::{UnitQuaternion, Vector3};
 fn write_position(layout: &Layout, belief: &mut Belief, origin: Option<wgs84::Geodetic>, place: &wgs84::Geodetic, sigma: &[f64]) {
     if let Some(b) = layout.block(state::POSITION).filter(|b| b.kind == Kind::Geodetic) {
         Geodetic::write(place, &mut belief.x[b.storage_range()]);
-        belief.covariance.reset_block(b.tangent_range(), sigma);
+        belief.covariance.set_sigmas(b, sigma);
     } else if let (Some(b), Some(origin)) = (layout.block(state::LOCAL_POSITION), origin) {
         Position::write(&LocalFrame::new(origin).to_ned(place), &mut belief.x[b.storage_range()]);
-        belief.covariance.reset_block(b.tangent_range(), sigma);
+        belief.covariance.set_sigmas(b, sigma);
     }
 }
 
@@ -31,17 +31,17 @@ fn write_position(layout: &Layout, belief: &mut Belief, origin: Option<wgs84::Ge
 fn write_velocity(layout: &Layout, belief: &mut Belief, v: &Vector3<f64>, sigma: &[f64]) {
     if let Some(b) = layout.block(state::VELOCITY) {
         Velocity::write(v, &mut belief.x[b.storage_range()]);
-        belief.covariance.reset_block(b.tangent_range(), sigma);
+        belief.covariance.set_sigmas(b, sigma);
     } else if let Some(b) = layout.block(state::SPEED) {
         belief.x[b.storage] = v.x.hypot(v.y);
-        belief.covariance.reset_block(b.tangent_range(), &sigma[..1]);
+        belief.covariance.set_sigmas(b, &sigma[..1]);
     }
 }
 
 fn write_attitude(layout: &Layout, belief: &mut Belief, q: &UnitQuaternion<f64>, sigma: &[f64]) {
     if let Some(b) = layout.block(state::ATTITUDE) {
         Attitude::write(q, &mut belief.x[b.storage_range()]);
-        belief.covariance.reset_block(b.tangent_range(), sigma);
+        belief.covariance.set_sigmas(b, sigma);
     }
 }
 
@@ -55,16 +55,14 @@ fn write_yaw(layout: &Layout, belief: &mut Belief, yaw: f64, sigma: f64) {
         let q = so3::from_rpy(rpy.x, rpy.y, yaw);
         Attitude::write(&q, &mut belief.x[range]);
         let c = q.to_rotation_matrix().into_inner();
-        let t = b.tangent;
-        let tilt = 0.5 * (belief.covariance.get(t, t) + belief.covariance.get(t + 1, t + 1));
+        let before = belief.covariance.marginal::<2>(b);
+        let tilt = 0.5 * (before[(0, 0)] + before[(1, 1)]);
         let p = c.transpose() * nalgebra::Matrix3::from_diagonal(&Vector3::new(tilt, tilt, sigma * sigma)) * c;
-        for i in 0..3 {
-            for j in 0..=i {
-                belief.covariance.set(t + i, t + j, p[(i, j)]);
-            }
-        }
+        // Row by row; of the two triangles the lower counts.
+        let symmetric = nalgebra::Matrix3::from_fn(|i, j| p[(i.max(j), i.min(j))]);
+        belief.covariance.set_block(b, symmetric.as_slice());
     } else if let Some(b) = layout.block(state::HEADING) {
         Angle::write(&yaw, &mut belief.x[b.storage_range()]);
-        belief.covariance.reset_block(b.tangent_range(), &[sigma]);
+        belief.covariance.set_sigmas(b, &[sigma]);
     }
 }

@@ -137,7 +137,7 @@ mod tests {
         let rate = q.inverse() * earth_rate_n(36_f64.to_radians());
         let mut x = [q.w, q.i, q.j, q.k];
         for _ in 0..3600 {
-            process.propagate(&mut x, &Input::alone(rate.as_slice()), 1.0);
+            process.propagate(&mut x, &Input::held(rate.as_slice()), 1.0);
         }
         let after = so3::from_scalar_first(&x.into());
         // An hour, 15° of the Earth's turning; 1e-12: rounding of 3600 steps.

@@ -23,12 +23,13 @@ use crate::earth::{Gravity, LocalEarth};
 use crate::param::VectorParam;
 use crate::process::strapdown::error_model::{self, Blocks};
 use crate::process::strapdown::mechanisation::{self, Nav};
+use crate::process::strapdown::pairing::{Mode, Pairing, neighbour};
 use crate::units::{Axes, dim, range};
 use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic as Place;
 use fusion_core::linear::Transition;
-use fusion_core::model::{Input, Process, SignalsOut};
+use fusion_core::model::{Input, Preparation, Process, SignalsOut};
 use fusion_core::state::{Attitude, Dynamics, Geodetic, Param, Signal, Slot, Vector, Velocity};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector4};
 use schemars::JsonSchema;
@@ -97,17 +98,17 @@ impl ProcessSpec for ExternalAttitudeSpec {
     }
 }
 
+/// Numbers of a sample: specific force, attitude.
+const SAMPLE: usize = 7;
+
 /// w_nb_b \[rad/s\] over a sample of specific force and attitude.
 fn turning(input: &Input<'_>) -> Vector3<f64> {
     let attitude = |s: &[f64]| so3::from_scalar_first(&Vector4::new(s[3], s[4], s[5], s[6]));
-    let (own, other) = (attitude(input.sample), attitude(input.neighbour));
-    let (turn, time) = if input.neighbour_is_earlier {
-        (so3::log(&(other.inverse() * own)), input.interval)
-    } else {
-        (so3::log(&(own.inverse() * other)), input.neighbour_interval)
-    };
-    // A sample on its own turns nothing.
-    if time > 0.0 { turn / time } else { Vector3::zeros() }
+    // A sample that is held turns nothing; the neighbours here come before.
+    match neighbour(input, SAMPLE) {
+        Some(other) if input.interval > 0.0 => so3::log(&(attitude(other.sample).inverse() * attitude(input.sample))) / input.interval,
+        _ => Vector3::zeros(),
+    }
 }
 
 /// The runtime model.
@@ -163,8 +164,12 @@ impl ExternalAttitude {
 }
 
 impl Process for ExternalAttitude {
+    fn preparation(&self) -> Option<Box<dyn Preparation>> {
+        Some(Box::new(Pairing::new(Mode::Previous)))
+    }
+
     fn input_dim(&self) -> usize {
-        7
+        SAMPLE
     }
 
     fn propagate(&self, x: &mut [f64], input: &Input<'_>, dt: f64) {
@@ -245,14 +250,9 @@ mod tests {
         [f.x, f.y, f.z, q.w, q.i, q.j, q.k]
     }
 
-    fn between<'a>(before: &'a [f64], now: &'a [f64], interval: f64) -> Input<'a> {
-        Input {
-            sample: now,
-            neighbour: before,
-            interval,
-            neighbour_interval: interval,
-            neighbour_is_earlier: true,
-        }
+    /// `now` with its neighbour `before`.
+    fn between(before: &[f64], now: &[f64], interval: f64) -> Vec<f64> {
+        [now, before, &[interval]].concat()
     }
 
     #[test]
@@ -261,7 +261,11 @@ mod tests {
         let (q0, q1) = (so3::from_rpy(0.1, -0.2, 1.0), so3::from_rpy(0.15, -0.18, 1.1));
         let f = Vector3::new(0.5, 0.2, -9.7);
         let (before, now) = (sample(f, q0), sample(f, q1));
-        let input = between(&before, &now, 0.02);
+        let sample = between(&before, &now, 0.02);
+        let input = Input {
+            sample: &sample,
+            interval: 0.02,
+        };
         let mut whole = layout.so_far().initial().to_vec();
         whole[6..10].copy_from_slice(so3::to_scalar_first(&q0).as_slice());
         let mut split = whole.clone();
@@ -284,7 +288,11 @@ mod tests {
         x[3..6].copy_from_slice(&[12.0, -7.0, 1.0]);
         x[6..10].copy_from_slice(so3::to_scalar_first(&q0).as_slice());
         for dt in [0.1, 0.01] {
-            check_process(layout.so_far(), process.as_ref(), &x, &between(&before, &now, 0.05), dt).unwrap();
+            let input = Input {
+                sample: &between(&before, &now, 0.05),
+                interval: 0.05,
+            };
+            check_process(layout.so_far(), process.as_ref(), &x, &input, dt).unwrap();
         }
     }
 }

@@ -12,11 +12,12 @@
 //! [`step`](crate::process::strapdown::mechanisation::step) takes rates with coning and sculling already in. A process that adds those itself
 //! ([`Correction`]) gets samples from which its corrections lead to the same inputs.
 
+use crate::block::imu_channels;
 use crate::earth::{Gravity, LocalEarth};
 use crate::process::strapdown::increments::{coning_rate, sculling_rate};
 use crate::process::strapdown::mechanisation::Nav;
 use fusion_core::geometry::so3;
-use fusion_core::model::{Input, Process};
+use fusion_core::model::{Prepared, Process};
 use nalgebra::Vector3;
 
 /// Mean angular rate and specific force over an interval, body axes.
@@ -69,28 +70,23 @@ pub enum Correction {
 }
 
 impl Correction {
-    /// What `process` does, found by trying: a process of six inputs that moves differently when
-    /// a sample has a neighbour corrects by it.
+    /// What `process` does, which the neighbours tell that it wants: those of a process driven by an
+    /// inertial unit are for these corrections.
     #[must_use]
-    pub fn of(process: &dyn Process, x: &[f64]) -> Self {
-        if process.pairs_samples() {
-            return Self::Pairs;
-        }
-        if process.input_dim() != 6 {
+    pub fn of(process: &dyn Process) -> Self {
+        let inertial = imu_channels().iter().map(|c| c.width).sum::<usize>();
+        let Some(mut preparation) = process.preparation().filter(|_| process.input_dim() == inertial) else {
             return Self::None;
-        }
-        let (now, before) = ([0.3, 0.0, 0.1, 0.0, 1.0, -9.0], [0.0, 0.4, -0.1, 2.0, 0.0, -9.0]);
-        let (mut alone, mut corrected) = (x.to_vec(), x.to_vec());
-        process.propagate(&mut alone, &Input::alone(&now), 0.1);
-        let input = Input {
-            sample: &now,
-            neighbour: &before,
-            interval: 0.1,
-            neighbour_interval: 0.1,
-            neighbour_is_earlier: true,
         };
-        process.propagate(&mut corrected, &input, 0.1);
-        if alone == corrected { Self::None } else { Self::Previous }
+        // Pairs wait for the second sample.
+        let (sample, mut out) = (vec![0.0; inertial], Prepared::default());
+        preparation.take(0.0, &sample, &mut out);
+        preparation.take(1.0, &sample, &mut out);
+        if out.samples().next().is_some() {
+            Self::Previous
+        } else {
+            Self::Pairs
+        }
     }
 }
 

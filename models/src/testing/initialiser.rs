@@ -5,6 +5,7 @@ use super::{Bench, build, spec};
 use crate::block::InitialiserSpec;
 use crate::registry::{self, Registration, Role};
 use crate::vocabulary::state;
+use fusion_core::covariance::FormKind;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Belief, Layout};
 use fusion_core::testing::Lcg;
@@ -65,7 +66,7 @@ fn feed(spec: &dyn InitialiserSpec, mut initialiser: Box<dyn Initialiser>, layou
     if initialiser.waits_for().is_some() {
         return Ok(0);
     }
-    let before = Belief::initial(layout, time);
+    let before = Belief::initial(layout, &FormKind::default().form(), time);
     let (mut after, mut of_the_copy) = (before.clone(), before.clone());
     initialiser.write(time, layout, &mut after);
     copy.write(time, layout, &mut of_the_copy);
@@ -78,8 +79,7 @@ fn feed(spec: &dyn InitialiserSpec, mut initialiser: Box<dyn Initialiser>, layou
 
 /// P, row by row.
 fn covariance(belief: &Belief) -> Vec<f64> {
-    let n = belief.covariance.dim();
-    (0..n * n).map(|k| belief.covariance.get(k / n, k % n)).collect()
+    belief.covariance.to_dense()
 }
 
 /// No correlation is larger than one.

@@ -52,7 +52,7 @@ fn feed(spec: &dyn StageSpec, mut stage: Box<dyn Stage>, bench: &Bench, motion: 
     let mut random = Lcg::new(11);
     let (x, sample) = (state(layout, &mut random), bench.sample(&mut random)?);
     let mut signals = SignalBuffer::new(layout);
-    signals.evaluate(bench.process.as_ref(), &x, &Input::alone(&sample), false);
+    signals.evaluate(bench.process.as_ref(), &x, &Input::held(&sample), false);
     let view = signals.view(&x);
     let (mut copy, mut last, mut count) = (stage.clone(), Time::MIN, 0);
     for k in 0..ROWS {

@@ -12,6 +12,7 @@
 pub mod error_model;
 pub mod increments;
 pub mod mechanisation;
+pub mod pairing;
 
 use crate::block::{Build, BuildError, Channel, ProcessSpec, imu_channels};
 use crate::earth::Gravity;
@@ -21,10 +22,11 @@ use crate::vocabulary::state;
 use error_model::Blocks;
 use fusion_core::geometry::wgs84::Geodetic as Place;
 use fusion_core::linear::Transition;
-use fusion_core::model::{Input, Process, SignalsOut};
+use fusion_core::model::{Input, Preparation, Process, SignalsOut};
 use fusion_core::state::{Attitude, Dynamics, Geodetic, Param, Signal, Slot, Vector, Velocity};
 use mechanisation::Nav;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use pairing::{Mode, Pairing, neighbour};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -176,6 +178,9 @@ impl ProcessSpec for StrapdownSpec {
     }
 }
 
+/// Numbers of an inertial sample: angular rate, specific force.
+const IMU: usize = 6;
+
 /// The runtime model.
 #[derive(Debug)]
 struct Strapdown {
@@ -273,11 +278,16 @@ impl Correction {
 
 impl Process for Strapdown {
     fn input_dim(&self) -> usize {
-        6
+        IMU
     }
 
-    fn pairs_samples(&self) -> bool {
-        self.integrator == Integrator::TwoSample
+    fn preparation(&self) -> Option<Box<dyn Preparation>> {
+        let mode = match self.integrator {
+            Integrator::FirstOrder => return None,
+            Integrator::OneSample => Mode::Previous,
+            Integrator::TwoSample => Mode::Pairs,
+        };
+        Some(Box::new(Pairing::new(mode)))
     }
 
     fn propagate(&self, x: &mut [f64], input: &Input<'_>, dt: f64) {
@@ -287,21 +297,15 @@ impl Process for Strapdown {
         let next = if self.integrator == Integrator::FirstOrder {
             mechanisation::step_first_order(&nav, &w, &f, dt, self.gravity)
         } else {
-            let (w2, f2) = (gyro.rate(&input.neighbour[..3]), accelerometer.rate(&input.neighbour[3..6]));
-            let (we, fe, wl, fl) = if input.neighbour_is_earlier {
-                (w2, f2, w, f)
-            } else {
-                (w, f, w2, f2)
-            };
-            // The intervals may differ; for linear rates this length is exact. The first sample of a
-            // stream covers no time and corrects nothing.
-            let pair = if input.neighbour_interval > 0.0 {
-                2.0 * input.interval * input.interval / (input.interval + input.neighbour_interval)
-            } else {
-                0.0
-            };
-            w += increments::coning_rate(&we, &wl, pair);
-            f += increments::sculling_rate(&we, &fe, &wl, &fl, pair);
+            // The first sample of a stream covers no time and corrects nothing.
+            if let Some(other) = neighbour(input, IMU).filter(|other| other.interval > 0.0) {
+                let (w2, f2) = (gyro.rate(&other.sample[..3]), accelerometer.rate(&other.sample[3..6]));
+                let (we, fe, wl, fl) = if other.is_earlier { (w2, f2, w, f) } else { (w, f, w2, f2) };
+                // The intervals may differ; for linear rates this length is exact.
+                let pair = 2.0 * input.interval * input.interval / (input.interval + other.interval);
+                w += increments::coning_rate(&we, &wl, pair);
+                f += increments::sculling_rate(&we, &fe, &wl, &fl, pair);
+            }
             mechanisation::step(&nav, &w, &f, dt, self.gravity)
         };
         self.position.write(&next.position, x);

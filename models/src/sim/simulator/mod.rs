@@ -223,7 +223,7 @@ impl Simulator {
             });
             imu = Some(Imu {
                 error: ImuError::new(unit, seed),
-                correction: Correction::of(setup.process.as_ref(), setup.layout.initial()),
+                correction: Correction::of(setup.process.as_ref()),
                 gravity: setup.gravity,
                 period: 1.0 / rate,
                 last: None,

@@ -1,7 +1,7 @@
 use super::*;
 use crate::block::{Build, ProcessSpec, SensorSpec};
 use crate::vocabulary::state;
-use fusion_core::model::Input;
+use fusion_core::model::{Input, Prepared};
 use fusion_core::state::{Attitude, Dynamics, LayoutBuilder, Manifold, Vector, Velocity};
 use nalgebra::Vector3;
 
@@ -111,16 +111,10 @@ fn noise_free_rows_lead_the_process_along_the_truth_in_every_mode() {
         let text = strapdown(integrator, false) + &simulation("imu = { rate = '100 Hz' }\nreference_rate = '50 Hz'", MOVING);
         let (layout, process, mut simulator) = simulate(&text, 1).unwrap();
         let mut x = layout.initial().to_vec();
-        let (mut row, mut imu, mut worst) = (Vec::new(), Vec::<(Time, Vec<f64>)>::new(), 0.0_f64);
-        let input = |own: &(Time, Vec<f64>), other: &(Time, Vec<f64>), start: Time, other_start: Time, earlier| {
-            (
-                own.1.clone(),
-                other.1.clone(),
-                own.0.seconds_since(start),
-                other.0.seconds_since(other_start),
-                earlier,
-            )
-        };
+        let (mut row, mut rows, mut worst) = (Vec::new(), 0, 0.0_f64);
+        let (mut preparation, mut prepared) = (process.preparation().unwrap(), Prepared::default());
+        let (mut last, mut intervals) = (None, std::collections::VecDeque::new());
+        let mut reached = Time::default();
         while let Some((stream, time)) = simulator.next_row(&mut row) {
             if simulator.streams()[stream].name == "reference" {
                 if time == Time::default() {
@@ -128,42 +122,26 @@ fn noise_free_rows_lead_the_process_along_the_truth_in_every_mode() {
                 }
                 let estimate = Geodetic::read(&x);
                 let truth = Geodetic::read(&row);
-                if imu.len() % 2 == 1 && imu.last().is_some_and(|(stamp, _)| *stamp == time) {
+                if rows > 2 && reached == time {
                     worst = worst.max(estimate.difference(&truth).norm());
                 }
                 continue;
             }
-            imu.push((time, row.clone()));
-            let n = imu.len();
             // As the runner does it: the first row opens the first interval.
-            let stamp = |i: usize| imu[i].0;
-            let steps = if integrator == "two_sample" {
-                if n < 3 || n % 2 == 0 {
-                    continue;
-                }
-                let (a, b) = (&imu[n - 2], &imu[n - 1]);
-                vec![
-                    input(a, b, stamp(n - 3), stamp(n - 2), false),
-                    input(b, a, stamp(n - 2), stamp(n - 3), true),
-                ]
-            } else {
-                if n < 2 {
-                    continue;
-                }
-                vec![input(&imu[n - 1], &imu[n - 2], stamp(n - 2), stamp(n.saturating_sub(3)), true)]
-            };
-            for (sample, neighbour, interval, neighbour_interval, neighbour_is_earlier) in steps {
-                let input = Input {
-                    sample: &sample,
-                    neighbour: &neighbour,
-                    interval,
-                    neighbour_interval,
-                    neighbour_is_earlier,
-                };
-                process.propagate(&mut x, &input, interval);
+            rows += 1;
+            let interval = last.replace(time).map_or(0.0, |last| time.seconds_since(last));
+            if rows > 1 {
+                intervals.push_back((time, interval));
             }
+            preparation.take(interval, &row, &mut prepared);
+            for sample in prepared.samples() {
+                let (end, interval) = intervals.pop_front().unwrap();
+                process.propagate(&mut x, &Input { sample, interval }, interval);
+                reached = end;
+            }
+            prepared.clear();
         }
-        assert!(imu.len() > 30_000, "{}", imu.len());
+        assert!(rows > 30_000, "{rows}");
         // 1e-4 m over 300 s: dt²/12·Δa, as of the inverse mechanisation.
         assert!(worst > 0.0 && worst < 1e-4, "{integrator}: {worst:e}");
     }

@@ -208,7 +208,7 @@ impl TrueState {
             self.sample.extend_from_slice(true_part.as_slice());
         }
         self.signals
-            .evaluate(self.process.as_ref(), &self.x, &Input::alone(&self.sample), false);
+            .evaluate(self.process.as_ref(), &self.x, &Input::held(&self.sample), false);
     }
 
     /// Moves the parameters by their own dynamics; at the instants of one stream, so that other

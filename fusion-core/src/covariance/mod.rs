@@ -1,0 +1,202 @@
+//! The covariance, behind one seam.
+//!
+//! [`Covariance`] is a value: the numbers of P in the way its [`Form`] stores them. The estimator
+//! predicts, projects and conditions it; everyone else reads and writes it by blocks of the
+//! layout. Nothing outside a form knows how P is stored, so that a factored form needs no change
+//! elsewhere.
+//!
+//! Letters: P covariance (n×n), Φ transition (n×n), Q process noise, H Jacobian (m×n),
+//! S innovation covariance (m×m), K gain (n×m), R measurement noise (m×m).
+
+mod dense;
+mod form;
+mod solve;
+
+pub use dense::{Joseph, Standard};
+pub use form::{Form, Workspace};
+pub use solve::{cholesky, solve_lower, solve_rows};
+
+use crate::linear::{BlockMatrix, Jacobian, Transition};
+use crate::state::{Block, Slot, Tangent};
+use core::ops::Range;
+use nalgebra::SMatrix;
+use std::sync::Arc;
+
+/// The forms that this crate has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum FormKind {
+    /// (I − KH)P(I − KH)ᵀ + KRKᵀ: positive for any gain.
+    #[default]
+    Joseph,
+    /// (I − KH)P, the textbook form: exact for the optimal gain only.
+    Standard,
+}
+
+impl FormKind {
+    /// The form itself.
+    #[must_use]
+    pub fn form(self) -> Arc<dyn Form> {
+        match self {
+            Self::Joseph => Arc::new(Joseph),
+            Self::Standard => Arc::new(Standard),
+        }
+    }
+}
+
+/// The covariance of the error of a belief, n×n, in the canonical chart.
+#[derive(Clone, Debug)]
+pub struct Covariance {
+    n: usize,
+    p: Vec<f64>,
+    form: Arc<dyn Form>,
+}
+
+/// Equal where stored alike: the same form, the same numbers.
+impl PartialEq for Covariance {
+    fn eq(&self, other: &Self) -> bool {
+        self.n == other.n && self.form.name() == other.form.name() && self.p == other.p
+    }
+}
+
+impl Covariance {
+    /// The zero covariance of dimension `n`, stored in `form`.
+    #[must_use]
+    pub fn zeros(n: usize, form: Arc<dyn Form>) -> Self {
+        Self {
+            n,
+            p: vec![0.0; form.storage(n)],
+            form,
+        }
+    }
+
+    /// Dimension n.
+    #[must_use]
+    pub const fn dim(&self) -> usize {
+        self.n
+    }
+
+    /// How it is stored.
+    #[must_use]
+    pub fn form(&self) -> &Arc<dyn Form> {
+        &self.form
+    }
+
+    /// Variance of each axis of `block`, in its unit squared; as it is stored, even if it is negative.
+    pub fn variances<'a>(&'a self, block: &Block) -> impl Iterator<Item = f64> + 'a {
+        block.tangent_range().map(|i| self.form.element(self.n, &self.p, i, i))
+    }
+
+    /// Standard deviation of each axis of `block`; zero where rounding left a variance below it.
+    pub fn sigmas<'a>(&'a self, block: &Block) -> impl Iterator<Item = f64> + 'a {
+        self.variances(block).map(|v| v.max(0.0).sqrt())
+    }
+
+    /// Covariance of all axes of `block`, d×d, row by row.
+    #[must_use]
+    pub fn block(&self, block: &Block) -> Vec<f64> {
+        let axes = || block.tangent_range();
+        let pairs = axes().flat_map(|i| axes().map(move |j| (i, j)));
+        pairs.map(|(i, j)| self.form.element(self.n, &self.p, i, j)).collect()
+    }
+
+    /// Covariance of the first D axes of `block`, which has no fewer.
+    #[must_use]
+    pub fn marginal<const D: usize>(&self, block: &Block) -> SMatrix<f64, D, D> {
+        self.marginal_at(block.tangent)
+    }
+
+    /// The same of a quantity whose error lies at tangent offset `at`, as
+    /// [`Quantity::place`](crate::state::Quantity::place) tells it.
+    #[must_use]
+    pub fn marginal_at<const D: usize>(&self, at: usize) -> SMatrix<f64, D, D> {
+        SMatrix::from_fn(|i, j| self.form.element(self.n, &self.p, at + i, at + j))
+    }
+
+    /// Covariance of the error of `a` (rows) with that of `b` (columns).
+    #[must_use]
+    pub fn between<A, B, const R: usize, const C: usize>(&self, a: Slot<A>, b: Slot<B>) -> SMatrix<f64, R, C>
+    where
+        A: Tangent<R>,
+        B: Tangent<C>,
+    {
+        SMatrix::from_fn(|i, j| self.form.element(self.n, &self.p, a.tangent + i, b.tangent + j))
+    }
+
+    /// Whether every variance is finite and none negative.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        let variance = |i| self.form.element(self.n, &self.p, i, i);
+        (0..self.n).map(variance).all(|v| v.is_finite() && v >= 0.0)
+    }
+
+    /// J P Kᵀ for two rows over the tangent space that are zero outside `columns`.
+    pub(crate) fn between_rows(&self, j: &[f64], k: &[f64], columns: &[Range<usize>]) -> f64 {
+        let axes = || columns.iter().cloned().flatten();
+        let mut sum = 0.0;
+        for a in axes().filter(|&a| j[a] != 0.0) {
+            for b in axes().filter(|&b| k[b] != 0.0) {
+                sum += j[a] * self.form.element(self.n, &self.p, a, b) * k[b];
+            }
+        }
+        sum
+    }
+
+    /// The whole of it, n×n, row by row: for comparisons and pictures.
+    #[must_use]
+    pub fn to_dense(&self) -> Vec<f64> {
+        let n = self.n;
+        (0..n * n).map(|k| self.form.element(n, &self.p, k / n, k % n)).collect()
+    }
+
+    /// Gives `block` the covariance `value`, d×d, row by row, and forgets what it knows of the others.
+    pub fn set_block(&mut self, block: &Block, value: &[f64]) {
+        self.form.set_block(self.n, &mut self.p, block.tangent_range(), value);
+    }
+
+    /// Gives the whole of it the values `value`, n×n, row by row.
+    pub(crate) fn set_whole(&mut self, value: &[f64]) {
+        self.form.set_block(self.n, &mut self.p, 0..self.n, value);
+    }
+
+    /// Gives the axes of `block` these standard deviations, uncorrelated with each other and with
+    /// everything else.
+    pub fn set_sigmas(&mut self, block: &Block, sigma: &[f64]) {
+        let d = block.kind.dim();
+        let diagonal: Vec<f64> = (0..d * d)
+            .map(|k| if k / d == k % d { sigma[k / d] * sigma[k / d] } else { 0.0 })
+            .collect();
+        self.set_block(block, &diagonal);
+    }
+
+    /// P ← D P D with D = √`factor` on `axes` and 1 elsewhere: variances there grow by `factor`,
+    /// correlation coefficients stay.
+    pub(crate) fn scale(&mut self, axes: &[Range<usize>], factor: f64) {
+        self.form.scale(self.n, &mut self.p, axes, factor);
+    }
+
+    /// Takes the values of another of the same dimension and form, without allocating.
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        self.p.copy_from_slice(&other.p);
+    }
+
+    /// P ← Φ(P + Q_before)Φᵀ + Q_after; false, and P as before, where a variance would overflow or
+    /// not be a number.
+    pub(crate) fn predict(&mut self, t: &Transition, w: &mut Workspace) -> bool {
+        self.form.predict(self.n, &mut self.p, t, w)
+    }
+
+    /// P ← J P Jᵀ.
+    pub(crate) fn congruence(&mut self, j: &BlockMatrix, w: &mut Workspace) {
+        self.form.congruence(self.n, &mut self.p, j, w);
+    }
+
+    /// HP and HPHᵀ into `w`.
+    pub(crate) fn project(&self, h: &Jacobian, w: &mut Workspace) {
+        self.form.project(self.n, &self.p, h, w);
+    }
+
+    /// Conditions P on a measurement that was projected and whose gain is in `w`.
+    pub(crate) fn condition(&mut self, h: &Jacobian, r: &[f64], w: &mut Workspace) {
+        self.form.condition(self.n, &mut self.p, h, r, w);
+    }
+}

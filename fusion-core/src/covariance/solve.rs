@@ -1,0 +1,80 @@
+//! Small dense factors and solves: S is at most as large as a measurement. No inverse is formed.
+
+use super::dense::axpy;
+
+/// Lower Cholesky factor of the symmetric m×m matrix `s` into `l`; false if it is not positive
+/// definite.
+#[must_use]
+pub fn cholesky(s: &[f64], l: &mut [f64], m: usize) -> bool {
+    for i in 0..m {
+        for j in 0..=i {
+            let mut sum = s[i * m + j];
+            for k in 0..j {
+                sum -= l[i * m + k] * l[j * m + k];
+            }
+            if i == j {
+                if !(sum > 0.0 && sum.is_finite()) {
+                    return false;
+                }
+                l[i * m + i] = sum.sqrt();
+            } else {
+                l[i * m + j] = sum / l[j * m + j];
+            }
+        }
+        l[i * m + i + 1..(i + 1) * m].fill(0.0);
+    }
+    true
+}
+
+/// Solves L y = b in place; L lower, m×m, row by row.
+pub fn solve_lower(l: &[f64], b: &mut [f64], m: usize) {
+    for i in 0..m {
+        let mut sum = b[i];
+        for k in 0..i {
+            sum -= l[i * m + k] * b[k];
+        }
+        b[i] = sum / l[i * m + i];
+    }
+}
+
+/// Solves (L Lᵀ) X = B in place for B of `m` rows of length `ld`.
+pub fn solve_rows(l: &[f64], b: &mut [f64], m: usize, ld: usize) {
+    for i in 0..m {
+        let (done, rest) = b.split_at_mut(i * ld);
+        let row = &mut rest[..ld];
+        for k in 0..i {
+            axpy(-l[i * m + k], &done[k * ld..(k + 1) * ld], row);
+        }
+        let inverse = 1.0 / l[i * m + i];
+        row.iter_mut().for_each(|v| *v *= inverse);
+    }
+    for i in (0..m).rev() {
+        let (head, tail) = b.split_at_mut((i + 1) * ld);
+        let row = &mut head[i * ld..];
+        for k in i + 1..m {
+            axpy(-l[k * m + i], &tail[(k - i - 1) * ld..(k - i) * ld], row);
+        }
+        let inverse = 1.0 / l[i * m + i];
+        row.iter_mut().for_each(|v| *v *= inverse);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cholesky_refuses_what_is_not_positive() {
+        let mut l = [0.0; 4];
+        assert!(cholesky(&[4.0, 2.0, 2.0, 3.0], &mut l, 2));
+        assert_eq!(l, [2.0, 0.0, 1.0, 2_f64.sqrt()]);
+        for bad in [
+            [1.0, 1.0, 1.0, 1.0],
+            [1.0, 2.0, 2.0, 1.0],
+            [f64::NAN, 0.0, 0.0, 1.0],
+            [f64::INFINITY, 0.0, 0.0, 1.0],
+        ] {
+            assert!(!cholesky(&bad, &mut l, 2), "{bad:?}");
+        }
+    }
+}

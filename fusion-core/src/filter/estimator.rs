@@ -1,0 +1,120 @@
+//! The face that every estimator shows.
+
+use super::step::Step;
+use crate::gate::{Gate, Mode, Outcome};
+use crate::loss::Loss;
+use crate::model::{Input, Measurement, Undefined};
+use crate::state::{Belief, Layout, View};
+use crate::time::Time;
+use thiserror::Error;
+
+/// Why the estimator could not go on.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum FilterError {
+    /// The state or its variances stopped being numbers; the belief is the last sound one.
+    #[error("the estimate stopped being finite at {0}; the state before that step is kept")]
+    Diverged(Time),
+    /// A prediction to before the belief.
+    #[error("asked to predict from {from} back to {to}")]
+    Backwards {
+        /// The belief's time.
+        from: Time,
+        /// The time asked for.
+        to: Time,
+    },
+}
+
+/// What became of a measurement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// It corrected the estimate.
+    Accepted,
+    /// Its gate rejected it.
+    Rejected,
+    /// Its gate believed it against the estimate, whose covariance was inflated first.
+    Readopted,
+    /// The model has no value at this state.
+    Undefined(Undefined),
+    /// S was not positive definite, or the correction not finite: nothing was changed.
+    Unusable,
+}
+
+/// One measurement's passage through the filter.
+#[derive(Clone, Copy, Debug)]
+pub struct Update<'a> {
+    /// What became of it.
+    pub verdict: Verdict,
+    /// The measured value z, as it was offered.
+    pub value: &'a [f64],
+    /// The predicted value h(x̂) before the update; not a number where it is undefined.
+    pub predicted: &'a [f64],
+    /// R, m×m, row by row, before any robust weight.
+    pub noise: &'a [f64],
+    /// r = z ⊟ h(x̂) before the update.
+    pub residual: &'a [f64],
+    /// √S_ii, the predicted 1σ of each residual.
+    pub innovation_sigma: &'a [f64],
+    /// Normalised innovation squared, rᵀS⁻¹r.
+    pub nis: f64,
+    /// The gate's own statistic.
+    pub statistic: f64,
+    /// What the gate compared it with.
+    pub threshold: f64,
+    /// The gate's mode afterwards.
+    pub mode: Mode,
+    /// Robust weight, 1 where the loss left the measurement whole.
+    pub weight: f64,
+}
+
+/// A measurement ready for an estimator.
+#[derive(Clone, Copy, Debug)]
+pub struct Observed<'a> {
+    /// The model.
+    pub model: &'a dyn Measurement,
+    /// The measured value.
+    pub value: &'a [f64],
+    /// R, m×m, row by row.
+    pub noise: &'a [f64],
+}
+
+/// The face every estimator shows, with or without a covariance.
+pub trait Estimator: core::fmt::Debug + Send {
+    /// What it believes now.
+    fn belief(&self) -> &Belief;
+
+    /// The state layout.
+    fn layout(&self) -> &Layout;
+
+    /// Replaces the belief: initialisation, a snapshot restored.
+    fn set_belief(&mut self, belief: Belief);
+
+    /// Moves the belief to `to` under `input`.
+    ///
+    /// # Errors
+    /// [`FilterError`]; the belief stays sound.
+    fn predict(&mut self, to: Time, input: &Input<'_>) -> Result<(), FilterError>;
+
+    /// Offers a measurement valid now. `others` is the latest outcome of each sensor of the design,
+    /// for gates that go by it; it may be empty.
+    fn update<'a>(&'a mut self, observed: &Observed<'a>, gate: &mut dyn Gate, others: &[Option<Outcome>], loss: &dyn Loss) -> Update<'a>;
+
+    /// The state and the process's signals, as models see them.
+    fn view(&mut self) -> View<'_>;
+
+    /// Whether it keeps its steps for [`Estimator::steps`]; not at first.
+    fn keep_steps(&mut self, keep: bool);
+
+    /// What the latest prediction or update consisted of, where steps are kept.
+    fn steps(&self) -> &[Step];
+
+    /// Copies the estimator with all that it has learnt: the copy continues bit for bit as the
+    /// original would.
+    fn boxed_clone(&self) -> Box<dyn Estimator>;
+}
+
+impl Clone for Box<dyn Estimator> {
+    fn clone(&self) -> Self {
+        self.boxed_clone()
+    }
+}

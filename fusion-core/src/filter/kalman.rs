@@ -1,0 +1,482 @@
+//! The Kalman filter on manifolds.
+
+use super::backend::Backend;
+use super::estimator::{Estimator, FilterError, Observed, Update, Verdict};
+use super::rule::{Innovation, Problem, UpdateRule};
+use super::step::Step;
+use crate::chart::Chart;
+use crate::covariance::{Covariance, Form};
+use crate::gate::{Answer, Decision, Gate, GateInput, Mode, Outcome};
+use crate::linear::{BlockMatrix, Transition};
+use crate::loss::Loss;
+use crate::model::{Input, Process, SignalBuffer, Size};
+use crate::state::{Belief, Dynamics, Layout, View};
+use crate::time::{Time, nanos};
+use std::sync::Arc;
+
+/// The most that readoption may grow P: ten thousand times every σ.
+const MOST_GROWTH: f64 = 1e8;
+
+/// What a filter is made of: a [`Backend`] by its objects, some of which may come from elsewhere.
+#[derive(Clone, Debug)]
+pub struct Parts {
+    /// What the covariance is the covariance of.
+    pub chart: Arc<dyn Chart>,
+    /// How a measurement is linearised and conditioned on.
+    pub update: Arc<dyn UpdateRule>,
+    /// How P is stored and kept positive.
+    pub form: Arc<dyn Form>,
+}
+
+impl From<Backend> for Parts {
+    fn from(backend: Backend) -> Self {
+        Self {
+            chart: backend.chart.chart(),
+            update: backend.update.rule(),
+            form: backend.form.form(),
+        }
+    }
+}
+
+/// The Kalman filter on manifolds.
+///
+/// Cloned, it continues bit for bit as the original would.
+#[derive(Clone, Debug)]
+pub struct Filter {
+    layout: Arc<Layout>,
+    process: Arc<dyn Process>,
+    chart: Arc<dyn Chart>,
+    rule: Arc<dyn UpdateRule>,
+    own: Arc<[OwnDynamics]>,
+    belief: Belief,
+    transition: Transition,
+    signals: Signals,
+    work: Innovation,
+    reset: BlockMatrix,
+    x_before: Vec<f64>,
+    p_before: Covariance,
+    /// The steps of the latest call, where they are kept.
+    steps: Option<Vec<Step>>,
+}
+
+/// The process's signals at the belief, evaluated when somebody reads them.
+#[derive(Clone, Debug)]
+pub(super) struct Signals {
+    pub(super) buffer: SignalBuffer,
+    evaluated: Evaluated,
+    /// The input of the last step, under which they are evaluated.
+    sample: Vec<f64>,
+    interval: f64,
+}
+
+/// How much of the signals is evaluated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Evaluated {
+    Nothing,
+    Values,
+    Jacobian,
+}
+
+impl Signals {
+    fn new(layout: &Layout, input_dim: usize) -> Self {
+        Self {
+            buffer: SignalBuffer::new(layout),
+            evaluated: Evaluated::Nothing,
+            sample: vec![0.0; input_dim],
+            interval: 0.0,
+        }
+    }
+
+    /// Holds the input of a step that has been taken.
+    fn hold(&mut self, input: &Input<'_>) {
+        self.sample.clear();
+        self.sample.extend_from_slice(input.sample);
+        self.interval = input.interval;
+        self.forget();
+    }
+
+    /// The state has changed.
+    pub(super) const fn forget(&mut self) {
+        self.evaluated = Evaluated::Nothing;
+    }
+
+    pub(super) fn evaluate(&mut self, process: &dyn Process, x: &[f64], with_jacobian: bool) {
+        let wanted = if with_jacobian { Evaluated::Jacobian } else { Evaluated::Values };
+        if self.evaluated < wanted {
+            let input = Input {
+                sample: &self.sample,
+                interval: self.interval,
+            };
+            self.buffer.evaluate(process, x, &input, with_jacobian);
+            self.evaluated = wanted;
+        }
+    }
+}
+
+/// Dynamics that a tangent coordinate has by itself.
+#[derive(Clone, Copy, Debug)]
+enum OwnDynamics {
+    Walk {
+        axis: usize,
+        psd: f64,
+    },
+    Markov {
+        axis: usize,
+        storage: usize,
+        variance: f64,
+        tau: f64,
+    },
+}
+
+impl OwnDynamics {
+    /// Those that the blocks of `layout` declare.
+    fn of(layout: &Layout) -> Arc<[Self]> {
+        let mut own = Vec::new();
+        for b in layout.blocks() {
+            for (k, axis) in b.tangent_range().enumerate() {
+                match &b.dynamics {
+                    Dynamics::RandomWalk { psd } if psd[k] > 0.0 => own.push(Self::Walk { axis, psd: psd[k] }),
+                    Dynamics::GaussMarkov { sigma, tau } => own.push(Self::Markov {
+                        axis,
+                        storage: b.storage + k,
+                        variance: sigma[k] * sigma[k],
+                        tau: *tau,
+                    }),
+                    _ => {}
+                }
+            }
+        }
+        own.into()
+    }
+}
+
+impl Filter {
+    /// A filter at the layout's initial belief, with room for measurements of up to `largest`.
+    #[must_use]
+    pub fn new(layout: Arc<Layout>, process: Arc<dyn Process>, backend: Backend, largest: Size) -> Self {
+        Self::of(layout, process, backend.into(), largest)
+    }
+
+    /// The same of parts that may come from elsewhere.
+    #[must_use]
+    pub fn of(layout: Arc<Layout>, process: Arc<dyn Process>, parts: Parts, largest: Size) -> Self {
+        let n = layout.dim();
+        Self {
+            belief: Belief::initial(&layout, &parts.form, Time::default()),
+            transition: Transition::new(&layout),
+            own: OwnDynamics::of(&layout),
+            signals: Signals::new(&layout, process.input_dim()),
+            work: Innovation::new(&layout, parts.form.as_ref(), largest),
+            reset: BlockMatrix::identity(n),
+            x_before: vec![0.0; layout.storage()],
+            p_before: Covariance::zeros(n, parts.form),
+            chart: parts.chart,
+            rule: parts.update,
+            steps: None,
+            layout,
+            process,
+        }
+    }
+
+    /// One step to `to`; false where its result is not finite, with a state then to be restored and
+    /// a covariance as before.
+    fn step(&mut self, input: &Input<'_>, to: Time, dt: f64) -> bool {
+        let prior = self.prior();
+        self.transition.reset();
+        self.process.linearise(&self.belief.x, input, dt, &mut self.transition);
+        // The process moves under the state it was linearised at, so blocks decay after it.
+        self.process.propagate(&mut self.belief.x, input, dt);
+        self.decay(dt);
+        let is_sound = self.belief.x.iter().all(|v| v.is_finite()) && self.belief.covariance.predict(&self.transition, &mut self.work.work);
+        if !is_sound {
+            return false;
+        }
+        self.belief.time = to;
+        self.keep(prior, |f, prior| Step::Predicted {
+            prior,
+            transition: f.transition.clone(),
+            posterior: f.belief.clone(),
+        });
+        true
+    }
+
+    /// Random walks and Gauss-Markov decay of the blocks that have them.
+    fn decay(&mut self, dt: f64) {
+        for own in self.own.iter() {
+            match *own {
+                OwnDynamics::Walk { axis, psd } => self.transition.after.diagonal(axis, psd * dt),
+                OwnDynamics::Markov {
+                    axis,
+                    storage,
+                    variance,
+                    tau,
+                } => {
+                    let decay = (-dt / tau).exp();
+                    self.belief.x[storage] *= decay;
+                    self.transition.phi.set_element(axis, axis, decay);
+                    self.transition.after.diagonal(axis, variance * (1.0 - decay * decay));
+                }
+            }
+        }
+    }
+
+    /// The belief before a step, where steps are kept.
+    fn prior(&self) -> Option<Belief> {
+        self.steps.is_some().then(|| self.belief.clone())
+    }
+
+    /// Keeps a step, where steps are kept.
+    fn keep(&mut self, prior: Option<Belief>, step: impl FnOnce(&Self, Belief) -> Step) {
+        if let Some(prior) = prior {
+            let step = step(self, prior);
+            self.steps.get_or_insert_default().push(step);
+        }
+    }
+
+    fn forget_steps(&mut self) {
+        if let Some(steps) = &mut self.steps {
+            steps.clear();
+        }
+    }
+
+    /// The problem that `observed` poses at the belief, and the memory to solve it in.
+    fn problem<'a>(&'a mut self, observed: &'a Observed<'_>) -> (Problem<'a>, &'a mut Innovation, &'a dyn UpdateRule) {
+        let problem = Problem {
+            layout: &self.layout,
+            chart: self.chart.as_ref(),
+            x: &self.belief.x,
+            covariance: &mut self.belief.covariance,
+            observed,
+            process: self.process.as_ref(),
+            signals: &mut self.signals,
+        };
+        (problem, &mut self.work, self.rule.as_ref())
+    }
+
+    /// First step: residual, H, S and the NIS. `Err` where there is none: the verdict.
+    fn innovation(&mut self, observed: &Observed<'_>) -> Result<f64, Verdict> {
+        let Size { value, residual: m } = observed.model.size();
+        self.work.rows = m;
+        self.work.sigma[..m].fill(f64::NAN);
+        let (mut problem, work, rule) = self.problem(observed);
+        if let Err(why) = rule.innovation(&mut problem, work) {
+            work.residual[..m].fill(f64::NAN);
+            work.predicted[..value].fill(f64::NAN);
+            return Err(Verdict::Undefined(why));
+        }
+        work.noise[..m * m].copy_from_slice(&observed.noise[..m * m]);
+        if !(work.residual[..m].iter().all(|r| r.is_finite()) && work.factor()) {
+            return Err(Verdict::Unusable);
+        }
+        let nis = work.whiten();
+        for i in 0..m {
+            work.sigma[i] = work.work.s[i * m + i].sqrt();
+        }
+        Ok(nis)
+    }
+
+    /// Second step: what the gate says of it.
+    fn judge(&self, nis: f64, gate: &mut dyn Gate, others: &[Option<Outcome>]) -> Answer {
+        let (work, m) = (&self.work, self.work.rows);
+        gate.judge(&GateInput {
+            time: self.belief.time,
+            residual: &work.residual[..m],
+            predicted: &work.work.hph[..m * m],
+            noise: &work.noise[..m * m],
+            innovation: &work.work.s[..m * m],
+            nis,
+            others,
+        })
+    }
+
+    /// R ← R / w; the weight, or none where S is then not positive definite.
+    fn weigh(&mut self, nis: f64, loss: &dyn Loss) -> Option<f64> {
+        let (m, work) = (self.work.rows, &mut self.work);
+        let weight = loss.weight(nis.sqrt(), m);
+        if weight < 1.0 {
+            work.noise[..m * m].iter_mut().for_each(|r| *r /= weight);
+            if !work.factor() {
+                return None;
+            }
+        }
+        Some(weight)
+    }
+
+    /// P grows as a whole, doubling, until the residual is one that it expects: κ with
+    /// rᵀ(κHPHᵀ + R)⁻¹r ≤ m. False, and nothing changed, where no growth explains it.
+    ///
+    /// As a whole, because nobody knows which state went wrong: growth along the residual alone
+    /// would blame one combination of the states, and the update would then be certain of it.
+    fn inflate(&mut self) -> bool {
+        let mut growth = 1.0;
+        let (m, work) = (self.work.rows, &mut self.work);
+        while !(work.factor() && work.whiten() <= m as f64) {
+            growth *= 2.0;
+            if growth > MOST_GROWTH {
+                return false;
+            }
+            work.work.hph[..m * m].iter_mut().for_each(|p| *p *= 2.0);
+        }
+        let prior = self.prior();
+        let whole = 0..self.layout.dim();
+        self.belief.covariance.scale(core::slice::from_ref(&whole), growth);
+        self.keep(prior, |f, prior| Step::Inflated {
+            prior,
+            posterior: f.belief.clone(),
+        });
+        self.work.project(&self.belief.covariance);
+        self.work.factor() && self.work.whiten().is_finite()
+    }
+
+    /// Third step, gain, correction and P, and fourth: the chart moves state and P by the
+    /// correction. False (and nothing changed) if a number is not finite.
+    fn correct(&mut self, observed: &Observed<'_>) -> bool {
+        let prior = self.prior();
+        let (mut problem, work, rule) = self.problem(observed);
+        if !rule.condition(&mut problem, work) {
+            return false;
+        }
+        let is_reset = self.apply();
+        self.keep(prior, |f, prior| {
+            let m = f.work.rows;
+            Step::Corrected {
+                prior,
+                jacobian: f.work.jacobian.clone(),
+                noise: f.work.noise[..m * m].to_vec(),
+                residual: f.work.residual[..m].to_vec(),
+                correction: f.work.correction.clone(),
+                reset: is_reset.then(|| f.reset.clone()),
+                posterior: f.belief.clone(),
+            }
+        });
+        true
+    }
+
+    /// Moves the state by the correction, through the chart, and P with it; whether P had to follow.
+    fn apply(&mut self) -> bool {
+        self.reset.reset();
+        let x = &mut self.belief.x;
+        let is_reset = self.chart.correct(&self.layout, x, &self.work.correction, &mut self.reset);
+        if is_reset {
+            self.belief.covariance.congruence(&self.reset, &mut self.work.work);
+        }
+        self.signals.forget();
+        is_reset
+    }
+
+    fn report<'a>(&'a self, observed: &Observed<'a>, verdict: Verdict, nis: f64, answer: Answer, weight: f64) -> Update<'a> {
+        let Size { value, residual: m } = observed.model.size();
+        Update {
+            verdict,
+            value: &observed.value[..value],
+            predicted: &self.work.predicted[..value],
+            noise: &observed.noise[..m * m],
+            residual: &self.work.residual[..m],
+            innovation_sigma: &self.work.sigma[..m],
+            nis,
+            statistic: answer.statistic,
+            threshold: answer.threshold,
+            mode: answer.mode,
+            weight,
+        }
+    }
+}
+
+/// The answer of a gate that was not asked.
+const NOT_ASKED: Answer = Answer {
+    decision: Decision::Reject,
+    statistic: f64::NAN,
+    threshold: f64::NAN,
+    mode: Mode::Track,
+};
+
+impl Estimator for Filter {
+    fn belief(&self) -> &Belief {
+        &self.belief
+    }
+
+    fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    fn set_belief(&mut self, belief: Belief) {
+        self.belief = belief;
+        self.signals.forget();
+    }
+
+    fn predict(&mut self, to: Time, input: &Input<'_>) -> Result<(), FilterError> {
+        self.forget_steps();
+        let from = self.belief.time;
+        if to < from {
+            return Err(FilterError::Backwards { from, to });
+        }
+        let total = to.seconds_since(from);
+        if total > 0.0 {
+            let steps = (total / self.process.max_step()).ceil().clamp(1.0, 1e6);
+            self.x_before.copy_from_slice(&self.belief.x);
+            if steps > 1.0 {
+                self.p_before.copy_from(&self.belief.covariance);
+            }
+            for k in 1..=steps as usize {
+                let part = nanos(total / steps * k as f64);
+                let end = if k == steps as usize { to } else { from.shifted(part) };
+                if self.step(input, end, total / steps) {
+                    continue;
+                }
+                self.belief.time = from;
+                self.belief.x.copy_from_slice(&self.x_before);
+                if steps > 1.0 {
+                    self.belief.covariance.copy_from(&self.p_before);
+                }
+                self.forget_steps();
+                return Err(FilterError::Diverged(to));
+            }
+        }
+        self.signals.hold(input);
+        Ok(())
+    }
+
+    fn update<'a>(&'a mut self, observed: &Observed<'a>, gate: &mut dyn Gate, others: &[Option<Outcome>], loss: &dyn Loss) -> Update<'a> {
+        self.forget_steps();
+        let nis = match self.innovation(observed) {
+            Ok(nis) => nis,
+            Err(verdict) => return self.report(observed, verdict, f64::NAN, NOT_ASKED, 0.0),
+        };
+        let answer = self.judge(nis, gate, others);
+        let (verdict, weight) = match answer.decision {
+            Decision::Reject => (Verdict::Rejected, 0.0),
+            Decision::Accept => match self.weigh(nis, loss) {
+                Some(weight) if self.correct(observed) => (Verdict::Accepted, weight),
+                weight => (Verdict::Unusable, weight.unwrap_or_default()),
+            },
+            Decision::Readopt => {
+                self.p_before.copy_from(&self.belief.covariance);
+                if self.inflate() && self.correct(observed) {
+                    (Verdict::Readopted, 1.0)
+                } else {
+                    self.belief.covariance.copy_from(&self.p_before);
+                    self.forget_steps();
+                    (Verdict::Unusable, 0.0)
+                }
+            }
+        };
+        self.report(observed, verdict, nis, answer, weight)
+    }
+
+    fn view(&mut self) -> View<'_> {
+        self.signals.evaluate(self.process.as_ref(), &self.belief.x, false);
+        self.signals.buffer.view(&self.belief.x)
+    }
+
+    fn keep_steps(&mut self, keep: bool) {
+        self.steps = keep.then(Vec::new);
+    }
+
+    fn steps(&self) -> &[Step] {
+        self.steps.as_deref().unwrap_or_default()
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Estimator> {
+        Box::new(self.clone())
+    }
+}

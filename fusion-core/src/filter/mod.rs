@@ -1,0 +1,21 @@
+//! The estimator: predict and update. The only place where gains, gates and corrections are
+//! computed; it knows blocks and Jacobians, and no sensor.
+//!
+//! An update is four steps: *innovation* (residual, H, S), *gate* (and robust weight), *condition*
+//! (gain, correction, covariance) and *apply* (the chart moves state and covariance). Innovation
+//! and condition are the [`UpdateRule`]'s.
+
+mod backend;
+mod estimator;
+mod kalman;
+mod rule;
+mod step;
+
+pub use backend::{Backend, ChartKind, UpdateKind};
+pub use estimator::{Estimator, FilterError, Observed, Update, Verdict};
+pub use kalman::{Filter, Parts};
+pub use rule::{Innovation, Problem, Single, UpdateRule};
+pub use step::Step;
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -1,0 +1,198 @@
+//! How a measurement is linearised and conditioned on: the update rules.
+
+use super::estimator::Observed;
+use super::kalman::Signals;
+use crate::chart::Chart;
+use crate::covariance::{Covariance, Form, Workspace, cholesky, solve_lower, solve_rows};
+use crate::linear::Jacobian;
+use crate::model::{Process, Size, Undefined};
+use crate::state::Layout;
+use core::fmt::Debug;
+
+/// How a measurement corrects the belief: two of the four steps of an update.
+///
+/// [`crate::testing::check_update_rule`] holds the laws.
+pub trait UpdateRule: Debug + Send + Sync {
+    /// Its name.
+    fn name(&self) -> &'static str;
+
+    /// Prediction, residual, H, HP and HPHᵀ at the belief into `work`.
+    ///
+    /// # Errors
+    /// [`Undefined`] where the model has no value.
+    fn innovation(&self, problem: &mut Problem<'_>, work: &mut Innovation) -> Result<(), Undefined> {
+        problem.linearise(work)?;
+        work.project(problem.covariance);
+        Ok(())
+    }
+
+    /// The correction δ \[tangent coordinates\] into `work.correction`, and the covariance given the
+    /// measurement; S and its factor are in `work`, R is `work.noise`. The state is not moved: that
+    /// is the chart's, afterwards. False, and nothing changed, where a number is not finite.
+    fn condition(&self, problem: &mut Problem<'_>, work: &mut Innovation) -> bool;
+}
+
+/// One linearisation, at the prediction.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Single;
+
+impl UpdateRule for Single {
+    fn name(&self) -> &'static str {
+        "single"
+    }
+
+    fn condition(&self, problem: &mut Problem<'_>, work: &mut Innovation) -> bool {
+        work.gain();
+        if !work.correct() {
+            return false;
+        }
+        work.condition(problem.covariance);
+        true
+    }
+}
+
+/// What an update rule works on: the belief and the measurement.
+#[derive(Debug)]
+pub struct Problem<'a> {
+    /// The state layout.
+    pub layout: &'a Layout,
+    /// The chart by whose retraction the correction will be applied.
+    pub chart: &'a dyn Chart,
+    /// The estimate x̂.
+    pub x: &'a [f64],
+    /// P, in the canonical chart.
+    pub covariance: &'a mut Covariance,
+    /// The measurement.
+    pub observed: &'a Observed<'a>,
+    pub(super) process: &'a dyn Process,
+    pub(super) signals: &'a mut Signals,
+}
+
+impl Problem<'_> {
+    /// Prediction, residual and H at the estimate.
+    ///
+    /// # Errors
+    /// [`Undefined`] where the model has no value.
+    pub fn linearise(&mut self, work: &mut Innovation) -> Result<(), Undefined> {
+        Self::linearise_with(self.observed, self.process, self.x, self.signals, work)
+    }
+
+    /// The same at another state `x`.
+    ///
+    /// # Errors
+    /// [`Undefined`] where the model has no value there.
+    pub fn linearise_at(&mut self, x: &[f64], work: &mut Innovation) -> Result<(), Undefined> {
+        self.signals.forget();
+        let linearised = Self::linearise_with(self.observed, self.process, x, self.signals, work);
+        self.signals.forget();
+        linearised
+    }
+
+    fn linearise_with(
+        o: &Observed<'_>,
+        process: &dyn Process,
+        x: &[f64],
+        signals: &mut Signals,
+        work: &mut Innovation,
+    ) -> Result<(), Undefined> {
+        let Size { value, residual: m } = o.model.size();
+        work.rows = m;
+        signals.evaluate(process, x, false);
+        let view = signals.buffer.view(x);
+        work.jacobian.reset(m);
+        o.model.predict(&view, &mut work.predicted[..value])?;
+        o.model
+            .residual(&o.value[..value], &work.predicted[..value], &mut work.residual[..m]);
+        o.model.jacobian(&view, &mut work.jacobian)?;
+        if work.jacobian.needs_signals() {
+            signals.evaluate(process, x, true);
+            work.jacobian.chain(&signals.buffer.jacobian);
+        }
+        Ok(())
+    }
+}
+
+/// A measurement's passage: residual, H, S, gain and correction, in memory sized once.
+#[derive(Clone, Debug)]
+pub struct Innovation {
+    /// Rows m of the measurement at hand.
+    pub rows: usize,
+    /// h(x̂).
+    pub predicted: Vec<f64>,
+    /// r = z ⊟ h(x̂); the first m.
+    pub residual: Vec<f64>,
+    /// H, m×n.
+    pub jacobian: Jacobian,
+    /// R, m×m, row by row: as it was offered, or divided by the robust weight.
+    pub noise: Vec<f64>,
+    /// δ = K r, in tangent coordinates.
+    pub correction: Vec<f64>,
+    /// HP, HPHᵀ, S, its factor and Kᵀ.
+    pub work: Workspace,
+    pub(super) whitened: Vec<f64>,
+    pub(super) sigma: Vec<f64>,
+}
+
+impl Innovation {
+    /// Memory for measurements of up to `largest` over the tangent space of `layout`.
+    #[must_use]
+    pub fn new(layout: &Layout, form: &dyn Form, largest: Size) -> Self {
+        let (n, m) = (layout.dim(), largest.residual.max(1));
+        Self {
+            rows: 0,
+            predicted: vec![0.0; largest.value.max(1)],
+            residual: vec![0.0; m],
+            jacobian: Jacobian::new(layout, m),
+            noise: vec![0.0; m * m],
+            correction: vec![0.0; n],
+            work: Workspace::new(form, n, m),
+            whitened: vec![0.0; m],
+            sigma: vec![0.0; m],
+        }
+    }
+
+    /// HP and HPHᵀ.
+    pub fn project(&mut self, covariance: &Covariance) {
+        covariance.project(&self.jacobian, &mut self.work);
+    }
+
+    /// S = HPHᵀ + R and its Cholesky factor; false where S is not positive definite.
+    pub fn factor(&mut self) -> bool {
+        let (m, w) = (self.rows, &mut self.work);
+        for ((s, p), r) in w.s.iter_mut().zip(&w.hph).zip(&self.noise[..m * m]) {
+            *s = p + r;
+        }
+        cholesky(&w.s, &mut w.l, m)
+    }
+
+    /// Whitens the residual by the factor of S; its squared norm is the NIS.
+    pub fn whiten(&mut self) -> f64 {
+        let w = &mut self.whitened[..self.rows];
+        w.copy_from_slice(&self.residual[..self.rows]);
+        solve_lower(&self.work.l, w, self.rows);
+        w.iter().map(|v| v * v).sum()
+    }
+
+    /// K = PHᵀS⁻¹, by solving with the factor of S.
+    pub fn gain(&mut self) {
+        let (m, w) = (self.rows, &mut self.work);
+        let used = m * w.ld;
+        w.kt[..used].copy_from_slice(&w.hp[..used]);
+        solve_rows(&w.l, &mut w.kt, m, w.ld);
+    }
+
+    /// δ = K r; false where a number of it is not finite.
+    pub fn correct(&mut self) -> bool {
+        let (m, ld) = (self.rows, self.work.ld);
+        for (i, d) in self.correction.iter_mut().enumerate() {
+            *d = (0..m).map(|j| self.work.kt[j * ld + i] * self.residual[j]).sum();
+        }
+        self.correction.iter().all(|d| d.is_finite())
+    }
+
+    /// P given the measurement, by the gain that is here.
+    pub fn condition(&mut self, covariance: &mut Covariance) {
+        let m = self.rows;
+        covariance.condition(&self.jacobian, &self.noise[..m * m], &mut self.work);
+    }
+}

@@ -1,0 +1,48 @@
+//! A measurement is used only with that of another sensor.
+
+use super::{Answer, Decision, Gate, GateInput};
+
+/// Rejects a measurement where the latest one of another sensor was not used; otherwise the
+/// sensor's own gate judges it.
+///
+/// While it rejects, the own gate is not asked, so that its memory does not see what may be sound.
+/// The answer then holds the NIS, an infinite threshold and the mode of the other's gate.
+#[derive(Clone, Debug)]
+pub struct OnlyWith {
+    leader: usize,
+    memory: f64,
+    own: Box<dyn Gate>,
+}
+
+impl OnlyWith {
+    /// Goes with sensor number `leader`, whose outcome counts for `memory` seconds; `own` judges
+    /// otherwise.
+    #[must_use]
+    pub fn new(leader: usize, memory: f64, own: Box<dyn Gate>) -> Self {
+        Self { leader, memory, own }
+    }
+}
+
+impl Gate for OnlyWith {
+    fn judge(&mut self, input: &GateInput<'_>) -> Answer {
+        let latest = input.others.get(self.leader).copied().flatten();
+        let is_recent = |time| input.time.seconds_since(time) < self.memory;
+        match latest.filter(|outcome| !outcome.is_used && is_recent(outcome.time)) {
+            Some(outcome) => Answer {
+                decision: Decision::Reject,
+                statistic: input.nis,
+                threshold: f64::INFINITY,
+                mode: outcome.mode,
+            },
+            None => self.own.judge(input),
+        }
+    }
+
+    fn leader(&self) -> Option<usize> {
+        Some(self.leader)
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Gate> {
+        Box::new(self.clone())
+    }
+}

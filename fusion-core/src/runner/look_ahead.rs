@@ -1,0 +1,41 @@
+//! Looking ahead: the outcome of a leader that is valid after its follower.
+//!
+//! Of one row the follower may be valid first, as a velocity that a receiver reports later than the
+//! position. Whether the position will be used is then found by a copy of the runner that goes on,
+//! without the follower, up to the position. Rows are held back long enough that everything that is
+//! valid by then is there, so that the answer does not depend on the order of arrival.
+
+use super::Runner;
+use super::event::Event;
+use super::intake::Sample;
+use super::rows::Consumer;
+use crate::gate::Outcome;
+use crate::time::Time;
+
+impl Runner {
+    /// What will become of the measurement of sensor `leader` that is made of row number `row`, if it
+    /// is still to come; `during` is the sample that is being run over.
+    pub(super) fn foresee(&self, leader: usize, row: usize, during: Option<&Sample>) -> Option<Outcome> {
+        if self.is_ahead {
+            return None;
+        }
+        let until = self.coming(leader, row)?;
+        let mut ahead = self.clone();
+        ahead.is_ahead = true;
+        let mut nobody = |_: &Event<'_>| {};
+        if let Some(sample) = during {
+            ahead.advance(sample, &mut nobody).ok()?;
+        }
+        ahead.run_ready(&mut nobody).ok()?;
+        ahead.drain(until, &mut nobody).ok()?;
+        ahead.serve_waiting(&mut nobody).ok()?;
+        ahead.outcomes[leader].filter(|outcome| outcome.time == until)
+    }
+
+    /// When the measurement of `sensor` made of row number `row` is valid, if it has not been served.
+    fn coming(&self, sensor: usize, row: usize) -> Option<Time> {
+        let waiting = self.waiting.iter().find(|w| w.sensor == sensor && w.row == row).map(|w| w.time);
+        let is_it = |consumer| matches!(consumer, Consumer::Sensor(_, s) if s == sensor);
+        waiting.or_else(|| self.queue.find(|e| is_it(e.consumer) && e.row == row).map(|e| e.time))
+    }
+}

@@ -1,0 +1,318 @@
+//! The runner itself: what it is put together from, and the order of rows in time.
+
+use super::intake::Intake;
+use super::parts::Emitted;
+use super::rows::{Consumer, Entry, Queue, Row, Rows};
+use super::{Event, Halt, InitialiserUnit, Observer, Port, RunError, Sensor, StageUnit, StreamId, WrongWidth};
+use crate::filter::Estimator;
+use crate::gate::Outcome;
+use crate::model::Process;
+use crate::state::Belief;
+use crate::time::{Time, nanos};
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+#[derive(Clone, Debug)]
+pub(super) struct Stream {
+    name: String,
+    pub(super) width: usize,
+}
+
+/// A measurement that waits for the input sample that covers it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Waiting {
+    pub(super) time: Time,
+    pub(super) sensor: usize,
+    pub(super) row: usize,
+}
+
+/// Merges streams in time and drives an estimator.
+///
+/// Cloned, it continues bit for bit as the original would.
+#[derive(Clone, Debug)]
+pub struct Runner {
+    pub(super) streams: Vec<Stream>,
+    pub(super) input: Option<Intake>,
+    pub(super) sensors: Vec<Sensor>,
+    /// By sensor: how many it takes to reach one that goes with no other, itself included. Of one
+    /// time, lower ranks are served first.
+    ranks: Vec<usize>,
+    /// By sensor: what became of its latest measurement.
+    pub(super) outcomes: Vec<Option<Outcome>>,
+    pub(super) stages: Vec<StageUnit>,
+    pub(super) initialisers: Vec<InitialiserUnit>,
+    buffer: i64,
+    lag: i64,
+    pub(super) queue: Queue,
+    pub(super) rows: Rows,
+    watermark: Time,
+    released: Time,
+    pub(super) started: bool,
+    pub(super) start_after: Time,
+    /// In order.
+    pub(super) waiting: VecDeque<Waiting>,
+    pub(super) emitted: Emitted,
+    /// Rows that each stage has emitted so far.
+    pub(super) emissions: Vec<u64>,
+    /// The epoch whose estimate has not been told yet.
+    pub(super) epoch: Option<Time>,
+    keeps_steps: bool,
+    /// Whether this is a copy that looks ahead.
+    pub(super) is_ahead: bool,
+    pub(super) value: Vec<f64>,
+    pub(super) noise: Vec<f64>,
+    pub(super) process: Arc<dyn Process>,
+    pub(super) estimator: Box<dyn Estimator>,
+}
+
+impl Runner {
+    /// A runner of `estimator`, whose process is `process`; rows may arrive up to `buffer`
+    /// seconds out of order.
+    #[must_use]
+    pub fn new(estimator: Box<dyn Estimator>, process: Arc<dyn Process>, buffer: f64) -> Self {
+        let buffer = nanos(buffer.max(0.0));
+        Self {
+            streams: Vec::new(),
+            input: None,
+            sensors: Vec::new(),
+            ranks: Vec::new(),
+            outcomes: Vec::new(),
+            stages: Vec::new(),
+            initialisers: Vec::new(),
+            buffer,
+            lag: buffer,
+            queue: Queue::new(),
+            rows: Rows::default(),
+            watermark: Time::MIN,
+            released: Time::MIN,
+            started: false,
+            start_after: Time::MIN,
+            waiting: VecDeque::with_capacity(64),
+            emitted: Emitted::default(),
+            emissions: Vec::new(),
+            epoch: None,
+            keeps_steps: false,
+            is_ahead: false,
+            value: Vec::new(),
+            noise: Vec::new(),
+            process,
+            estimator,
+        }
+    }
+
+    /// Adds a stream of rows of `width` numbers and returns its number.
+    pub fn add_stream(&mut self, name: &str, width: usize) -> StreamId {
+        self.streams.push(Stream {
+            name: name.to_owned(),
+            width,
+        });
+        self.streams.len() - 1
+    }
+
+    /// The number of the stream `name`.
+    #[must_use]
+    pub fn stream(&self, name: &str) -> Option<StreamId> {
+        self.streams.iter().position(|s| s.name == name)
+    }
+
+    /// Name and width of the streams, in order of their numbers.
+    pub fn streams(&self) -> impl Iterator<Item = (&str, usize)> {
+        self.streams.iter().map(|s| (s.name.as_str(), s.width))
+    }
+
+    /// Says which stream drives the process.
+    pub fn set_input(&mut self, port: Port) {
+        self.input = Some(Intake::new(port, self.process.preparation()));
+        self.hold_back();
+    }
+
+    /// Adds a sensor.
+    pub fn add_sensor(&mut self, sensor: Sensor) {
+        let m = sensor.model.size().residual;
+        if self.noise.len() < m * m {
+            self.noise.resize(m * m, 0.0);
+        }
+        self.sensors.push(sensor);
+        self.outcomes.push(None);
+        self.rank_sensors();
+        self.hold_back();
+    }
+
+    /// Adds a stage.
+    pub fn add_stage(&mut self, stage: StageUnit) {
+        self.stages.push(stage);
+        self.emissions.push(0);
+        self.hold_back();
+    }
+
+    /// Adds an initialiser; without any, the filter starts at its first row.
+    pub fn add_initialiser(&mut self, unit: InitialiserUnit) {
+        self.initialisers.push(unit);
+        self.hold_back();
+    }
+
+    /// The sensor that sensor number `s` goes with.
+    fn leader(&self, s: usize) -> Option<usize> {
+        self.sensors[s].gate.leader().filter(|&leader| leader < self.sensors.len())
+    }
+
+    /// Followers after those they go with.
+    fn rank_sensors(&mut self) {
+        let all = self.sensors.len();
+        // `take` ends a cycle.
+        let rank = |s| core::iter::successors(Some(s), |&s| self.leader(s)).take(all).count();
+        self.ranks = (0..all).map(rank).collect();
+    }
+
+    /// How long rows are held back: the buffer, the longest delay, and what followers ask for.
+    ///
+    /// A follower on another stream than its leader: all rows of one stamp must be there before the
+    /// first is used, so that rows are held back until a later one comes. A follower that is valid
+    /// before its leader, on one stream: all rows up to the leader's validity must be there, to look
+    /// ahead.
+    fn hold_back(&mut self) {
+        let input = self.input.iter().map(|input| &input.port);
+        let sensors = self.sensors.iter().map(|s| &s.port);
+        let others = self.stages.iter().flat_map(|s| &s.inputs);
+        let others = others.chain(self.initialisers.iter().flat_map(|u| &u.inputs));
+        let delay = input.chain(sensors).chain(others).map(|port| port.delay).max().unwrap_or(0).max(0);
+        let (mut apart, mut ahead) = (0, 0);
+        for (s, sensor) in self.sensors.iter().enumerate() {
+            let Some(leader) = self.leader(s).map(|leader| &self.sensors[leader].port) else {
+                continue;
+            };
+            if leader.stream == sensor.port.stream {
+                ahead = ahead.max(sensor.port.delay - leader.delay);
+            } else {
+                apart = 1;
+            }
+        }
+        self.lag = self.buffer.max(apart) + delay + ahead;
+    }
+
+    /// The sensors, in order of their numbers.
+    #[must_use]
+    pub fn sensors(&self) -> &[Sensor] {
+        &self.sensors
+    }
+
+    /// The estimator.
+    #[must_use]
+    pub fn estimator(&self) -> &dyn Estimator {
+        self.estimator.as_ref()
+    }
+
+    /// The belief; meaningful once [`Runner::started`].
+    #[must_use]
+    pub fn belief(&self) -> &Belief {
+        self.estimator.belief()
+    }
+
+    /// Whether the filter has started.
+    #[must_use]
+    pub const fn started(&self) -> bool {
+        self.started
+    }
+
+    /// What the filter still waits for before it can start.
+    #[must_use]
+    pub fn waits_for(&self) -> Vec<(String, String)> {
+        let pending = self.initialisers.iter();
+        pending
+            .filter_map(|u| u.initialiser.waits_for().map(|why| (u.name.clone(), why)))
+            .collect()
+    }
+
+    /// How long rows are held back \[s\]: the buffer plus the longest declared delay, and what
+    /// sensors that go with others need besides.
+    #[must_use]
+    pub fn lag(&self) -> f64 {
+        self.lag as f64 * 1e-9
+    }
+
+    /// Takes a row and processes everything it completes.
+    ///
+    /// # Errors
+    /// A row of the wrong width, which changes nothing; an observer that cannot go on.
+    pub fn feed(&mut self, row: &Row<'_>, observer: &mut dyn Observer) -> Result<(), RunError> {
+        let (wanted, found) = (self.streams.get(row.stream).map_or(0, |s| s.width), row.values.len());
+        if found != wanted {
+            return Err(WrongWidth { wanted, found }.into());
+        }
+        self.listen(observer);
+        self.watermark = self.watermark.max(row.time);
+        self.enqueue(row, observer)?;
+        self.drain(self.watermark.shifted(-self.lag), observer)?;
+        Ok(())
+    }
+
+    /// Processes everything that has been held back: the end of the log.
+    ///
+    /// # Errors
+    /// An observer that cannot go on.
+    pub fn finish(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
+        self.listen(observer);
+        self.drain(Time::MAX, observer)?;
+        self.serve_waiting(observer)?;
+        self.tell_epoch(observer)
+    }
+
+    /// Keeps steps where the observer wants them.
+    fn listen(&mut self, observer: &dyn Observer) {
+        let wanted = observer.wants_steps();
+        if wanted != self.keeps_steps {
+            self.keeps_steps = wanted;
+            self.estimator.keep_steps(wanted);
+        }
+    }
+
+    /// Puts a row into the queue, once for each consumer.
+    pub(super) fn enqueue(&mut self, row: &Row<'_>, observer: &mut dyn Observer) -> Result<(), Halt> {
+        let at = self.rows.put(row, self.watermark);
+        let mut offer = |consumer: Consumer, port: &Port, name: &str| {
+            if port.stream != row.stream {
+                return Ok(());
+            }
+            let time = row.time.shifted(-port.delay);
+            if time < self.released {
+                let (consumer, now) = (name, self.released);
+                return observer.on(&Event::Late { consumer, time, now });
+            }
+            self.rows.hold(at);
+            self.queue.put(Entry { time, consumer, row: at });
+            Ok(())
+        };
+        if let Some(input) = &self.input {
+            offer(Consumer::Input, &input.port, "process")?;
+        }
+        if !self.started {
+            for (u, unit) in self.initialisers.iter().enumerate() {
+                for (i, port) in unit.inputs.iter().enumerate() {
+                    offer(Consumer::Initialiser(u, i), port, &unit.name)?;
+                }
+            }
+        }
+        for (u, unit) in self.stages.iter().enumerate() {
+            for (i, port) in unit.inputs.iter().enumerate() {
+                offer(Consumer::Stage(u, i), port, &unit.name)?;
+            }
+        }
+        for (s, sensor) in self.sensors.iter().enumerate() {
+            offer(Consumer::Sensor(self.ranks[s], s), &sensor.port, &sensor.name)?;
+        }
+        self.rows.free_unused(at);
+        Ok(())
+    }
+
+    /// Serves the queue up to `until`.
+    pub(super) fn drain(&mut self, until: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
+        while let Some(entry) = self.queue.take(until) {
+            self.released = entry.time;
+            if self.epoch.is_some_and(|epoch| epoch < entry.time) {
+                self.tell_epoch(observer)?;
+            }
+            self.dispatch(entry, observer)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,268 @@
+//! Serving the consumers: rows to initialisers, stages, the process and the sensors.
+
+use super::intake::{Sample, Taken};
+use super::ordering::{Runner, Waiting};
+use super::parts::Emitter;
+use super::rows::{Consumer, Entry, Row};
+use super::{Event, Halt, Observer, RowId};
+use crate::filter::{Observed, Verdict};
+use crate::gate::Outcome;
+use crate::model::Input;
+use crate::state::Belief;
+use crate::time::Time;
+
+impl Runner {
+    pub(super) fn dispatch(&mut self, entry: Entry, observer: &mut dyn Observer) -> Result<(), Halt> {
+        match entry.consumer {
+            Consumer::Input => self.input_row(entry.time, entry.row, observer)?,
+            Consumer::Initialiser(unit, input) => self.initialiser_row(unit, input, entry.time, entry.row, observer)?,
+            Consumer::Stage(unit, input) => self.stage_row(unit, input, entry.time, entry.row, observer)?,
+            Consumer::Sensor(_, sensor) => return self.sensor_row(sensor, entry.time, entry.row, observer),
+        }
+        self.rows.release(entry.row);
+        Ok(())
+    }
+
+    /// Tells the estimate of an epoch that nothing can change any more.
+    pub(super) fn tell_epoch(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
+        if self.epoch.take().is_none() {
+            return Ok(());
+        }
+        observer.on(&Event::Estimate {
+            belief: self.estimator.belief(),
+        })
+    }
+
+    fn tell_steps(&self, observer: &mut dyn Observer) -> Result<(), Halt> {
+        self.estimator.steps().iter().try_for_each(|step| observer.on(&Event::Step(step)))
+    }
+
+    fn initialiser_row(&mut self, unit: usize, input: usize, time: Time, row: usize, observer: &mut dyn Observer) -> Result<(), Halt> {
+        if self.started {
+            return Ok(());
+        }
+        let u = &mut self.initialisers[unit];
+        u.inputs[input].gather(&self.rows.get(row).values, &mut self.value);
+        if self.value.iter().all(|v| v.is_finite()) {
+            u.initialiser.row(input, time, &self.value);
+        }
+        self.start_if_ready(time, observer)
+    }
+
+    fn is_driven(&self) -> bool {
+        self.process.input_dim() > 0
+    }
+
+    /// Starts at `time` once every initialiser can write; an input-driven process also needs the
+    /// sample that opens the first interval.
+    fn start_if_ready(&mut self, time: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
+        let can_run = !self.is_driven() || self.input.as_ref().is_some_and(|input| input.is_open());
+        if self.started || !can_run || self.initialisers.iter().any(|u| u.initialiser.waits_for().is_some()) {
+            return Ok(());
+        }
+        let form = self.estimator.belief().covariance.form().clone();
+        let mut belief = Belief::initial(self.estimator.layout(), &form, time);
+        for u in &self.initialisers {
+            u.initialiser.write(time, self.estimator.layout(), &mut belief);
+        }
+        self.started = true;
+        self.start_after = time;
+        self.estimator.set_belief(belief);
+        observer.on(&Event::Started {
+            belief: self.estimator.belief(),
+        })
+    }
+
+    fn input_row(&mut self, time: Time, row: usize, observer: &mut dyn Observer) -> Result<(), Halt> {
+        let Some(input) = &mut self.input else { return Ok(()) };
+        input.port.gather(&self.rows.get(row).values, &mut self.value);
+        if !self.value.iter().all(|v| v.is_finite()) {
+            return observer.on(&Event::NotFinite { consumer: "process", time });
+        }
+        match input.take(time, &self.value) {
+            Taken::First => {}
+            Taken::Sample => self.run_ready(observer)?,
+            Taken::After(now) => {
+                return observer.on(&Event::Late {
+                    consumer: "process",
+                    time,
+                    now,
+                });
+            }
+        }
+        self.start_if_ready(time, observer)
+    }
+
+    /// Runs over the samples that are ready.
+    pub(super) fn run_ready(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
+        while let Some(sample) = self.input.as_mut().and_then(|input| input.next()) {
+            self.advance(&sample, observer)?;
+            if let Some(input) = &mut self.input {
+                input.give_back(sample);
+            }
+        }
+        Ok(())
+    }
+
+    /// Runs the estimator over `sample`, or what is left of it, serving the measurements that lie
+    /// inside it.
+    pub(super) fn advance(&mut self, sample: &Sample, observer: &mut dyn Observer) -> Result<(), Halt> {
+        if !self.started || sample.end <= self.estimator.belief().time {
+            return Ok(());
+        }
+        while let Some(&waiting) = self.waiting.front() {
+            if waiting.time > sample.end {
+                break;
+            }
+            self.waiting.pop_front();
+            self.move_to(waiting.time, &sample.input(), observer)?;
+            self.offer(waiting, Some(sample), observer)?;
+        }
+        self.move_to(sample.end, &sample.input(), observer)?;
+        self.epoch = Some(sample.end);
+        Ok(())
+    }
+
+    /// Moves the estimate to `to`; the epoch that it leaves is told first.
+    fn move_to(&mut self, to: Time, input: &Input<'_>, observer: &mut dyn Observer) -> Result<(), Halt> {
+        if to > self.estimator.belief().time {
+            self.tell_epoch(observer)?;
+        }
+        if let Err(error) = self.estimator.predict(to, input) {
+            observer.on(&Event::Failed { error })?;
+        }
+        self.tell_steps(observer)
+    }
+
+    /// Moves the estimate to `to` by holding the latest input, or by time alone.
+    fn hold_to(&mut self, to: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
+        if to <= self.estimator.belief().time {
+            return Ok(());
+        }
+        let latest = self.input.as_ref().and_then(|input| input.latest()).unwrap_or_default();
+        if latest.len() < self.process.input_dim() {
+            return Ok(());
+        }
+        self.value.clear();
+        self.value.extend_from_slice(latest);
+        let held = core::mem::take(&mut self.value);
+        let moved = self.move_to(to, &Input::held(&held), observer);
+        self.value = held;
+        moved
+    }
+
+    /// Serves what waits for an input sample that does not come: the latest one is held.
+    pub(super) fn serve_waiting(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
+        if let Some(input) = &mut self.input {
+            input.finish();
+        }
+        self.run_ready(observer)?;
+        while let Some(waiting) = self.waiting.pop_front() {
+            self.hold_to(waiting.time, observer)?;
+            self.offer(waiting, None, observer)?;
+            self.epoch = Some(waiting.time);
+        }
+        Ok(())
+    }
+
+    fn stage_row(&mut self, unit: usize, input: usize, time: Time, row: usize, observer: &mut dyn Observer) -> Result<(), Halt> {
+        let u = &mut self.stages[unit];
+        let origin = self.rows.get(row);
+        u.inputs[input].gather(&origin.values, &mut self.value);
+        let is_disturbed = origin.id(&u.inputs[input].columns).disturbed;
+        let mut emitter = Emitter::new(core::mem::take(&mut self.emitted), &u.name, observer);
+        let view = if self.started { Some(self.estimator.view()) } else { None };
+        u.stage.row(input, time, &self.value, view.as_ref(), &mut emitter);
+        let (output, emitted) = (u.output, emitter.finish()?);
+        let everything = 0..self.streams[output].width;
+        for (time, values) in emitted.rows() {
+            let row = Row {
+                stream: output,
+                time,
+                values,
+                number: self.emissions[unit],
+                disturbed: if is_disturbed { core::slice::from_ref(&everything) } else { &[] },
+            };
+            self.emissions[unit] += 1;
+            self.enqueue(&row, observer)?;
+        }
+        self.emitted = emitted;
+        Ok(())
+    }
+
+    fn sensor_row(&mut self, sensor: usize, time: Time, row: usize, observer: &mut dyn Observer) -> Result<(), Halt> {
+        if !self.is_driven() {
+            self.start_if_ready(time, observer)?;
+        }
+        // What started the filter is not used a second time.
+        if !self.started || time <= self.start_after {
+            self.rows.release(row);
+            return Ok(());
+        }
+        let waiting = Waiting { time, sensor, row };
+        if !self.is_driven() {
+            self.hold_to(time, observer)?;
+            self.epoch = Some(time);
+        } else if time > self.estimator.belief().time {
+            self.waiting.push_back(waiting);
+            return Ok(());
+        }
+        self.offer(waiting, None, observer)
+    }
+
+    /// Offers a measurement to the estimator, which stands at its time, and releases its row;
+    /// `during` is the sample that is being run over.
+    fn offer(&mut self, measurement: Waiting, during: Option<&Sample>, observer: &mut dyn Observer) -> Result<(), Halt> {
+        let Waiting { time, sensor, row } = measurement;
+        let id = self.gather(sensor, row);
+        let leader = self.sensors[sensor].gate.leader();
+        let foreseen = leader.and_then(|leader| self.foresee(leader, row, during));
+        self.rows.release(row);
+        let (s, now) = (&mut self.sensors[sensor], self.estimator.belief().time);
+        if time < now {
+            let consumer = &s.name;
+            return observer.on(&Event::Late { consumer, time, now });
+        }
+        let m = s.model.size().residual;
+        let noise = &self.noise[..m * m];
+        if !self.value.iter().chain(noise).all(|v| v.is_finite()) {
+            return observer.on(&Event::NotFinite { consumer: &s.name, time });
+        }
+        let observed = Observed {
+            model: s.model.as_ref(),
+            value: &self.value,
+            noise,
+        };
+        let told = leader.filter(|_| foreseen.is_some());
+        let latest = told.and_then(|leader| core::mem::replace(&mut self.outcomes[leader], foreseen));
+        let update = self.estimator.update(&observed, s.gate.as_mut(), &self.outcomes, s.loss.as_ref());
+        if let Some(leader) = told {
+            self.outcomes[leader] = latest;
+        }
+        self.outcomes[sensor] = Some(Outcome {
+            time,
+            is_used: matches!(update.verdict, Verdict::Accepted | Verdict::Readopted),
+            mode: update.mode,
+        });
+        observer.on(&Event::Updated {
+            sensor,
+            update,
+            time,
+            row: id,
+        })?;
+        self.tell_steps(observer)
+    }
+
+    /// The value and R of a sensor's measurement into their buffers; the row's identity.
+    fn gather(&mut self, sensor: usize, row: usize) -> RowId {
+        let (s, data) = (&self.sensors[sensor], self.rows.get(row));
+        if s.port.columns.is_empty() {
+            self.value.clone_from(&s.constant);
+        } else {
+            s.port.gather(&data.values, &mut self.value);
+        }
+        let m = s.model.size().residual;
+        s.noise.fill(&data.values, &mut self.noise[..m * m]);
+        data.id(&s.port.columns)
+    }
+}
