@@ -39,10 +39,10 @@ impl Process for Still {
 /// Constant velocity whose acceleration is constant over a step of `sigma` m/s²; its input
 /// is an acceleration known.
 #[derive(Debug)]
-struct Track {
-    position: Slot<Scalar>,
-    velocity: Slot<Scalar>,
-    sigma: f64,
+pub(crate) struct Track {
+    pub(crate) position: Slot<Scalar>,
+    pub(crate) velocity: Slot<Scalar>,
+    pub(crate) sigma: f64,
 }
 
 impl Process for Track {
