@@ -63,6 +63,16 @@ pub enum Quantity<M: Manifold> {
 pub type Param<M> = Quantity<M>;
 
 impl<M: Manifold> Quantity<M> {
+    /// Its value where state storage `x` is enough to know it: `None` for a signal.
+    #[must_use]
+    pub fn stored(&self, x: &[f64]) -> Option<M::Value> {
+        match self {
+            Self::Fixed(value) => Some(value.clone()),
+            Self::State(slot) => Some(slot.read(x)),
+            Self::Signal(_) => None,
+        }
+    }
+
     /// Where its tangent starts, and whether among the signals; `None` where it is fixed.
     #[must_use]
     pub const fn place(&self) -> Option<(usize, bool)> {

@@ -13,6 +13,7 @@
 use crate::block::{Build, BuildError, Channel, ProcessSpec};
 use crate::earth::rates::earth_rate_n;
 use crate::param::VectorParam;
+use crate::process::kinematic;
 use crate::units::{Axes, Latitude, dim, range};
 use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3;
@@ -61,7 +62,7 @@ impl ProcessSpec for AttitudeOnlySpec {
             attitude: b.declare(state::ATTITUDE, "rad", UnitQuaternion::identity(), unset, Dynamics::Process)?,
             gyro_bias: b.param_named(state::GYRO_BIAS, "gyro_bias", &self.gyro_bias)?,
             angular_rate: b.signal(state::ANGULAR_RATE)?,
-            gyro_psd: Matrix3::from_diagonal(&Vector3::from(self.gyro_noise.si().map(|n| n * n))),
+            gyro_psd: kinematic::psd(self.gyro_noise.si()),
             w_ie_n: lat.map_or_else(Vector3::zeros, earth_rate_n),
         }))
     }
@@ -80,13 +81,7 @@ struct AttitudeOnly {
 impl AttitudeOnly {
     /// w_ib_b.
     fn rate(&self, x: &[f64], input: &Input<'_>) -> Vector3<f64> {
-        let bias = match &self.gyro_bias {
-            Param::State(slot) => slot.read(x),
-            Param::Fixed(v) => *v,
-            // A process's parameters are never its own signals.
-            Param::Signal(_) => Vector3::zeros(),
-        };
-        Vector3::from_column_slice(&input.sample[..3]) - bias
+        Vector3::from_column_slice(&input.sample[..3]) - kinematic::value(&self.gyro_bias, x)
     }
 }
 

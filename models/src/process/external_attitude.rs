@@ -21,17 +21,17 @@
 use crate::block::{Build, BuildError, Channel, ProcessSpec};
 use crate::earth::{Gravity, LocalEarth};
 use crate::param::VectorParam;
+use crate::process::kinematic::{Kinematic, psd, value};
 use crate::process::strapdown::error_model::{self, Blocks};
 use crate::process::strapdown::mechanisation::{self, Nav};
 use crate::process::strapdown::pairing::{Mode, Pairing, neighbour};
 use crate::units::{Axes, dim, range};
 use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3;
-use fusion_core::geometry::wgs84::Geodetic as Place;
 use fusion_core::linear::Transition;
 use fusion_core::model::{Input, Preparation, Process, SignalsOut};
-use fusion_core::state::{Attitude, Dynamics, Geodetic, Param, Signal, Slot, Vector, Velocity};
-use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector4};
+use fusion_core::state::{Param, Signal, Vector};
+use nalgebra::{Matrix3, Vector3, Vector4};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -76,23 +76,13 @@ impl ProcessSpec for ExternalAttitudeSpec {
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
         let gravity = self.gravity.into();
         b.gravity = gravity;
-        // Initialisers write these three and their variances.
-        let place = b.origin.unwrap_or(Place {
-            lat: 0.0,
-            lon: 0.0,
-            height: 0.0,
-        });
-        let unset = vec![0.0; 3];
-        let square = |n: [f64; 3]| Matrix3::from_diagonal(&Vector3::from(n.map(|n| n * n)));
         Ok(Box::new(ExternalAttitude {
-            position: b.declare(state::POSITION, "m", place, unset.clone(), Dynamics::Process)?,
-            velocity: b.declare(state::VELOCITY, "m/s", Vector3::zeros(), unset.clone(), Dynamics::Process)?,
-            attitude: b.declare(state::ATTITUDE, "rad", UnitQuaternion::identity(), unset, Dynamics::Process)?,
+            kinematic: Kinematic::declare(b)?,
             accel_bias: b.param_named(state::ACCEL_BIAS, "accelerometer_bias", &self.accelerometer_bias)?,
             angular_rate: b.signal(state::ANGULAR_RATE)?,
             acceleration: b.signal(state::ACCELERATION)?,
-            attitude_psd: square(self.attitude_noise.si()),
-            accel_psd: square(self.accelerometer_noise.si()),
+            attitude_psd: psd(self.attitude_noise.si()),
+            accel_psd: psd(self.accelerometer_noise.si()),
             gravity,
         }))
     }
@@ -114,9 +104,7 @@ fn turning(input: &Input<'_>) -> Vector3<f64> {
 /// The runtime model.
 #[derive(Debug)]
 struct ExternalAttitude {
-    position: Slot<Geodetic>,
-    velocity: Slot<Velocity>,
-    attitude: Slot<Attitude>,
+    kinematic: Kinematic,
     accel_bias: Param<Vector<3>>,
     angular_rate: Signal<Vector<3>>,
     acceleration: Signal<Vector<3>>,
@@ -135,17 +123,7 @@ struct Step {
 
 impl ExternalAttitude {
     fn step(&self, x: &[f64], input: &Input<'_>) -> Step {
-        let nav = Nav {
-            position: self.position.read(x),
-            v_eb_n: self.velocity.read(x),
-            q_nb: self.attitude.read(x),
-        };
-        let bias = match &self.accel_bias {
-            Param::State(slot) => slot.read(x),
-            Param::Fixed(v) => *v,
-            // A process's parameters are never its own signals.
-            Param::Signal(_) => Vector3::zeros(),
-        };
+        let nav = self.kinematic.read(x);
         let w_nb_b = turning(input);
         let earth = LocalEarth::at(&nav.position);
         let w_in_n = earth.earth_rate_n() + earth.transport_rate_n(&nav.v_eb_n);
@@ -154,7 +132,7 @@ impl ExternalAttitude {
             nav,
             w_nb_b,
             w_ib_b,
-            f_ib_b: Vector3::from_column_slice(&input.sample[..3]) - bias,
+            f_ib_b: Vector3::from_column_slice(&input.sample[..3]) - value(&self.accel_bias, x),
         }
     }
 
@@ -175,17 +153,19 @@ impl Process for ExternalAttitude {
     fn propagate(&self, x: &mut [f64], input: &Input<'_>, dt: f64) {
         let s = self.step(x, input);
         let next = mechanisation::step(&s.nav, &s.w_ib_b, &s.f_ib_b, dt, self.gravity);
-        let mut q = s.nav.q_nb * so3::exp(&(s.w_nb_b * dt));
-        q.renormalize();
-        self.position.write(&next.position, x);
-        self.velocity.write(&next.v_eb_n, x);
-        self.attitude.write(&q, x);
+        let mut q_nb = s.nav.q_nb * so3::exp(&(s.w_nb_b * dt));
+        q_nb.renormalize();
+        self.kinematic.write(&Nav { q_nb, ..next }, x);
     }
 
     fn linearise(&self, x: &[f64], input: &Input<'_>, dt: f64, out: &mut Transition) {
         let s = self.step(x, input);
         let b = self.blocks(&s);
-        let (r, v, a) = (self.position, self.velocity, self.attitude);
+        let Kinematic {
+            position: r,
+            velocity: v,
+            attitude: a,
+        } = self.kinematic;
         let one = Matrix3::identity();
         out.set(r, r, &(one + b.rr * dt));
         out.set(r, v, &(b.rv * dt));
@@ -213,12 +193,12 @@ impl Process for ExternalAttitude {
         }
         let b = self.blocks(&s);
         // w_ib_b = w_nb_b + C_nbᵀ w_in: the error model's δw_nb_b = −C_nbᵀ δw_in − … turned round.
-        out.add(self.angular_rate, self.position, &-b.ar);
-        out.add(self.angular_rate, self.velocity, &-b.av);
-        out.add(self.angular_rate, self.attitude, &so3::skew(&(s.w_ib_b - s.w_nb_b)));
-        out.add(self.acceleration, self.position, &b.vr);
-        out.add(self.acceleration, self.velocity, &b.vv);
-        out.add(self.acceleration, self.attitude, &b.va);
+        out.add(self.angular_rate, self.kinematic.position, &-b.ar);
+        out.add(self.angular_rate, self.kinematic.velocity, &-b.av);
+        out.add(self.angular_rate, self.kinematic.attitude, &so3::skew(&(s.w_ib_b - s.w_nb_b)));
+        out.add(self.acceleration, self.kinematic.position, &b.vr);
+        out.add(self.acceleration, self.kinematic.velocity, &b.vv);
+        out.add(self.acceleration, self.kinematic.attitude, &b.va);
         out.add_quantity(self.acceleration, &self.accel_bias, &b.v_accel);
     }
 }
@@ -226,8 +206,10 @@ impl Process for ExternalAttitude {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fusion_core::geometry::wgs84::Geodetic as Place;
     use fusion_core::state::LayoutBuilder;
     use fusion_core::testing::check_process;
+    use nalgebra::UnitQuaternion;
 
     fn built() -> (LayoutBuilder, Box<dyn Process>) {
         let mut layout = LayoutBuilder::new();

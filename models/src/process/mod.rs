@@ -4,5 +4,6 @@ mod attitude_only;
 mod constant_velocity;
 mod external_attitude;
 mod hold;
+mod kinematic;
 pub mod strapdown;
 mod unicycle;

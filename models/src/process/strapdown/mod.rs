@@ -17,15 +17,14 @@ pub mod pairing;
 use crate::block::{Build, BuildError, Channel, ProcessSpec, imu_channels};
 use crate::earth::Gravity;
 use crate::param::VectorParam;
+use crate::process::kinematic::{Kinematic, psd, value};
 use crate::units::{Axes, dim, range};
 use crate::vocabulary::state;
 use error_model::Blocks;
-use fusion_core::geometry::wgs84::Geodetic as Place;
 use fusion_core::linear::Transition;
 use fusion_core::model::{Input, Preparation, Process, SignalsOut};
-use fusion_core::state::{Attitude, Dynamics, Geodetic, Param, Signal, Slot, Vector, Velocity};
-use mechanisation::Nav;
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use fusion_core::state::{Param, Signal, Vector};
+use nalgebra::{Matrix3, Vector3};
 use pairing::{Mode, Pairing, neighbour};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -148,29 +147,16 @@ impl ProcessSpec for StrapdownSpec {
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError> {
         let gravity = self.gravity.into();
         b.gravity = gravity;
-        // Initialisers write these three and their variances.
-        let place = b.origin.unwrap_or(Place {
-            lat: 0.0,
-            lon: 0.0,
-            height: 0.0,
-        });
-        let unset = vec![0.0; 3];
-        let position = b.declare(state::POSITION, "m", place, unset.clone(), Dynamics::Process)?;
-        let velocity = b.declare(state::VELOCITY, "m/s", Vector3::zeros(), unset.clone(), Dynamics::Process)?;
-        let attitude = b.declare(state::ATTITUDE, "rad", UnitQuaternion::identity(), unset, Dynamics::Process)?;
-        let square = |n: [f64; 3]| Matrix3::from_diagonal(&Vector3::from(n.map(|n| n * n)));
         Ok(Box::new(Strapdown {
-            position,
-            velocity,
-            attitude,
+            kinematic: Kinematic::declare(b)?,
             gyro_bias: b.param_named(state::GYRO_BIAS, "gyro.bias", &self.gyro.bias)?,
             accel_bias: b.param_named(state::ACCEL_BIAS, "accelerometer.bias", &self.accelerometer.bias)?,
             gyro_scale: b.param_named(state::GYRO_SCALE, "gyro.scale", &self.gyro.scale)?,
             accel_scale: b.param_named(state::ACCEL_SCALE, "accelerometer.scale", &self.accelerometer.scale)?,
             angular_rate: b.signal(state::ANGULAR_RATE)?,
             acceleration: b.signal(state::ACCELERATION)?,
-            gyro_psd: square(self.gyro.noise.si()),
-            accel_psd: square(self.accelerometer.noise.si()),
+            gyro_psd: psd(self.gyro.noise.si()),
+            accel_psd: psd(self.accelerometer.noise.si()),
             integrator: self.integrator,
             discretisation: self.discretisation,
             gravity,
@@ -184,9 +170,7 @@ const IMU: usize = 6;
 /// The runtime model.
 #[derive(Debug)]
 struct Strapdown {
-    position: Slot<Geodetic>,
-    velocity: Slot<Velocity>,
-    attitude: Slot<Attitude>,
+    kinematic: Kinematic,
     gyro_bias: Param<Vector<3>>,
     accel_bias: Param<Vector<3>>,
     gyro_scale: Param<Vector<3>>,
@@ -223,30 +207,13 @@ fn times_diagonal(m: &Matrix3<f64>, d: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::from_fn(|i, j| m[(i, j)] * d[j])
 }
 
-fn read(q: &Param<Vector<3>>, x: &[f64]) -> Vector3<f64> {
-    match q {
-        Param::State(slot) => slot.read(x),
-        Param::Fixed(v) => *v,
-        // A process's parameters are never its own signals.
-        Param::Signal(_) => Vector3::zeros(),
-    }
-}
-
 impl Strapdown {
-    fn nav(&self, x: &[f64]) -> Nav {
-        Nav {
-            position: self.position.read(x),
-            v_eb_n: self.velocity.read(x),
-            q_nb: self.attitude.read(x),
-        }
-    }
-
     fn gyro(&self, x: &[f64]) -> Correction {
-        Correction::new(read(&self.gyro_bias, x), &read(&self.gyro_scale, x))
+        Correction::new(value(&self.gyro_bias, x), &value(&self.gyro_scale, x))
     }
 
     fn accelerometer(&self, x: &[f64]) -> Correction {
-        Correction::new(read(&self.accel_bias, x), &read(&self.accel_scale, x))
+        Correction::new(value(&self.accel_bias, x), &value(&self.accel_scale, x))
     }
 }
 
@@ -293,7 +260,7 @@ impl Process for Strapdown {
     fn propagate(&self, x: &mut [f64], input: &Input<'_>, dt: f64) {
         let (gyro, accelerometer) = (self.gyro(x), self.accelerometer(x));
         let (mut w, mut f) = (gyro.rate(&input.sample[..3]), accelerometer.rate(&input.sample[3..6]));
-        let nav = self.nav(x);
+        let nav = self.kinematic.read(x);
         let next = if self.integrator == Integrator::FirstOrder {
             mechanisation::step_first_order(&nav, &w, &f, dt, self.gravity)
         } else {
@@ -308,16 +275,18 @@ impl Process for Strapdown {
             }
             mechanisation::step(&nav, &w, &f, dt, self.gravity)
         };
-        self.position.write(&next.position, x);
-        self.velocity.write(&next.v_eb_n, x);
-        self.attitude.write(&next.q_nb, x);
+        self.kinematic.write(&next, x);
     }
 
     fn linearise(&self, x: &[f64], input: &Input<'_>, dt: f64, out: &mut Transition) {
         let (w, f) = (self.gyro(x).of(&input.sample[..3]), self.accelerometer(x).of(&input.sample[3..6]));
-        let nav = self.nav(x);
+        let nav = self.kinematic.read(x);
         let b = error_model::continuous(&nav, &w.rate, &f.rate, self.gravity);
-        let (r, v, a) = (self.position, self.velocity, self.attitude);
+        let Kinematic {
+            position: r,
+            velocity: v,
+            attitude: a,
+        } = self.kinematic;
         let phi = discretise(&b, dt, self.discretisation);
         let [[rr, rv, ra], [vr, vv, va], [ar, av, aa]] = &phi.kinematic;
         out.set(r, r, rr);
@@ -364,7 +333,7 @@ impl Process for Strapdown {
 
     fn signals(&self, x: &[f64], input: &Input<'_>, out: &mut SignalsOut<'_>) {
         let (w, f) = (self.gyro(x).of(&input.sample[..3]), self.accelerometer(x).of(&input.sample[3..6]));
-        let nav = self.nav(x);
+        let nav = self.kinematic.read(x);
         out.set(self.angular_rate, &w.rate);
         out.set(
             self.acceleration,
@@ -376,9 +345,9 @@ impl Process for Strapdown {
         out.add_quantity(self.angular_rate, &self.gyro_bias, &Matrix3::from_diagonal(&w.by_bias()));
         out.add_quantity(self.angular_rate, &self.gyro_scale, &Matrix3::from_diagonal(&w.by_scale()));
         let b = error_model::continuous(&nav, &w.rate, &f.rate, self.gravity);
-        out.add(self.acceleration, self.position, &b.vr);
-        out.add(self.acceleration, self.velocity, &b.vv);
-        out.add(self.acceleration, self.attitude, &b.va);
+        out.add(self.acceleration, self.kinematic.position, &b.vr);
+        out.add(self.acceleration, self.kinematic.velocity, &b.vv);
+        out.add(self.acceleration, self.kinematic.attitude, &b.va);
         // b.v_accel = ∂v̇/∂b_a = −C_nb; by force it is C_nb.
         out.add_quantity(self.acceleration, &self.accel_bias, &times_diagonal(&-b.v_accel, &f.by_bias()));
         out.add_quantity(self.acceleration, &self.accel_scale, &times_diagonal(&-b.v_accel, &f.by_scale()));
