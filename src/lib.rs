@@ -18,9 +18,9 @@ pub mod config;
 pub mod design;
 pub mod examine;
 mod navigator;
+pub mod observe;
 pub mod output;
 pub mod present;
-mod recorder;
 pub mod report;
 pub mod rows;
 pub mod run;
@@ -28,7 +28,6 @@ pub mod schema;
 pub mod score;
 pub mod solution;
 pub mod source;
-pub mod tally;
 pub mod world;
 
 pub use fusion_core as core;

@@ -6,8 +6,8 @@ use clap::Args;
 use fusion::config::{Diagnostic, Diagnostics};
 use fusion::examine::{Missing, variants};
 use fusion::present::{Page, comparison};
-use fusion::report::Run;
-use fusion::run::{Options, Summary, run_recorded};
+use fusion::report::{Run, record};
+use fusion::run::{Options, Summary};
 use std::path::PathBuf;
 
 #[derive(Debug, Args)]
@@ -62,7 +62,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
                 seed: args.seed,
             };
             let design = named.design(&file, Missing::Told)?;
-            let (summary, recording) = run_recorded(&design, &options, &mut |_| {})?;
+            let (summary, recording) = record(&design, &options, &mut |_| {})?;
             title.clone_from(&design.run.description);
             recordings.push(recording);
             let name = match config {

@@ -6,7 +6,7 @@ use clap::Args;
 use fusion::config::{Diagnostic, Diagnostics};
 use fusion::present::{Section, Table};
 use fusion::report;
-use fusion::run::{Options, run as run_design, run_recorded};
+use fusion::run::{Options, run as run_design};
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, Default, Args)]
@@ -35,7 +35,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     let mut progress = Progress::new(&design);
     let mut at = |time| progress.at(time);
     let result = match args.out {
-        Some(_) => run_recorded(&design, &options, &mut at).map(|(summary, recording)| (summary, Some(recording))),
+        Some(_) => report::record(&design, &options, &mut at).map(|(summary, recording)| (summary, Some(recording))),
         None => run_design(&design, &options, &mut at).map(|summary| (summary, None)),
     };
     progress.finish();

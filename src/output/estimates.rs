@@ -55,6 +55,9 @@ impl fmt::Display for Fixed {
 }
 
 /// Writes estimates.csv: time, solution, its 1σ, then every further state with its 1σ, in SI.
+///
+/// A row is the estimate of an epoch after every measurement that is valid at that time was used:
+/// where a fix is used, its 1σ is that of the posterior.
 #[derive(Debug)]
 pub struct EstimateWriter<W: Write> {
     cells: Cells<W>,
@@ -81,6 +84,8 @@ impl<W: Write> EstimateWriter<W> {
             }
         }
         cells.end()?;
+        // A full disk is told before the run.
+        cells.flush()?;
         Ok(Self {
             cells,
             frame: origin,

@@ -3,14 +3,17 @@
 //!
 //! | file | a row per | columns |
 //! |---|---|---|
-//! | estimates.csv | estimate | `t_s`; the solution ([`SOLUTION`]); its 1σ, `sigma_` before the name; then the axes of every further state and their 1σ, in SI |
-//! | updates.csv | measurement | `t_s,sensor,verdict,nis,statistic,threshold,mode,weight`; `residual_0…`, then `sigma_0…`, the 1σ of the residual, in SI |
+//! | estimates.csv | epoch: the estimate after every measurement valid at that time was used, thinned to `output_rate` | `t_s`; the solution ([`SOLUTION`]); its 1σ, `sigma_` before the name; then the axes of every further state and their 1σ, in SI |
+//! | `estimates.STAGE.csv` | epoch of the filter inside that stage | as estimates.csv |
+//! | updates.csv | measurement, in the order of use; `stage.sensor` inside a stage | `t_s,sensor,verdict,nis,statistic,threshold,mode,weight`; `residual_0…`, then `sigma_0…`, the 1σ of the residual, in SI |
 //! | runs.csv | run of a campaign | `run,seed`; RMS and maxima of the errors; NEES; what became of the measurements of every sensor |
 
 mod cells;
 mod estimates;
+mod unwritable;
 mod updates;
 
 pub(crate) use cells::Cells;
 pub use estimates::{EstimateWriter, SOLUTION};
+pub use unwritable::Unwritable;
 pub use updates::{UpdateWriter, verdict_name};

@@ -25,6 +25,8 @@ impl<W: Write> UpdateWriter<W> {
             (0..rows).try_for_each(|i| cells.put(format_args!("{what}_{i}")))?;
         }
         cells.end()?;
+        // A full disk is told before the run.
+        cells.flush()?;
         Ok(Self { cells, rows })
     }
 

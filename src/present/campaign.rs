@@ -6,7 +6,7 @@ use super::sensors::{count_columns, counts, residual_rows, row_name, sum};
 use super::tree::{Cell, Column, Page, Section, Table};
 use super::unit::Unit;
 use crate::campaign::{Campaign, RunRow};
-use crate::tally::Innovations;
+use crate::observe::Innovations;
 
 impl Campaign {
     /// As it is shown: spreads per axis, consistency, what the gates did, innovations.

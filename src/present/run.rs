@@ -5,10 +5,10 @@ use super::sensors::{count_columns, counts, residual_rows, row_name};
 use super::text;
 use super::tree::{Cell, Column, Page, Section, Table};
 use super::unit::Unit;
+use crate::observe::SensorStatistics;
 use crate::run::{FinalState, Summary};
 use crate::score::{Axes, Score, Verdict};
 use crate::solution::rpy_of;
-use crate::tally::SensorTally;
 use fusion_core::state::{Attitude, Kind, Manifold};
 use nalgebra::Matrix3;
 use std::fmt;
@@ -206,7 +206,7 @@ fn axes(state: &FinalState) -> Vec<(String, f64, f64)> {
     values.map(|(k, value)| (name(k), *value, sigma(k))).collect()
 }
 
-fn streaks(sensors: &[SensorTally]) -> Table {
+fn streaks(sensors: &[SensorStatistics]) -> Table {
     let mut t = Table::new([
         Column::text("sensor"),
         Column::number("rejected in a row"),
@@ -229,7 +229,7 @@ fn streaks(sensors: &[SensorTally]) -> Table {
     t
 }
 
-fn innovations(sensors: &[SensorTally]) -> Table {
+fn innovations(sensors: &[SensorStatistics]) -> Table {
     let mut t = Table::new([Column::text("residual"), Column::number("RMS"), Column::number("max")]);
     for s in sensors.iter().filter(|s| s.innovations.count > 0) {
         for (k, (row, unit)) in residual_rows(s).into_iter().enumerate() {

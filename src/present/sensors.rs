@@ -2,14 +2,14 @@
 
 use super::tree::{Cell, Column};
 use super::unit::Unit;
-use crate::tally::{Innovations, SensorTally};
+use crate::observe::{Innovations, SensorStatistics};
 
 /// A count of a sensor; none where it is not known.
-pub(super) type Count = fn(&SensorTally) -> Option<u64>;
+pub(super) type Count = fn(&SensorStatistics) -> Option<u64>;
 
 /// The counts worth a column in a table of these sensors, with their titles: of disturbed rows
 /// where a fault may disturb any, of rare outcomes where there were any.
-pub(super) fn counts<'a>(sensors: impl IntoIterator<Item = &'a SensorTally> + Clone) -> Vec<(&'static str, Count)> {
+pub(super) fn counts<'a>(sensors: impl IntoIterator<Item = &'a SensorStatistics> + Clone) -> Vec<(&'static str, Count)> {
     const USUAL: [(&str, Count); 4] = [
         ("accepted", |s| Some(s.accepted)),
         ("rejected", |s| Some(s.rejected)),
@@ -29,14 +29,14 @@ pub(super) fn count_columns(counts: &[(&'static str, Count)]) -> impl Iterator<I
 }
 
 /// A count over several sensors together; empty where it is known of none of them.
-pub(super) fn sum<'a>(sensors: impl IntoIterator<Item = &'a SensorTally>, count: Count) -> Cell {
+pub(super) fn sum<'a>(sensors: impl IntoIterator<Item = &'a SensorStatistics>, count: Count) -> Cell {
     Cell::count(sensors.into_iter().filter_map(count).reduce(|a, b| a + b))
 }
 
 /// Each residual row of a sensor: its name, `north`, or its number where it has none and there
 /// are several; and its unit.
 #[must_use]
-pub fn residual_rows(s: &SensorTally) -> Vec<(String, Unit)> {
+pub fn residual_rows(s: &SensorStatistics) -> Vec<(String, Unit)> {
     let Innovations { axis, unit, .. } = &s.innovations;
     let row = |(k, si): (usize, &String)| {
         let name = match axis.get(k) {
@@ -50,6 +50,6 @@ pub fn residual_rows(s: &SensorTally) -> Vec<(String, Unit)> {
 }
 
 /// `gnss north`, or the sensor alone.
-pub(super) fn row_name(sensor: &SensorTally, row: &str) -> Cell {
+pub(super) fn row_name(sensor: &SensorStatistics, row: &str) -> Cell {
     Cell::text(format!("{} {row}", sensor.name).trim_end())
 }

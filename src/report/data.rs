@@ -281,8 +281,8 @@ fn base64(bytes: impl Iterator<Item = u8>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::observe::{Innovations, SensorStatistics};
     use crate::report::{Frame, Recording};
-    use crate::tally::{Innovations, SensorTally};
     use fusion_core::filter::{Update, Verdict};
     use fusion_core::gate::Mode;
     use fusion_core::time::Time;
@@ -309,10 +309,10 @@ mod tests {
             unit: vec!["rad".to_owned(); 2],
             ..Innovations::default()
         };
-        let tally = SensorTally {
+        let tally = SensorStatistics {
             name: "tilt".to_owned(),
             innovations,
-            ..SensorTally::default()
+            ..SensorStatistics::default()
         };
         let summary = Summary {
             sensors: vec![tally],

@@ -1,6 +1,6 @@
 //! The report of a run, or of several beside each other: one HTML file that needs nothing else.
 //!
-//! A [`Recording`] listens to a run and keeps what is worth drawing in bounded memory; [`write()`]
+//! A [`Recording`] observes a run and keeps what is worth drawing in bounded memory; [`write()`]
 //! turns one or more of them into a page with its plots, data and script inside. The page loads
 //! nothing: its content security policy forbids it.
 //!
@@ -16,3 +16,19 @@ mod tests;
 
 pub use page::{Run, render, write};
 pub use recording::{Frame, Recording};
+
+use crate::config::Diagnostics;
+use crate::design::Design;
+use crate::run::{Options, Run as OpenRun, Summary};
+use fusion_core::time::Time;
+
+/// Runs `design` as [`run`](crate::run::run) does, and records what a report draws.
+///
+/// # Errors
+/// As [`run`](crate::run::run).
+pub fn record(design: &Design, options: &Options, progress: &mut dyn FnMut(Time)) -> Result<(Summary, Recording), Diagnostics> {
+    let run = OpenRun::open(design, options)?;
+    let mut recording = Recording::of(design, run.assembly());
+    let summary = run.go(&mut [&mut recording], progress)?;
+    Ok((summary, recording))
+}

@@ -3,19 +3,21 @@
 use super::trace::{Samples, Trace};
 use crate::assembly::{Assembly, StreamChannel, StreamLayout};
 use crate::design::Design;
+use crate::observe::{Filters, RunEvent, RunObserver};
 use crate::present::Unit;
-use crate::score::ReferenceEpoch;
+use crate::rows::Row;
+use crate::score::{EpochError, ReferenceEpoch, attitude_error};
 use crate::solution::{Solution, sigmas};
 use fusion_core::filter::{Update, Verdict};
 use fusion_core::gate::Mode;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::runner::{Event, Halt};
 use fusion_core::state::Manifold;
-use fusion_core::time::{Time, nanos};
+use fusion_core::time::Time;
 use fusion_models::block::Shape;
 use fusion_models::earth::LocalFrame;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
-use std::collections::VecDeque;
 
 /// Buckets of a series: at two rows each, more than a wide screen has pixels.
 const BUCKETS: usize = 8192;
@@ -23,8 +25,6 @@ const BUCKETS: usize = 8192;
 const POINTS: usize = 8192;
 /// Input channels that are drawn; further ones are left out.
 const INPUTS: usize = 24;
-/// Fixes that wait for their sensor's verdict, per stream.
-const WAITING: usize = 256;
 /// Channels with such names say how good others are.
 const QUALITY: [&str; 5] = ["sigma", "variance", "covariance", "noise", "accuracy"];
 
@@ -60,11 +60,10 @@ pub struct Recording {
     pub(super) true_path: Samples<2>,
     pub(super) sensors: Vec<SensorTrack>,
     pub(super) inputs: Vec<InputTrack>,
-    ahead: VecDeque<(ReferenceEpoch, Option<Vector3<f64>>)>,
-    previous: Option<(Solution, Option<Vector3<f64>>)>,
     true_angles: Unwrapped<3>,
     angles: Unwrapped<3>,
-    ports: Vec<Port>,
+    /// By stream: the channels that are drawn, with their tracks.
+    ports: Vec<Vec<(StreamChannel, usize)>>,
 }
 
 /// Estimate, truth and error of a vector with three axes.
@@ -99,6 +98,8 @@ pub(super) struct SensorTrack {
     pub gated: bool,
     /// Residual rows that are kept.
     pub rows: usize,
+    /// Whether it measures a place.
+    is_place: bool,
     /// NIS of the used, NIS of the rejected, statistic, threshold, mode (1 denied); then, of
     /// every row in SI, the innovation of the accepted, that of the rejected and readopted, and
     /// its 3σ.
@@ -131,6 +132,7 @@ impl SensorTrack {
             own_statistic: false,
             gated: false,
             rows,
+            is_place: false,
             updates: Trace::new(Self::JUDGED + 3 * rows, BUCKETS),
             fixes: [Samples::new(POINTS), Samples::new(POINTS)],
         }
@@ -141,16 +143,6 @@ impl InputTrack {
     pub(super) const fn is_angle(&self) -> bool {
         self.angle.is_some()
     }
-}
-
-/// How the rows of a stream are read.
-#[derive(Clone, Debug, Default)]
-struct Port {
-    /// Channel and its track.
-    inputs: Vec<(StreamChannel, usize)>,
-    /// Its geodetic channel, the whole delay of the sensor that reads it \[ns\], and that sensor.
-    fix: Option<(StreamChannel, i64, usize)>,
-    waiting: VecDeque<(Time, Geodetic)>,
 }
 
 /// Angles in degrees made continuous.
@@ -185,15 +177,13 @@ impl Recording {
             true_path: Samples::new(POINTS),
             sensors: Vec::new(),
             inputs: Vec::new(),
-            ahead: VecDeque::new(),
-            previous: None,
             true_angles: Unwrapped::NONE,
             angles: Unwrapped::NONE,
             ports: Vec::new(),
         }
     }
 
-    /// For a run of `design`: [`row`](Self::row) then finds sensor data and fixes by itself.
+    /// For a run of `design`, which it observes.
     #[must_use]
     pub fn of(design: &Design, assembly: &Assembly) -> Self {
         let reference = design.reference.as_ref().map(|r| &r.block);
@@ -202,70 +192,57 @@ impl Recording {
             lever_arm: reference.map_or_else(Vector3::zeros, |r| r.lever_arm.si().into()),
             remove_mean_mounting: reference.is_some_and(|r| r.remove_mean_mounting),
         });
-        for sensor in &assembly.sensors {
-            recording.sensor(&sensor.name, sensor.rows.len());
+        for sensor in Filters::of(assembly).sensors() {
+            let track = recording.sensor(&sensor.name, sensor.rows.len());
+            recording.sensors[track].is_place = sensor.is_place;
         }
         // What drives the process comes first, then what the sensors read.
         let driving = design.process.block.model.input();
         let drives = |c: &StreamChannel| driving.iter().any(|d| d.name == c.name);
         for stream in &assembly.streams {
-            recording.ports.push(Port::default());
+            recording.ports.push(Vec::new());
             if stream.name == crate::world::REFERENCE || reference.is_some_and(|r| r.source == stream.name) {
                 continue;
             }
-            recording.connect(stream, assembly);
+            recording.connect(stream);
         }
         let mut order: Vec<usize> = (0..recording.inputs.len()).collect();
         let drivers: Vec<usize> = recording
             .ports
             .iter()
-            .flat_map(|p| &p.inputs)
+            .flatten()
             .filter(|(c, _)| drives(c))
             .map(|(_, i)| *i)
             .collect();
         order.sort_by_key(|i| !drivers.contains(i));
         order.truncate(INPUTS);
         for port in &mut recording.ports {
-            port.inputs.retain(|(_, i)| order.contains(i));
-            port.inputs
-                .iter_mut()
+            port.retain(|(_, i)| order.contains(i));
+            port.iter_mut()
                 .for_each(|(_, i)| *i = order.iter().position(|o| o == i).unwrap_or(0));
         }
         recording.inputs = order.iter().map(|i| recording.inputs[*i].clone()).collect();
         recording
     }
 
-    fn connect(&mut self, stream: &StreamLayout, assembly: &Assembly) {
+    /// Draws the channels of the latest stream.
+    fn connect(&mut self, stream: &StreamLayout) {
         let id = self.ports.len() - 1;
         for channel in &stream.channels {
-            let quality = QUALITY.iter().any(|q| channel.name.contains(q));
-            match channel.shape {
-                Shape::Geodetic => {
-                    let reads = |s: &&crate::assembly::SensorInfo| {
-                        let of_stream = s.stream == stream.name || stream.alias.as_ref() == Some(&s.stream);
-                        of_stream
-                            && s.channel
-                                .as_ref()
-                                .is_some_and(|c| c.shape == Shape::Geodetic && c.name == channel.name)
-                    };
-                    if let Some(sensor) = assembly.sensors.iter().find(reads) {
-                        let index = self.sensor(&sensor.name, sensor.rows.len());
-                        self.ports[id].fix = Some((channel.clone(), nanos(sensor.delay), index));
-                    }
-                }
-                Shape::Vector | Shape::Angle if matches!(channel.width, 1 | 3) && !quality => {
-                    let unit = Unit::of_si(&channel.dimension.to_string());
-                    let mut name = channel.name.replace('_', " ");
-                    let driving = ["angular rate", "specific force"].contains(&name.as_str());
-                    if !driving && name != stream.name {
-                        name = format!("{} · {name}", stream.name);
-                    }
-                    let angle = channel.shape == Shape::Angle && channel.width == 1;
-                    let track = self.track(&name, unit.symbol(), channel.width, angle, unit.of(1.0));
-                    self.ports[id].inputs.push((channel.clone(), track));
-                }
-                _ => {}
+            let is_quality = QUALITY.iter().any(|q| channel.name.contains(q));
+            let is_drawn = matches!((channel.shape, channel.width), (Shape::Vector | Shape::Angle, 1 | 3));
+            if is_quality || !is_drawn {
+                continue;
             }
+            let unit = Unit::of_si(&channel.dimension.to_string());
+            let mut name = channel.name.replace('_', " ");
+            let driving = ["angular rate", "specific force"].contains(&name.as_str());
+            if !driving && name != stream.name {
+                name = format!("{} · {name}", stream.name);
+            }
+            let angle = channel.shape == Shape::Angle && channel.width == 1;
+            let track = self.track(&name, unit.symbol(), channel.width, angle, unit.of(1.0));
+            self.ports[id].push((channel.clone(), track));
         }
     }
 
@@ -280,22 +257,14 @@ impl Recording {
         if let Some((v, p)) = solution.velocity {
             self.velocity.estimate.push(t, &six(&v, &sigmas(&p)));
         }
-        let mut continuous = None;
         if let Some((rpy, sigma)) = solution.rpy() {
             let rpy: Vector3<f64> = self.angles.next(rpy.map(f64::to_degrees).into()).into();
             self.attitude.estimate.push(t, &six(&rpy, &sigma.map(f64::to_degrees)));
-            continuous = Some(rpy);
-        }
-        let (previous, angles) = self.previous.replace((*solution, continuous)).unwrap_or((*solution, continuous));
-        while let Some((epoch, true_angles)) = self.ahead.pop_front_if(|(e, _)| e.time <= solution.time) {
-            if epoch.time >= previous.time {
-                self.compare(&epoch, &Solution::between(&previous, solution, epoch.time), angles.zip(true_angles));
-            }
         }
     }
 
-    /// An epoch of the reference, in order of time; it may lie ahead of the estimate by any span.
-    pub fn reference(&mut self, epoch: &ReferenceEpoch) {
+    /// An epoch of the reference, in order of time, with the error of the estimates told before it.
+    pub fn reference(&mut self, epoch: &ReferenceEpoch, error: Option<&EpochError>) {
         let t = epoch.time.seconds();
         if let Some(place) = epoch.position {
             let ned = self.ned(&place);
@@ -305,35 +274,34 @@ impl Recording {
         if let Some(v) = epoch.velocity {
             self.velocity.truth.push(t, v.as_slice());
         }
-        let angles = epoch.attitude.map(|q| {
+        if let Some(q) = epoch.attitude {
             let rpy = self.true_angles.next(so3::to_rpy(&q).map(f64::to_degrees).into());
             self.attitude.truth.push(t, &rpy);
-            rpy.into()
-        });
-        self.ahead.push_back((*epoch, angles));
+        }
+        if let Some(error) = error {
+            self.error(t, error);
+        }
     }
 
-    fn compare(&mut self, epoch: &ReferenceEpoch, at: &Solution, angles: Option<(Vector3<f64>, Vector3<f64>)>) {
-        let t = epoch.time.seconds();
-        if let (Some((place, p)), Some(truth)) = (at.position, epoch.position) {
-            let e = self.at_the_reference(at, place).difference(&truth);
-            self.position.error.push(t, &six(&e, &sigmas(&p)));
+    fn error(&mut self, t: f64, error: &EpochError) {
+        if let Some((e, p)) = &error.position {
+            self.position.error.push(t, &six(e, &sigmas(p)));
         }
-        if let (Some((v, p)), Some(truth)) = (at.velocity, epoch.velocity) {
-            self.velocity.error.push(t, &six(&(v - truth), &sigmas(&p)));
+        if let Some((e, p)) = &error.velocity {
+            self.velocity.error.push(t, &six(e, &sigmas(p)));
         }
-        if let (Some((q, _)), Some(truth), Some((rpy, sigma))) = (at.attitude, epoch.attitude, at.rpy()) {
-            let sigma = sigma.map(f64::to_degrees);
-            if self.frame.remove_mean_mounting {
-                let row: Vec<f64> = q.coords.iter().chain(truth.coords.iter()).chain(sigma.iter()).copied().collect();
-                self.mounted.push(t, std::array::from_fn(|i| row[i]));
-            } else {
-                let e = (rpy - so3::to_rpy(&truth)).map(|e| fusion_core::state::wrap(e).to_degrees());
-                self.attitude.error.push(t, &six(&e, &sigma));
-            }
-            if let (None, Some((estimate, truth))) = (self.attitude.turns, angles) {
-                self.attitude.turns = Some((truth - estimate).map(|d| 360.0 * (d / 360.0).round()));
-            }
+        let Some(a) = &error.attitude else { return };
+        let sigma = a.sigma.map(f64::to_degrees);
+        if self.frame.remove_mean_mounting {
+            let (q, truth) = (a.estimate.coords, a.truth.coords);
+            let row: Vec<f64> = q.iter().chain(truth.iter()).chain(sigma.iter()).copied().collect();
+            self.mounted.push(t, std::array::from_fn(|i| row[i]));
+        } else {
+            self.attitude.error.push(t, &six(&a.rpy.map(f64::to_degrees), &sigma));
+        }
+        if let (None, Some(estimate), Some(truth)) = (self.attitude.turns, self.angles.last, self.true_angles.last) {
+            let apart = Vector3::from(truth) - Vector3::from(estimate);
+            self.attitude.turns = Some(apart.map(|d| 360.0 * (d / 360.0).round()));
         }
     }
 
@@ -341,19 +309,6 @@ impl Recording {
     pub fn measurement(&mut self, sensor: &str, time: Time, position: Option<Geodetic>, update: &Update<'_>) {
         let index = self.sensor(sensor, update.residual.len());
         self.judged(index, time, position, update);
-    }
-
-    /// A measurement of the assembly's sensor of that number; its fix is the one that
-    /// [`row`](Self::row) has seen.
-    pub fn updated(&mut self, sensor: usize, time: Time, update: &Update<'_>) {
-        let port = self.ports.iter_mut().find(|p| p.fix.as_ref().is_some_and(|f| f.2 == sensor));
-        let fix = port.and_then(|p| {
-            let at = p.waiting.iter().position(|(t, _)| *t == time)?;
-            p.waiting.drain(..=at).next_back().map(|(_, place)| place)
-        });
-        if sensor < self.sensors.len() {
-            self.judged(sensor, time, fix, update);
-        }
     }
 
     fn judged(&mut self, sensor: usize, time: Time, position: Option<Geodetic>, update: &Update<'_>) {
@@ -403,28 +358,16 @@ impl Recording {
         }
     }
 
-    /// A raw row of a stream of the assembly, before it is fed to the runner.
-    pub fn row(&mut self, stream: usize, time: Time, row: &[f64]) {
-        let Some(mut port) = self.ports.get_mut(stream).map(std::mem::take) else {
+    /// A row of a stream of the assembly.
+    fn row(&mut self, row: &Row<'_>) {
+        let Some(port) = self.ports.get_mut(row.stream).map(std::mem::take) else {
             return;
         };
-        for (channel, track) in &port.inputs {
-            self.sample(
-                *track,
-                time.shifted(-channel.delay),
-                &row[channel.offset..channel.offset + channel.width],
-            );
+        for (channel, track) in &port {
+            let values = &row.values[channel.offset..channel.offset + channel.width];
+            self.sample(*track, row.time.shifted(-channel.delay), values);
         }
-        if let Some((channel, delay, _)) = &port.fix {
-            let values = &row[channel.offset..channel.offset + channel.width];
-            if values.iter().all(|v| v.is_finite()) {
-                if port.waiting.len() == WAITING {
-                    port.waiting.pop_front();
-                }
-                port.waiting.push_back((time.shifted(-delay), Geodetic::read(values)));
-            }
-        }
-        self.ports[stream] = port;
+        self.ports[row.stream] = port;
     }
 
     /// First and last time \[s\] of anything recorded.
@@ -442,7 +385,7 @@ impl Recording {
         self.local
     }
 
-    /// Bytes held, but for the reference ahead of the estimate.
+    /// Bytes held.
     #[must_use]
     pub fn bytes(&self) -> usize {
         let quantities = [&self.position, &self.velocity, &self.attitude];
@@ -501,6 +444,26 @@ impl Recording {
     }
 }
 
+impl RunObserver for Recording {
+    fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
+        match event {
+            RunEvent::Row(row) => self.row(row),
+            RunEvent::Estimate { filter, solution, .. } if filter.is_outermost() => self.estimate(solution),
+            RunEvent::Reference { epoch, error } => self.reference(epoch, *error),
+            RunEvent::Filter {
+                filter,
+                event: Event::Updated { sensor, update, time, .. },
+            } => {
+                let track = filter.first_sensor + sensor;
+                let place = self.sensors[track].is_place.then(|| Geodetic::read(update.value));
+                self.judged(track, *time, place, update);
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
 /// The attitude quantity with the mounting, now known, taken out.
 pub(super) fn mounted_attitude(samples: &Samples<11>, mounting: &UnitQuaternion<f64>) -> (Trace, Trace) {
     let (mut truth, mut error) = (Trace::new(3, POINTS + 2), Trace::new(6, POINTS + 2));
@@ -508,8 +471,7 @@ pub(super) fn mounted_attitude(samples: &Samples<11>, mounting: &UnitQuaternion<
     let quaternion = |c: &[f64]| UnitQuaternion::new_unchecked(Quaternion::new(c[3], c[0], c[1], c[2]));
     for (t, row) in samples.iter() {
         let (estimate, reference) = (quaternion(&row[..4]), quaternion(&row[4..8]));
-        let e = so3::to_rpy(&(estimate * mounting)) - so3::to_rpy(&reference);
-        let e = e.map(|e| fusion_core::state::wrap(e).to_degrees());
+        let e = attitude_error(&(estimate * mounting), &reference).map(f64::to_degrees);
         error.push(t, &six(&e, &Vector3::new(row[8], row[9], row[10])));
         truth.push(
             t,

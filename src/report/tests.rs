@@ -1,13 +1,15 @@
 //! Whole pages: their size, their safety, and what a browser makes of them.
 
 use super::{Frame, Recording, Run, render};
+use crate::observe::{Filters, RunEvent, RunObserver};
 use crate::run::Summary;
-use crate::score::ReferenceEpoch;
+use crate::score::{Comparison, EpochError, ReferenceEpoch};
 use crate::solution::Solution;
 use fusion_core::filter::{Update, Verdict};
 use fusion_core::gate::Mode;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::runner::{Event, Row, RowId};
 use fusion_core::time::Time;
 use nalgebra::{Matrix3, Vector3};
 use std::path::{Path, PathBuf};
@@ -19,13 +21,38 @@ const ORIGIN: Geodetic = Geodetic {
     height: 10.0,
 };
 
+/// A recording, and the reference that estimates are compared with.
+struct Compared {
+    recording: Recording,
+    comparison: Comparison,
+}
+
+impl Compared {
+    fn new() -> Self {
+        let frame = Frame {
+            origin: Some(ORIGIN),
+            ..Frame::default()
+        };
+        Self {
+            recording: Recording::new(frame),
+            comparison: Comparison::new(Vector3::zeros(), []),
+        }
+    }
+
+    fn estimate(&mut self, solution: &Solution) {
+        self.recording.estimate(solution);
+        let told = |epoch: &ReferenceEpoch, error: Option<&EpochError>| {
+            self.recording.reference(epoch, error);
+            Ok::<_, core::convert::Infallible>(())
+        };
+        self.comparison.reach(solution, told).unwrap();
+    }
+}
+
 /// A vehicle on a circle for `seconds`, sampled at `rate`, the estimate `offset` metres beside the
 /// truth: inertial data, a compass, fixes of which every 50th is rejected, a denial in the middle.
 fn recording_at(rate: i64, seconds: f64, offset: f64) -> Recording {
-    let mut r = Recording::new(Frame {
-        origin: Some(ORIGIN),
-        ..Frame::default()
-    });
+    let mut r = Compared::new();
     let steps = (seconds * rate as f64) as i64;
     for i in 0..steps {
         let time = Time::from_nanos(i * (1_000_000_000 / rate));
@@ -35,14 +62,16 @@ fn recording_at(rate: i64, seconds: f64, offset: f64) -> Recording {
         let ned = Vector3::new(50.0 * angle.sin(), 50.0 - 50.0 * angle.cos(), 0.1 * wobble);
         let v = Vector3::new(2.5 * angle.cos(), 2.5 * angle.sin(), 0.0);
         let q = so3::from_rpy(0.02 * wobble, 0.0, angle);
-        r.reference(&ReferenceEpoch {
+        r.comparison.push(ReferenceEpoch {
             time,
             position: Some(ORIGIN.offset(&ned)),
             velocity: Some(v),
             attitude: Some(q),
         });
-        r.input("angular rate", "deg/s", time, &[wobble, -wobble, 2.9 + 0.2 * wobble]);
-        r.input("specific force", "m/s²", time, &[0.1 * wobble, 0.1, -9.8 + 0.1 * wobble]);
+        r.recording
+            .input("angular rate", "deg/s", time, &[wobble, -wobble, 2.9 + 0.2 * wobble]);
+        r.recording
+            .input("specific force", "m/s²", time, &[0.1 * wobble, 0.1, -9.8 + 0.1 * wobble]);
         let error = Vector3::new(offset + 0.2 * wobble, 0.3 * (t * 0.11).sin(), 0.1);
         r.estimate(&Solution {
             time,
@@ -52,10 +81,12 @@ fn recording_at(rate: i64, seconds: f64, offset: f64) -> Recording {
         });
         if i % 3 == 0 {
             let heading = angle.to_degrees() + wobble;
-            r.input("heading", "deg", time, &[heading - 360.0 * (heading / 360.0).round()]);
+            r.recording
+                .input("heading", "deg", time, &[heading - 360.0 * (heading / 360.0).round()]);
             let compass = update(Verdict::Accepted, wobble * wobble, 6.6, Mode::Track);
             let (residual, sigma) = ([0.01 * wobble], [0.01]);
-            r.measurement("compass", time, None, &with_rows(compass, &residual, &sigma));
+            r.recording
+                .measurement("compass", time, None, &with_rows(compass, &residual, &sigma));
         }
         if i % rate == 0 {
             let denied = (0.4..0.5).contains(&(t / seconds));
@@ -68,10 +99,11 @@ fn recording_at(rate: i64, seconds: f64, offset: f64) -> Recording {
             };
             let gnss = update(verdict, nis, 16.3, if denied { Mode::Denied } else { Mode::Track });
             let residual = [wobble, -wobble, 0.3].map(|v| if rejected { 8.0 * v } else { v });
-            r.measurement("gnss", time, Some(fix), &with_rows(gnss, &residual, &[1.0, 1.0, 2.0]));
+            r.recording
+                .measurement("gnss", time, Some(fix), &with_rows(gnss, &residual, &[1.0, 1.0, 2.0]));
         }
     }
-    r
+    r.recording
 }
 
 fn recording(seconds: f64, offset: f64) -> Recording {
@@ -147,7 +179,7 @@ fn names_cannot_break_out_of_the_page() {
     s.description = format!("{EVIL} described");
     s.failures = vec![EVIL.to_owned()];
     s.backend = EVIL.to_owned();
-    s.sensors = vec![crate::tally::SensorTally {
+    s.sensors = vec![crate::observe::SensorStatistics {
         name: EVIL.to_owned(),
         ..Default::default()
     }];
@@ -203,10 +235,7 @@ fn a_run_without_anything_is_still_a_page() {
 #[test]
 fn the_error_is_that_at_the_reference_epoch() {
     // The reference lies between two estimates; position is carried on, not interpolated.
-    let mut r = Recording::new(Frame {
-        origin: Some(ORIGIN),
-        ..Frame::default()
-    });
+    let mut r = Compared::new();
     let at = |north: f64| ORIGIN.offset(&Vector3::new(north, 0.0, 0.0));
     let estimate = |t: f64, north: f64| Solution {
         time: Time::from_seconds(t),
@@ -214,7 +243,7 @@ fn the_error_is_that_at_the_reference_epoch() {
         velocity: Some((Vector3::new(1.0, 0.0, 0.0), Matrix3::identity())),
         attitude: None,
     };
-    r.reference(&ReferenceEpoch {
+    r.comparison.push(ReferenceEpoch {
         time: Time::from_seconds(0.5),
         position: Some(at(0.0)),
         velocity: None,
@@ -222,7 +251,7 @@ fn the_error_is_that_at_the_reference_epoch() {
     });
     r.estimate(&estimate(0.0, 2.0));
     r.estimate(&estimate(1.0, 9.0));
-    let errors = r.position.error.columns(10, false);
+    let errors = r.recording.position.error.columns(10, false);
     assert_eq!(errors.time, [0.5]);
     // 2 m and half a second of 1 m/s; a millimetre covers the curvature of the Earth.
     assert!((errors.values[0][0] - 2.5).abs() < 1e-3);
@@ -230,7 +259,7 @@ fn the_error_is_that_at_the_reference_epoch() {
 }
 
 #[test]
-fn rows_of_a_design_become_fixes_with_their_verdict_and_sensor_data() {
+fn measurements_become_fixes_with_their_verdict_and_rows_become_sensor_data() {
     let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/ins-gps.toml");
     let document = crate::config::Document::load(&file).unwrap();
     let design = crate::design::Design::read(document).unwrap();
@@ -238,17 +267,28 @@ fn rows_of_a_design_become_fixes_with_their_verdict_and_sensor_data() {
     let mut r = Recording::of(&design, &assembly);
     let stream = |name: &str| assembly.streams.iter().position(|s| s.name == name).unwrap();
     let sensor = assembly.sensors.iter().position(|s| s.name == "position").unwrap();
+    let filters = Filters::of(&assembly);
+    let filter = filters.iter().next().unwrap();
     let origin = Geodetic::from(design.run.origin.unwrap());
     for i in 0..4_i64 {
         let time = Time::from_nanos(i * 1_000_000_000);
         let place = origin.offset(&Vector3::new(i as f64, 0.0, 0.0));
-        r.row(stream("imu"), time, &[0.1, 0.0, 0.0, 0.0, 0.0, -9.8]);
-        r.row(stream("position"), time, &[place.lat, place.lon, place.height]);
-        // The first fix starts the filter: no verdict comes for it.
+        let imu = Row::new(stream("imu"), time, &[0.1, 0.0, 0.0, 0.0, 0.0, -9.8]);
+        r.on(&RunEvent::Row(&imu)).unwrap();
         let verdict = if i == 2 { Verdict::Rejected } else { Verdict::Accepted };
-        if i > 0 {
-            r.updated(sensor, time, &update(verdict, 1.0, 16.0, Mode::Track));
-        }
+        let update = Update {
+            value: &[place.lat, place.lon, place.height],
+            ..update(verdict, 1.0, 16.0, Mode::Track)
+        };
+        let row = RowId {
+            stream: stream("position"),
+            number: 0,
+            stamp: time,
+            arrival: time,
+            disturbed: false,
+        };
+        let event = &Event::Updated { sensor, update, time, row };
+        r.on(&RunEvent::Filter { filter, event }).unwrap();
     }
     let north = |k: usize| {
         r.sensors[sensor].fixes[k]
@@ -256,7 +296,7 @@ fn rows_of_a_design_become_fixes_with_their_verdict_and_sensor_data() {
             .map(|(t, p)| (t, p[0].round()))
             .collect::<Vec<_>>()
     };
-    assert_eq!(north(0), [(1.0, 1.0), (3.0, 3.0)]);
+    assert_eq!(north(0), [(0.0, 0.0), (1.0, 1.0), (3.0, 3.0)]);
     assert_eq!(north(1), [(2.0, 2.0)]);
     assert_eq!(
         r.inputs.iter().take(2).map(|i| i.name.as_str()).collect::<Vec<_>>(),
@@ -293,14 +333,11 @@ fn innovations_of_accepted_measurements_are_kept_per_row_and_those_of_others_apa
 
 #[test]
 fn yaw_is_drawn_without_jumps_and_error_turns_agree() {
-    let mut r = Recording::new(Frame {
-        origin: Some(ORIGIN),
-        ..Frame::default()
-    });
+    let mut r = Compared::new();
     for i in 0..200 {
         let time = Time::from_seconds(f64::from(i) * 0.1);
         let yaw = 3.1 + 0.05 * f64::from(i);
-        r.reference(&ReferenceEpoch {
+        r.comparison.push(ReferenceEpoch {
             time,
             position: None,
             velocity: None,
@@ -315,13 +352,13 @@ fn yaw_is_drawn_without_jumps_and_error_turns_agree() {
             attitude,
         });
     }
-    for trace in [&r.attitude.estimate, &r.attitude.truth] {
+    for trace in [&r.recording.attitude.estimate, &r.recording.attitude.truth] {
         let yaw = &trace.columns(1000, false).values[2];
         assert!(yaw.windows(2).all(|w| (w[1] - w[0] - 2.865).abs() < 0.01), "0.05 rad a step");
     }
-    assert_eq!(r.attitude.turns.map(|t| t.z), Some(360.0));
+    assert_eq!(r.recording.attitude.turns.map(|t| t.z), Some(360.0));
     assert!(
-        r.attitude.error.columns(1000, false).values[2]
+        r.recording.attitude.error.columns(1000, false).values[2]
             .iter()
             .all(|e| (e - 5.73).abs() < 0.01)
     );

@@ -2,28 +2,28 @@
 
 mod recorded;
 mod reference;
+mod summary;
 
 pub use crate::rows::SourceTally;
 pub use recorded::open_one;
+pub use summary::{FinalState, Summary};
 
 use crate::assembly::{Assembly, assemble, declared_streams};
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::{Design, Named, ReferenceSpec};
-use crate::recorder::Recorder;
-use crate::report::Recording;
-use crate::rows::{Feed, Row};
-use crate::score::Score;
-use crate::tally::SensorTally;
+use crate::observe::{Counters, EstimateFile, Filters, Hub, RunObserver, Statistics, Timing, UpdateFile};
+use crate::output::Unwritable;
+use crate::rows::Feed;
+use crate::score::Scorer;
 use crate::world::SimulatedRows;
-use fusion_core::runner::RunError;
-use fusion_core::state::Kind;
-use fusion_core::time::Time;
+use fusion_core::runner::Runner;
+use fusion_core::time::{Time, nanos};
+use fusion_models::earth::LocalFrame;
 use reference::Reference;
-use serde::Serialize;
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Repeated outages are listed up to here: longer than any log.
 pub(crate) const HORIZON: Time = Time::from_nanos(10_000_000 * 1_000_000_000);
@@ -41,145 +41,173 @@ pub struct Options {
     pub seed: Option<u64>,
 }
 
-/// The state of one parameter at the end of a run.
-#[derive(Clone, Debug, Serialize)]
-pub struct FinalState {
-    /// The block.
-    pub name: String,
-    /// What it is: how its values are read.
-    #[serde(skip)]
-    pub kind: Kind,
-    /// Its values, in storage order and SI.
-    pub value: Vec<f64>,
-    /// Its 1σ per tangent axis.
-    pub sigma: Vec<f64>,
-    /// Its covariance in tangent coordinates, row by row.
-    #[serde(skip)]
-    pub covariance: Vec<f64>,
-    /// Unit of a tangent coordinate.
-    pub unit: &'static str,
-}
-
-/// The result of a run.
-#[derive(Clone, Debug, Default, Serialize)]
-pub struct Summary {
-    /// The design's own line about itself.
-    pub description: String,
-    /// The backend: chart, update, form.
-    pub backend: String,
-    /// When the filter started \[s\]; none if it never did.
-    pub started: Option<f64>,
-    /// What it was still waiting for at the end.
-    pub waiting: Vec<(String, String)>,
-    /// Estimates made.
-    pub epochs: u64,
-    /// Score against the reference.
-    pub score: Option<Score>,
-    /// Per sensor.
-    pub sensors: Vec<SensorTally>,
-    /// Per source.
-    pub sources: Vec<SourceTally>,
-    /// Estimated parameters at the end.
-    pub parameters: Vec<FinalState>,
-    /// Rows that came too late or held no number, by consumer.
-    pub unused_rows: Vec<(String, u64)>,
-    /// What the estimator could not do, with the first few reasons.
-    pub failures: Vec<String>,
-    /// Wall time of the whole run \[s\].
-    pub wall_seconds: f64,
-    /// Time in the filter alone, per estimate \[ns\].
-    pub filter_ns_per_epoch: f64,
-}
-
 /// Runs `design`; `progress` hears the share of the data that is done, from time to time.
 ///
 /// # Errors
 /// Mistakes of the design, or what is wrong with the data.
 pub fn run(design: &Design, options: &Options, progress: &mut dyn FnMut(Time)) -> Result<Summary, Diagnostics> {
-    Ok(run_with(design, options, progress, false)?.0)
+    Run::open(design, options)?.go(&mut [], progress)
 }
 
-/// As [`run`], with what a report draws.
-///
-/// # Errors
-/// As [`run`].
-pub fn run_recorded(design: &Design, options: &Options, progress: &mut dyn FnMut(Time)) -> Result<(Summary, Recording), Diagnostics> {
-    let (summary, recording) = run_with(design, options, progress, true)?;
-    Ok((summary, recording.unwrap_or_else(|| Recording::new(Default::default()))))
+/// A run whose data are open.
+#[derive(Debug)]
+pub struct Run<'a> {
+    design: &'a Design,
+    options: &'a Options,
+    assembly: Assembly,
+    data: RunData,
+    begun: Instant,
 }
 
-fn run_with(
-    design: &Design,
-    options: &Options,
-    progress: &mut dyn FnMut(Time),
-    record: bool,
-) -> Result<(Summary, Option<Recording>), Diagnostics> {
-    let begun = Instant::now();
-    let streams = declared_streams(design)?;
-    let assembly = assemble(design, streams)?;
-    let RunData {
-        mut rows,
-        reference,
-        outages,
-    } = RunData::open(design, &assembly, options)?;
-    let scorer = reference.scorer(design, &outages);
-    let mut recorder = Recorder::new(design, &assembly, scorer, &rows.disturbable(), options)?;
-    if record {
-        let mut recording = Recording::of(design, &assembly);
-        reference.ahead().iter().for_each(|epoch| recording.reference(epoch));
-        recorder.recording = Some(recording);
+impl<'a> Run<'a> {
+    /// Assembles a design and opens its data.
+    ///
+    /// # Errors
+    /// Mistakes of the design, or what is wrong with the data.
+    pub fn open(design: &'a Design, options: &'a Options) -> Result<Self, Diagnostics> {
+        let begun = Instant::now();
+        let streams = declared_streams(design)?;
+        let assembly = assemble(design, streams)?;
+        let data = RunData::open(design, &assembly, options)?;
+        Ok(Self {
+            design,
+            options,
+            assembly,
+            data,
+            begun,
+        })
     }
-    let Assembly { mut runner, .. } = assembly;
+
+    /// What is run.
+    #[must_use]
+    pub const fn assembly(&self) -> &Assembly {
+        &self.assembly
+    }
+
+    /// Runs to the end of the data. The observers `further` hear it besides those that the result
+    /// and its files are made by.
+    ///
+    /// # Errors
+    /// What is wrong with the data, a file that cannot be written, or the first of an observer.
+    pub fn go(mut self, further: &mut [&mut dyn RunObserver], progress: &mut dyn FnMut(Time)) -> Result<Summary, Diagnostics> {
+        let filters = Filters::of(&self.assembly);
+        let reference = &mut self.data.reference;
+        let from = self.design.reference.as_ref().and_then(|r| r.block.from);
+        let from = from.map(|t| Time::from_seconds(t.si()));
+        let mut counters = Counters::default();
+        let mut statistics = Statistics::new(&filters, from, &self.data.rows.disturbable());
+        let mut scorer = (!reference.is_empty()).then(|| Scorer::new(reference.rules(self.design, &self.data.outages)));
+        let mut files = Files::create(self.design, self.options, &filters)?;
+        let mut hub = Hub::new(&filters, reference.comparison(self.design));
+        hub.add(&mut counters);
+        hub.add(&mut statistics);
+        scorer.iter_mut().for_each(|scorer| hub.add(scorer));
+        files.estimates.iter_mut().for_each(|file| hub.add(file));
+        files.updates.iter_mut().for_each(|file| hub.add(file));
+        further.iter_mut().for_each(|observer| hub.add(*observer));
+        let timing = feed(self.design, &mut self.assembly.runner, &mut self.data, &mut hub, progress)?;
+        files.finish()?;
+        let runner = &self.assembly.runner;
+        let (last, has_started) = (runner.belief(), runner.started());
+        let summary = Summary {
+            description: self.design.run.description.clone(),
+            backend: self.design.filter.backend_name(),
+            started: counters.started,
+            waiting: if has_started { Vec::new() } else { runner.waits_for() },
+            epochs: counters.epochs,
+            score: scorer.map(Scorer::finish),
+            sensors: statistics.finish(last.time),
+            sources: self.data.rows.tallies(),
+            parameters: if has_started {
+                FinalState::of(&self.assembly.layout, last)
+            } else {
+                Vec::new()
+            },
+            unused_rows: counters.unused_rows,
+            failures: counters.failures,
+            wall_seconds: self.begun.elapsed().as_secs_f64(),
+            filter_ns_per_epoch: timing.ns_per_epoch(counters.epochs),
+        };
+        write_summary(self.options, &summary)?;
+        Ok(summary)
+    }
+}
+
+/// Feeds the rows of the time that is run, and tells of them.
+fn feed(
+    design: &Design,
+    runner: &mut Runner,
+    data: &mut RunData,
+    hub: &mut Hub<'_>,
+    progress: &mut dyn FnMut(Time),
+) -> Result<Timing, Diagnostics> {
     let start = design.run.start.map_or(Time::MIN, |t| Time::from_seconds(t.si()));
     let stop = design.run.stop.map_or(Time::MAX, |t| Time::from_seconds(t.si()));
-    let mut in_feed = Duration::ZERO;
-    let (mut count, mut fed, mut timed) = (0_u32, 0_u32, 0_u32);
-    while let Some(row) = rows.next()? {
-        let Row { stream, time, .. } = row;
-        if time < start || time > stop {
+    let (mut timing, mut count) = (Timing::default(), 0_u32);
+    while let Some(row) = data.rows.next()? {
+        if row.time < start || row.time > stop {
             continue;
         }
         count = count.wrapping_add(1);
         if count.is_multiple_of(4096) {
-            progress(time);
+            progress(row.time);
         }
-        if let Some(epochs) = reference.epochs(&row) {
-            epochs.into_iter().for_each(|epoch| recorder.reference(epoch));
+        if let Some(epochs) = data.reference.epochs(&row) {
+            epochs.into_iter().for_each(|epoch| hub.reference(epoch));
             continue;
         }
-        recorder.disturbed(stream, time, row.disturbed);
-        if let Some(recording) = &mut recorder.recording {
-            recording.row(stream, time, row.values);
-        }
-        fed = fed.wrapping_add(1);
-        // Looking at the clock costs a good part of what it measures: one row in 16 is timed,
-        // picked so that no period of the streams can favour some of them.
-        recorder.timed = fed.wrapping_mul(0x9E37_79B9) >> 28 == 0;
-        let clock = recorder.timed.then(Instant::now);
-        runner.feed(&row, &mut recorder).map_err(stopped)?;
-        if let Some(clock) = clock {
-            in_feed += clock.elapsed();
-            timed += 1;
-        }
+        hub.row(&row).map_err(stopped)?;
+        timing.feed(runner, &row, hub).map_err(stopped)?;
     }
-    recorder.timed = false;
-    runner.finish(&mut recorder).map_err(|halt| stopped(halt.into()))?;
-    let waiting = if runner.started() { Vec::new() } else { runner.waits_for() };
-    let sources = rows.tallies();
-    let in_filter = in_feed.saturating_sub(recorder.spent);
-    let recording = recorder.recording.take();
-    let mut summary = recorder.finish(design, runner.belief())?;
-    summary.waiting = waiting;
-    summary.sources = sources;
-    summary.wall_seconds = begun.elapsed().as_secs_f64();
-    let share = f64::from(timed.max(1)) / f64::from(fed.max(1));
-    summary.filter_ns_per_epoch = in_filter.as_nanos() as f64 / share / summary.epochs.max(1) as f64;
-    if let Some(out) = &options.out {
-        let path = out.join("summary.json");
-        let file = File::create(&path).map_err(|e| unwritable(&path, &e))?;
-        serde_json::to_writer_pretty(BufWriter::new(file), &summary).map_err(|e| unwritable(&path, &e.into()))?;
+    runner.finish(hub).map_err(stopped)?;
+    hub.finish().map_err(stopped)?;
+    Ok(timing)
+}
+
+/// The files that are written while a design is run.
+#[derive(Debug, Default)]
+struct Files {
+    /// By filter.
+    estimates: Vec<EstimateFile>,
+    updates: Option<UpdateFile>,
+}
+
+impl Files {
+    /// None without a folder to write to.
+    fn create(design: &Design, options: &Options, filters: &Filters) -> Result<Self, Unwritable> {
+        let Some(out) = &options.out else {
+            return Ok(Self::default());
+        };
+        std::fs::create_dir_all(out).map_err(|error| unwritable(out, error))?;
+        let origin = design.run.origin.map(Into::into);
+        let period = design.run.output_rate.map_or(0, |rate| nanos(1.0 / rate.si()));
+        let estimates = filters
+            .iter()
+            .map(|filter| EstimateFile::create(out, filter, origin.map(LocalFrame::new), period));
+        Ok(Self {
+            estimates: estimates.collect::<Result<_, _>>()?,
+            updates: Some(UpdateFile::create(out, filters)?),
+        })
     }
-    Ok((summary, recording))
+
+    fn finish(self) -> Result<(), Unwritable> {
+        self.estimates.into_iter().try_for_each(EstimateFile::finish)?;
+        self.updates.map_or(Ok(()), UpdateFile::finish)
+    }
+}
+
+/// summary.json, where there is a folder to write to.
+fn write_summary(options: &Options, summary: &Summary) -> Result<(), Unwritable> {
+    let Some(out) = &options.out else { return Ok(()) };
+    let path = out.join("summary.json");
+    let mut file = BufWriter::new(File::create(&path).map_err(|error| unwritable(&path, error))?);
+    serde_json::to_writer_pretty(&mut file, summary).map_err(|error| unwritable(&path, error.into()))?;
+    file.flush().map_err(|error| unwritable(&path, error))
+}
+
+fn unwritable(path: &Path, error: std::io::Error) -> Unwritable {
+    let path = path.to_owned();
+    Unwritable { path, error }
 }
 
 /// The reference names a source that is not there.
@@ -190,12 +218,8 @@ pub(crate) fn unknown_reference<P>(design: &Design<P>, reference: &Named<Referen
     unknown.suggest(name, &names, "there are")
 }
 
-pub(crate) fn unwritable(path: &Path, error: &std::io::Error) -> Diagnostics {
-    Diagnostic::error(format!("cannot write {}: {error}", path.display())).into()
-}
-
-fn stopped(error: RunError) -> Diagnostics {
-    Diagnostic::error(error.to_string()).into()
+fn stopped(why: impl core::fmt::Display) -> Diagnostics {
+    Diagnostic::error(why.to_string()).into()
 }
 
 /// What a run is fed with and scored against.

@@ -4,7 +4,7 @@ use crate::assembly::{Assembly, StreamLayout};
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::{Design, Named, ReferenceSpec, SourceDesign};
 use crate::rows::{Row, RowStream};
-use crate::score::{ReferenceEpoch, Rules, Scorer, differentiate};
+use crate::score::{Comparison, ReferenceEpoch, Rules, differentiate};
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::runner::StreamId;
 use fusion_core::state::{Attitude, Manifold};
@@ -16,7 +16,7 @@ const SCORED: [&str; 3] = ["position", "velocity", "attitude"];
 
 /// Where the reference epochs of a run come from.
 #[derive(Debug)]
-pub(crate) enum Reference {
+pub(super) enum Reference {
     /// There is none.
     None,
     /// Read before the run, in order of time.
@@ -60,37 +60,42 @@ impl Reference {
         Ok(Self::Ahead(found))
     }
 
-    /// What was read before the run.
-    pub(crate) fn ahead(&self) -> &[ReferenceEpoch] {
-        match self {
-            Self::Ahead(epochs) => epochs,
-            Self::None | Self::Along(..) => &[],
-        }
-    }
-
     /// The epochs of a row of the run; `None` where it is no row of the reference.
-    pub(crate) fn epochs(&self, row: &Row<'_>) -> Option<Vec<ReferenceEpoch>> {
+    pub(super) fn epochs(&self, row: &Row<'_>) -> Option<Vec<ReferenceEpoch>> {
         match self {
             Self::Along(stream, layout) if *stream == row.stream => Some(epochs(row.time, row.values, layout)),
             _ => None,
         }
     }
 
-    /// Scores against it, if there is one; `outages` are those whose drift is told.
-    pub(crate) fn scorer(&self, design: &Design, outages: &[(Time, Time)]) -> Option<Scorer> {
-        let is_empty = match self {
+    /// Whether there is nothing to be scored against.
+    pub(super) fn is_empty(&self) -> bool {
+        match self {
             Self::None => true,
             Self::Ahead(epochs) => epochs.is_empty(),
             Self::Along(..) => false,
-        };
+        }
+    }
+
+    /// How a design is scored against it; `outages` are those whose drift is told.
+    pub(super) fn rules(&self, design: &Design, outages: &[(Time, Time)]) -> Rules {
         let spec = design.reference.as_ref().map(|r| &r.block);
-        let rules = Rules {
+        Rules {
             from: spec.and_then(|s| s.from).map(|t| Time::from_seconds(t.si())),
-            lever_arm: spec.map_or_else(Vector3::zeros, |s| s.lever_arm.si().into()),
             remove_mean_mounting: spec.is_some_and(|s| s.remove_mean_mounting),
             windows: outages.to_vec(),
+        }
+    }
+
+    /// What compares estimates with it; what was read ahead goes there.
+    pub(super) fn comparison(&mut self, design: &Design) -> Comparison {
+        let spec = design.reference.as_ref().map(|r| &r.block);
+        let lever_arm = spec.map_or_else(Vector3::zeros, |s| s.lever_arm.si().into());
+        let ahead = match self {
+            Self::Ahead(epochs) => core::mem::take(epochs),
+            Self::None | Self::Along(..) => Vec::new(),
         };
-        (!is_empty).then(|| Scorer::new(rules, self.ahead().to_vec()))
+        Comparison::new(lever_arm, ahead)
     }
 }
 

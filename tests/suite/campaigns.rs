@@ -10,8 +10,8 @@
 use fusion::campaign::{Campaign, RunRow, monte_carlo};
 use fusion::config::Document;
 use fusion::design::Design;
+use fusion::observe::SensorStatistics;
 use fusion::run::{Options, run};
-use fusion::tally::SensorTally;
 use std::path::Path;
 use std::sync::LazyLock;
 
@@ -46,16 +46,16 @@ fn horizontal(row: &RunRow) -> f64 {
     row.rms[0].hypot(row.rms[1])
 }
 
-fn gps(row: &RunRow) -> &SensorTally {
+fn gps(row: &RunRow) -> &SensorStatistics {
     row.sensors.iter().find(|s| s.name == "gps_position").unwrap()
 }
 
 /// Over all runs.
-fn sum(campaign: &Campaign, count: impl Fn(&SensorTally) -> u64) -> u64 {
+fn sum(campaign: &Campaign, count: impl Fn(&SensorStatistics) -> u64) -> u64 {
     campaign.rows.iter().map(|r| count(gps(r))).sum()
 }
 
-fn missed(gps: &SensorTally) -> u64 {
+fn missed(gps: &SensorStatistics) -> u64 {
     gps.disturbed.unwrap().missed
 }
 

@@ -337,3 +337,55 @@ fn the_schema_is_json() {
     let schema: Value = serde_json::from_str(&stdout(&ran)).unwrap();
     assert_eq!(schema["properties"]["sensor"]["type"], "object");
 }
+
+/// What a run writes at the time of a fix is what the fix has left.
+#[test]
+fn the_estimate_at_a_fix_is_the_one_after_it_in_file_and_score() {
+    let w = Workspace::new("command-posterior");
+    // A prior so wide that the fix alone counts: 1σ is 5 m before it and R's 0.2 m after it.
+    let wide = DESIGN
+        .replace("position_sigma = \"10 m\"", "position_sigma = \"1 km\"")
+        .replace(
+            "acceleration_noise = \"0.5 m/s^2/sqrt(Hz)\"",
+            "acceleration_noise = \"50 m/s^2/sqrt(Hz)\"",
+        )
+        .replace("sigma = \"2 m\"", "sigma = \"0.2 m\"")
+        + "[reference]\nsource = \"truth\"\n"
+        + &DESIGN[DESIGN.find("[source.gnss]").unwrap()..DESIGN.find("[variant").unwrap()].replace("source.gnss", "source.truth");
+    w.write("wide.toml", wide);
+    w.fusion(&["run", "wide.toml", "--out", "out"]).success();
+    let column = |file: &str, name: &str| -> Vec<f64> {
+        let text = w.read(file);
+        let mut lines = text.lines();
+        let at = lines.next().unwrap().split(',').position(|c| c == name).unwrap();
+        lines.map(|l| l.split(',').nth(at).unwrap().parse().unwrap()).collect()
+    };
+    let times = column("out/estimates.csv", "t_s");
+    let sigmas = column("out/estimates.csv", "sigma_n_m");
+    let fixes = column("out/updates.csv", "t_s");
+    assert!(fixes.len() > 50 && fixes.iter().all(|t| times.contains(t)), "{times:?}");
+    for (t, sigma) in times.iter().zip(&sigmas).filter(|(t, _)| fixes.contains(t)) {
+        assert!((0.1..0.21).contains(sigma), "{sigma} m at {t} s");
+    }
+    let summary: Value = serde_json::from_str(&w.read("out/summary.json")).unwrap();
+    let three_sigma = summary["score"]["position"]["three_sigma"][0].as_f64().unwrap();
+    assert!(three_sigma < 3.0 * 0.21, "{three_sigma}");
+}
+
+/// /dev/full takes no byte: the run ends before it begins, and says which file it was.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_file_that_cannot_be_written_stops_the_run_with_its_name() {
+    for file in ["estimates.csv", "updates.csv", "summary.json"] {
+        let w = Workspace::new(&format!("command-full-{file}"));
+        std::fs::create_dir(w.path("out")).unwrap();
+        std::os::unix::fs::symlink("/dev/full", w.path("out").join(file)).unwrap();
+        let ran = w.fusion(&["run", "design.toml", "--out", "out"]).failure();
+        let told = stderr(&ran);
+        assert!(
+            told.contains(&format!("cannot write out/{file}: No space left on device")),
+            "{told}"
+        );
+        assert!(file == "summary.json" || !w.path("out/summary.json").exists(), "the run went on");
+    }
+}

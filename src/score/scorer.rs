@@ -1,121 +1,21 @@
-//! Scores: an estimate against a reference, its drift in outages, its consistency.
+//! The score of a run, made as it goes.
 
-mod consistency;
-
-pub use consistency::{Consistency, Verdict};
-
-use crate::solution::{Solution, sigmas};
+use super::comparison::{EpochError, attitude_error};
+use super::{Axes, Consistency, Drift, Score};
+use crate::solution::sigmas;
 use fusion_core::geometry::so3;
-use fusion_core::geometry::wgs84::Geodetic;
-use fusion_core::state::wrap;
 use fusion_core::time::Time;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use serde::Serialize;
-use std::collections::VecDeque;
-
-impl Axes {
-    /// Every number being `value`.
-    #[must_use]
-    pub const fn all(value: f64) -> Self {
-        let three = [value; 3];
-        Self {
-            rms: three,
-            mean: three,
-            max: three,
-            three_sigma: three,
-            inside: three,
-        }
-    }
-}
-
-/// One epoch of the reference.
-#[derive(Clone, Copy, Debug)]
-pub struct ReferenceEpoch {
-    /// Its time.
-    pub time: Time,
-    /// Position of the reference's point, if it has one at this time.
-    pub position: Option<Geodetic>,
-    /// Velocity \[m/s\], if it has one.
-    pub velocity: Option<Vector3<f64>>,
-    /// Attitude of the reference's body, if it has one.
-    pub attitude: Option<UnitQuaternion<f64>>,
-}
 
 /// How a run is scored.
 #[derive(Clone, Debug, Default)]
 pub struct Rules {
     /// Errors count from here on.
     pub from: Option<Time>,
-    /// The reference's point in body axes \[m\].
-    pub lever_arm: Vector3<f64>,
     /// Takes the mean rotation between the two bodies out of the attitude errors.
     pub remove_mean_mounting: bool,
     /// Outage windows whose drift is reported.
     pub windows: Vec<(Time, Time)>,
-}
-
-/// RMS, mean and largest magnitude per axis.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Axes {
-    /// Root mean square.
-    pub rms: [f64; 3],
-    /// Mean.
-    pub mean: [f64; 3],
-    /// Largest magnitude.
-    pub max: [f64; 3],
-    /// Mean of the filter's own 3σ.
-    pub three_sigma: [f64; 3],
-    /// Share of the errors inside their own 3σ; 0.997 for a consistent Gaussian filter.
-    pub inside: [f64; 3],
-}
-
-/// The drift over one outage.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Drift {
-    /// Start of the outage \[s\].
-    pub from: f64,
-    /// Its end \[s\].
-    pub to: f64,
-    /// Largest horizontal error in it \[m\].
-    pub max_horizontal: f64,
-    /// Largest horizontal error less the one it began with, as vectors \[m\].
-    pub growth: f64,
-}
-
-/// The result.
-#[derive(Clone, Debug, Default, Serialize)]
-pub struct Score {
-    /// Reference epochs used.
-    pub epochs: usize,
-    /// Position error, north east down \[m\].
-    pub position: Option<Axes>,
-    /// RMS of the horizontal error \[m\].
-    pub horizontal_rms: f64,
-    /// Largest horizontal error \[m\].
-    pub horizontal_max: f64,
-    /// Velocity error, north east down \[m/s\].
-    pub velocity: Option<Axes>,
-    /// Attitude error, roll pitch yaw \[deg\].
-    pub attitude_deg: Option<Axes>,
-    /// RMS of the heading error 2 atan2(|z|, |w|) of q_est ⊗ q_ref* \[deg\]: the turn about the
-    /// vertical. With `inclination_rmse_deg` free of gimbal lock; as Laidig et al. 2021 (BROAD).
-    pub heading_rmse_deg: Option<f64>,
-    /// RMS of the inclination error 2 acos √(w² + z²) \[deg\]: the rest of the turn.
-    pub inclination_rmse_deg: Option<f64>,
-    /// The mean rotation from body to the reference's body that was taken out, roll pitch yaw \[deg\].
-    pub mounting_deg: Option<[f64; 3]>,
-    /// NEES of position.
-    pub nees_position: Option<Consistency>,
-    /// NEES of velocity.
-    pub nees_velocity: Option<Consistency>,
-    /// NEES of attitude, where no mounting was taken out.
-    pub nees_attitude: Option<Consistency>,
-    /// Drift per declared outage.
-    pub drift: Vec<Drift>,
-    /// RMS over the outages of the largest horizontal error \[m\].
-    pub drift_rms: Option<f64>,
-    /// Median over the outages of the largest horizontal error \[m\].
-    pub drift_median: Option<f64>,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -159,14 +59,25 @@ struct Window {
     closed: bool,
 }
 
+impl Window {
+    fn add(&mut self, time: Time, e: &Vector3<f64>) {
+        if time > self.to {
+            self.closed = true;
+        } else if time >= self.from {
+            let (n, east) = *self.first.get_or_insert((e.x, e.y));
+            self.max = self.max.max(e.x.hypot(e.y));
+            self.growth = self.growth.max((e.x - n).hypot(e.y - east));
+        }
+    }
+}
+
 /// Scores a run as it goes.
 #[derive(Debug)]
 pub struct Scorer {
     rules: Rules,
-    epochs: VecDeque<ReferenceEpoch>,
-    previous: Option<Solution>,
     position: Sums,
     velocity: Sums,
+    attitude: Sums,
     horizontal: (f64, f64),
     attitudes: Vec<(UnitQuaternion<f64>, UnitQuaternion<f64>, Vector3<f64>)>,
     nees_position: Vec<f64>,
@@ -176,9 +87,9 @@ pub struct Scorer {
 }
 
 impl Scorer {
-    /// Against `epochs`, which are in order of time.
+    /// Without an error yet.
     #[must_use]
-    pub fn new(rules: Rules, epochs: Vec<ReferenceEpoch>) -> Self {
+    pub fn new(rules: Rules) -> Self {
         let window = |&(from, to): &(Time, Time)| Window {
             from,
             to,
@@ -190,10 +101,9 @@ impl Scorer {
         let windows = rules.windows.iter().map(window).collect();
         Self {
             rules,
-            epochs: epochs.into(),
-            previous: None,
             position: Sums::default(),
             velocity: Sums::default(),
+            attitude: Sums::default(),
             horizontal: (0.0, 0.0),
             attitudes: Vec::new(),
             nees_position: Vec::new(),
@@ -203,63 +113,31 @@ impl Scorer {
         }
     }
 
-    /// Adds an epoch, later than those before it: a reference that comes along with the data.
-    pub fn push(&mut self, epoch: ReferenceEpoch) {
-        self.epochs.push_back(epoch);
-    }
-
-    /// Takes the next estimate and scores the reference epochs up to it.
-    ///
-    /// An epoch between two estimates sees the earlier one carried on by its velocity, so that no
-    /// measurement after the epoch can flatter it; attitude and velocity, which a measurement
-    /// moves little, are interpolated.
-    pub fn observe(&mut self, now: &Solution) {
-        let previous = self.previous.replace(*now).unwrap_or(*now);
-        while let Some(epoch) = self.epochs.front().copied() {
-            if epoch.time > now.time {
-                break;
-            }
-            self.epochs.pop_front();
-            if epoch.time >= previous.time {
-                let at = Solution::between(&previous, now, epoch.time);
-                self.score(&epoch, &at);
-            }
-        }
-    }
-
-    fn score(&mut self, epoch: &ReferenceEpoch, at: &Solution) {
-        let counts = self.rules.from.is_none_or(|from| epoch.time >= from);
-        if let (Some((place, p)), Some(truth)) = (at.position, epoch.position) {
-            let lever = at.attitude.map_or_else(Vector3::zeros, |(q, _)| q * self.rules.lever_arm);
-            let e = place.offset(&lever).difference(&truth);
+    /// Takes the error at the next epoch of the reference.
+    pub fn add(&mut self, error: &EpochError) {
+        let counts = self.rules.from.is_none_or(|from| error.time() >= from);
+        if let Some((e, p)) = error.position {
             if counts {
                 self.position.add(&e, &sigmas(&p));
                 let h = e.x.hypot(e.y);
                 self.horizontal = (self.horizontal.0 + h * h, self.horizontal.1.max(h));
                 self.nees_position.extend(nees(&e, &p));
             }
-            for w in &mut self.windows {
-                if epoch.time > w.to {
-                    w.closed = true;
-                } else if epoch.time >= w.from {
-                    let (n, east) = *w.first.get_or_insert((e.x, e.y));
-                    w.max = w.max.max(e.x.hypot(e.y));
-                    w.growth = w.growth.max((e.x - n).hypot(e.y - east));
-                }
-            }
+            self.windows.iter_mut().for_each(|w| w.add(error.time(), &e));
         }
         if !counts {
             return;
         }
-        if let (Some((v, p)), Some(truth)) = (at.velocity, epoch.velocity) {
-            let e = v - truth;
+        if let Some((e, p)) = error.velocity {
             self.velocity.add(&e, &sigmas(&p));
             self.nees_velocity.extend(nees(&e, &p));
         }
-        if let (Some((q, _)), Some(truth), Some((_, sigma))) = (at.attitude, epoch.attitude, at.rpy()) {
-            self.attitudes.push((q, truth, sigma));
-            if let (false, Some((_, p))) = (self.rules.remove_mean_mounting, at.attitude) {
-                self.nees_attitude.extend(nees(&so3::log(&(q.inverse() * truth)), &p));
+        if let Some(a) = &error.attitude {
+            self.attitudes.push((a.estimate, a.truth, a.sigma));
+            if !self.rules.remove_mean_mounting {
+                self.attitude.add(&a.rpy.map(f64::to_degrees), &a.sigma.map(f64::to_degrees));
+                self.nees_attitude
+                    .extend(nees(&so3::log(&(a.estimate.inverse() * a.truth)), &a.covariance));
             }
         }
     }
@@ -317,18 +195,18 @@ impl Scorer {
         sums.map(|sum| (!self.attitudes.is_empty()).then(|| (sum / self.attitudes.len() as f64).sqrt().to_degrees()))
     }
 
+    /// The attitude errors, and the mean mounting that was taken out of them, if it was.
     fn attitude(&self) -> (Option<Axes>, Option<[f64; 3]>) {
-        let mut mounting = UnitQuaternion::identity();
-        if self.rules.remove_mean_mounting && !self.attitudes.is_empty() {
-            mounting = mean_rotation(self.attitudes.iter().map(|(q, truth, _)| q.inverse() * truth));
+        if !self.rules.remove_mean_mounting {
+            return (self.attitude.axes(), None);
         }
+        let mounting = mean_rotation(self.attitudes.iter().map(|(q, truth, _)| q.inverse() * truth));
         let mut sums = Sums::default();
         for (q, truth, sigma) in &self.attitudes {
-            let e = so3::to_rpy(&(q * mounting)) - so3::to_rpy(truth);
-            sums.add(&e.map(|e| wrap(e).to_degrees()), &sigma.map(f64::to_degrees));
+            let e = attitude_error(&(q * mounting), truth);
+            sums.add(&e.map(f64::to_degrees), &sigma.map(f64::to_degrees));
         }
-        let degrees = so3::to_rpy(&mounting).map(f64::to_degrees).into();
-        (sums.axes(), self.rules.remove_mean_mounting.then_some(degrees))
+        (sums.axes(), Some(so3::to_rpy(&mounting).map(f64::to_degrees).into()))
     }
 }
 
@@ -372,38 +250,12 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
     })
 }
 
-/// Fills in velocities as the slope of a cubic fitted to the positions of `half` epochs on either
-/// side; epochs whose neighbours span more than `max_span` seconds get none.
-///
-/// Source: Savitzky, Golay 1964, for stamps that are not equidistant.
-pub fn differentiate(epochs: &mut [ReferenceEpoch], half: usize, max_span: f64) {
-    let slopes: Vec<Option<Vector3<f64>>> = (0..epochs.len())
-        .map(|i| {
-            let window = epochs.get(i.checked_sub(half)?..i + half + 1)?;
-            let span = window.last()?.time.seconds_since(window.first()?.time);
-            if span > max_span {
-                return None;
-            }
-            let mut normal = nalgebra::Matrix4::<f64>::zeros();
-            let mut right = nalgebra::Matrix4x3::<f64>::zeros();
-            for e in window {
-                let t = e.time.seconds_since(epochs[i].time) / span;
-                let row = nalgebra::Vector4::new(1.0, t, t * t, t * t * t);
-                normal += row * row.transpose();
-                right += row * e.position?.difference(&epochs[i].position?).transpose();
-            }
-            let fit = normal.cholesky()?.solve(&right);
-            Some(fit.row(1).transpose() / span)
-        })
-        .collect();
-    for (epoch, slope) in epochs.iter_mut().zip(slopes) {
-        epoch.velocity = epoch.velocity.or(slope);
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::{Comparison, ReferenceEpoch};
     use super::*;
+    use crate::solution::Solution;
+    use fusion_core::geometry::wgs84::Geodetic;
 
     fn place(north: f64, east: f64) -> Geodetic {
         Geodetic {
@@ -439,9 +291,14 @@ mod tests {
             remove_mean_mounting: true,
             ..Rules::default()
         };
-        let mut scorer = Scorer::new(rules, (0..5).map(|k| truth(k as f64)).collect());
+        let mut scorer = Scorer::new(rules);
+        let mut comparison = Comparison::new(Vector3::zeros(), (0..5).map(|k| truth(k as f64)));
         for (t, n, e) in [(0.0, 0.0, 0.0), (1.0, 3.0, 4.0), (2.0, 6.0, 8.0), (3.0, 6.0, 9.0), (4.0, 0.0, 0.0)] {
-            scorer.observe(&estimate(t, n, e));
+            let add = |_: &ReferenceEpoch, error: Option<&EpochError>| {
+                error.into_iter().for_each(|error| scorer.add(error));
+                Ok::<_, core::convert::Infallible>(())
+            };
+            comparison.reach(&estimate(t, n, e), add).unwrap();
         }
         let score = scorer.finish();
         // Geodetic ⊞/⊟ about points metres apart agree to 1e-5 relative.
@@ -470,7 +327,7 @@ mod tests {
             );
         }
         let truth = so3::from_rpy(0.5, -0.2, 2.0);
-        let mut scorer = Scorer::new(Rules::default(), Vec::new());
+        let mut scorer = Scorer::new(Rules::default());
         for turn in [0.03, -0.04] {
             scorer.attitudes.push((so3::exp(&(down * turn)) * truth, truth, Vector3::zeros()));
         }
@@ -478,25 +335,5 @@ mod tests {
         // √((9 + 16)/2)·1e-2 rad; 1e-12: rounding.
         assert!((score.heading_rmse_deg.unwrap() - (12.5_f64.sqrt() * 1e-2).to_degrees()).abs() < 1e-12);
         assert!(score.inclination_rmse_deg.unwrap() < 1e-12);
-    }
-
-    #[test]
-    fn a_cubic_is_differentiated_exactly() {
-        let mut epochs: Vec<ReferenceEpoch> = (0..21)
-            .map(|k| {
-                let t = k as f64 * 0.01;
-                ReferenceEpoch {
-                    time: Time::from_seconds(t),
-                    position: Some(place(5.0 * t + 2.0 * t.powi(3), 0.0)),
-                    velocity: None,
-                    attitude: None,
-                }
-            })
-            .collect();
-        differentiate(&mut epochs, 6, 0.2);
-        let v = epochs[10].velocity.unwrap();
-        // 1e-6: the curvature of the Earth over a metre, and rounding over 0.12 s.
-        assert!((v.x - (5.0 + 6.0 * 0.01)).abs() < 1e-6, "{v}");
-        assert!(epochs[2].velocity.is_none());
     }
 }

@@ -1,41 +1,17 @@
 //! The embeddable filter: load, feed, read.
 
+mod error;
+
+pub use error::FeedError;
+
 use crate::assembly::{Assembly, StreamLayout, assemble, declared_streams};
 use crate::config::{Diagnostics, Document, Files};
 use crate::examine::build;
 use crate::solution::{Solution, SolutionReader};
-use fusion_core::runner::{Event, Halt, Observer, Row, RunError, StreamId, WrongWidth};
+use fusion_core::runner::{Event, Observer, Row, RunError, StreamId};
 use fusion_core::state::{Belief, Layout};
 use fusion_core::time::Time;
 use std::path::Path;
-use thiserror::Error;
-
-/// Why a row was not taken, or the filter not listened to any more.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum FeedError {
-    /// No stream of that name.
-    #[error("no stream is called `{name}`; there are: {known}")]
-    UnknownStream {
-        /// The name asked for.
-        name: String,
-        /// The streams there are.
-        known: String,
-    },
-    /// A row of the wrong width.
-    #[error("stream `{stream}`: {error} ({channels})")]
-    Width {
-        /// The stream.
-        stream: String,
-        /// The widths.
-        error: WrongWidth,
-        /// What a row consists of.
-        channels: String,
-    },
-    /// An observer could not go on; the row that caused the event has been processed in part.
-    #[error("{0}")]
-    Observer(Halt),
-}
 
 /// A navigation filter that a program feeds and reads.
 ///

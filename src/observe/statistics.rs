@@ -1,14 +1,13 @@
 //! What became of each sensor's measurements: counts, refusals of its gate, innovations.
 
-use crate::assembly::SensorInfo;
+use super::{Filters, HeardSensor, RunEvent, RunObserver};
 use crate::score::Consistency;
 use core::ops::Range;
 use fusion_core::filter::{Update, Verdict};
 use fusion_core::gate::Mode;
-use fusion_core::runner::{Sensor, StreamId};
+use fusion_core::runner::{Event, Halt, StreamId};
 use fusion_core::time::Time;
 use serde::Serialize;
-use std::collections::VecDeque;
 
 /// How the filter took the rows that declared faults changed, and the others.
 ///
@@ -53,7 +52,7 @@ pub struct Innovations {
 
 /// What became of a sensor's measurements.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct SensorTally {
+pub struct SensorStatistics {
     /// The sensor.
     pub name: String,
     /// Measurements that corrected the estimate.
@@ -76,105 +75,106 @@ pub struct SensorTally {
     pub innovations: Innovations,
 }
 
+/// Follows the sensors of all filters through a run.
+#[derive(Debug)]
+pub struct Statistics(Vec<Follower>);
+
+impl Statistics {
+    /// Innovations count from `from` on. Faults may change the numbers `disturbable` of the streams
+    /// outside; which rows inside a stage are disturbed is told, but not which may be.
+    #[must_use]
+    pub fn new(filters: &Filters, from: Option<Time>, disturbable: &[(StreamId, Range<usize>)]) -> Self {
+        let of_filter = |f: &super::Heard| if f.is_outermost() { disturbable } else { &[] };
+        let sensors = filters.iter().flat_map(|f| f.sensors.iter().map(move |s| (s, of_filter(f))));
+        Self(
+            sensors
+                .map(|(sensor, disturbable)| Follower::new(sensor, from, disturbable))
+                .collect(),
+        )
+    }
+
+    /// The statistics of a run that ends at `end`, of the sensors of all filters in order.
+    #[must_use]
+    pub fn finish(self, end: Time) -> Vec<SensorStatistics> {
+        self.0.into_iter().map(|f| f.finish(end)).collect()
+    }
+}
+
+impl RunObserver for Statistics {
+    fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
+        if let RunEvent::Filter {
+            filter,
+            event: Event::Updated { sensor, update, time, row },
+        } = event
+        {
+            self.0[filter.first_sensor + sensor].judged(*time, row.disturbed, update);
+        }
+        Ok(())
+    }
+}
+
 /// Follows one sensor through a run.
 #[derive(Debug)]
-pub(crate) struct Follower {
-    tally: SensorTally,
+struct Follower {
+    statistics: SensorStatistics,
     nis: Vec<f64>,
     /// Sums of the squared innovations, per residual row.
     squares: Vec<f64>,
     /// Innovations count from here on.
     from: Option<Time>,
-    stream: StreamId,
-    columns: Vec<usize>,
-    delay: i64,
-    /// Times of validity of disturbed rows that have not been judged, in order.
-    disturbed: VecDeque<Time>,
     /// The first of the measurements that are being rejected, and how many they are.
     refusal: Option<(Time, u64)>,
 }
 
 impl Follower {
     /// Of `sensor`, whose rows may be `disturbable`: streams and columns of them.
-    pub(crate) fn new(sensor: &Sensor, info: &SensorInfo, from: Option<Time>, disturbable: &[(StreamId, Range<usize>)]) -> Self {
-        let m = info.rows.len();
-        let mut follower = Self {
-            tally: SensorTally {
-                name: info.name.clone(),
+    fn new(sensor: &HeardSensor, from: Option<Time>, disturbable: &[(StreamId, Range<usize>)]) -> Self {
+        let m = sensor.rows.len();
+        let may_be = disturbable.iter().any(|(stream, columns)| sensor.reads_any(*stream, columns));
+        Self {
+            statistics: SensorStatistics {
+                name: sensor.name.clone(),
                 innovations: Innovations {
                     count: 0,
-                    axis: info.axes,
-                    unit: info.rows.iter().map(ToString::to_string).collect(),
+                    axis: sensor.axes,
+                    unit: sensor.rows.iter().map(ToString::to_string).collect(),
                     rms: vec![0.0; m],
                     max: vec![0.0; m],
                 },
-                ..SensorTally::default()
+                disturbed: may_be.then(Disturbed::default),
+                ..SensorStatistics::default()
             },
             nis: Vec::new(),
             squares: vec![0.0; m],
             from,
-            stream: sensor.port.stream,
-            columns: sensor.port.columns.iter().chain(&sensor.noise.sigma_columns).copied().collect(),
-            delay: sensor.port.delay,
-            disturbed: VecDeque::new(),
             refusal: None,
-        };
-        let may_be = disturbable.iter().any(|(stream, columns)| follower.reads(*stream, columns));
-        follower.tally.disturbed = may_be.then(Disturbed::default);
-        follower
-    }
-
-    /// The sensor.
-    pub(crate) fn name(&self) -> &str {
-        &self.tally.name
-    }
-
-    fn reads(&self, stream: StreamId, columns: &Range<usize>) -> bool {
-        stream == self.stream && self.columns.iter().any(|c| columns.contains(c))
-    }
-
-    /// Hears of a row in which faults changed the numbers `disturbed`; rows of a stream come in
-    /// order of their stamps.
-    pub(crate) fn row(&mut self, stream: StreamId, time: Time, disturbed: &[Range<usize>]) {
-        if disturbed.iter().any(|columns| self.reads(stream, columns)) {
-            self.disturbed.push_back(time.shifted(-self.delay));
         }
-    }
-
-    /// Whether the row valid at `time` was disturbed. Faults go by stamps, so rows of one stamp
-    /// are alike.
-    fn was_disturbed(&mut self, time: Time) -> bool {
-        while self.disturbed.front().is_some_and(|t| *t < time) {
-            self.disturbed.pop_front();
-        }
-        self.disturbed.front() == Some(&time)
     }
 
     /// Hears what became of a measurement.
-    pub(crate) fn judged(&mut self, time: Time, update: &Update<'_>) {
-        let was_disturbed = self.was_disturbed(time);
-        let tally = &mut self.tally;
+    fn judged(&mut self, time: Time, was_disturbed: bool, update: &Update<'_>) {
+        let statistics = &mut self.statistics;
         let is_used = match update.verdict {
             Verdict::Accepted => {
-                tally.accepted += 1;
+                statistics.accepted += 1;
                 self.nis.push(update.nis);
                 true
             }
             Verdict::Readopted => {
-                tally.readopted += 1;
+                statistics.readopted += 1;
                 true
             }
             Verdict::Rejected => {
-                tally.rejected += 1;
+                statistics.rejected += 1;
                 false
             }
             Verdict::Undefined(_) | Verdict::Unusable => {
-                tally.unusable += 1;
+                statistics.unusable += 1;
                 return;
             }
         };
-        tally.ends_denied = update.mode == Mode::Denied;
-        if let Some(d) = &mut tally.disturbed {
+        statistics.ends_denied = update.mode == Mode::Denied;
+        if let Some(d) = &mut statistics.disturbed {
             d.missed += u64::from(is_used && was_disturbed);
             d.caught += u64::from(!is_used && was_disturbed);
             d.false_rejections += u64::from(!is_used && !was_disturbed);
@@ -185,8 +185,8 @@ impl Follower {
             self.refusal.get_or_insert((time, 0)).1 += 1;
         }
         if update.verdict == Verdict::Accepted && self.from.is_none_or(|from| time >= from) {
-            self.tally.innovations.count += 1;
-            let sums = self.squares.iter_mut().zip(&mut self.tally.innovations.max);
+            self.statistics.innovations.count += 1;
+            let sums = self.squares.iter_mut().zip(&mut self.statistics.innovations.max);
             for (r, (square, max)) in update.residual.iter().zip(sums) {
                 *square += r * r;
                 *max = max.max(r.abs());
@@ -202,20 +202,20 @@ impl Follower {
             seconds: end.seconds_since(first),
         };
         let size = |r: &Refusal| (r.measurements, r.seconds);
-        let longest = &mut self.tally.longest_refusal;
+        let longest = &mut self.statistics.longest_refusal;
         if longest.as_ref().is_none_or(|l| size(&refusal) > size(l)) {
             *longest = Some(refusal);
         }
     }
 
-    /// The tally of a run that ends at `end`.
-    pub(crate) fn finish(mut self, end: Time) -> SensorTally {
+    /// The statistics of a run that ends at `end`.
+    fn finish(mut self, end: Time) -> SensorStatistics {
         self.end_refusal(end);
-        let innovations = &mut self.tally.innovations;
+        let innovations = &mut self.statistics.innovations;
         let count = innovations.count.max(1) as f64;
         innovations.rms = self.squares.iter().map(|s| (s / count).sqrt()).collect();
-        self.tally.nis = Consistency::of(&self.nis, innovations.unit.len());
-        self.tally
+        self.statistics.nis = Consistency::of(&self.nis, innovations.unit.len());
+        self.statistics
     }
 }
 
@@ -223,20 +223,16 @@ impl Follower {
 mod tests {
     use super::*;
 
-    /// Reads columns 0 to 2 of stream 0, valid half a second before their stamps.
+    /// Of one residual row, disturbed now and then.
     fn follower() -> Follower {
         Follower {
-            tally: SensorTally {
+            statistics: SensorStatistics {
                 disturbed: Some(Disturbed::default()),
-                ..SensorTally::default()
+                ..SensorStatistics::default()
             },
             nis: Vec::new(),
             squares: vec![0.0],
             from: Some(at(2.0)),
-            stream: 0,
-            columns: vec![0, 1, 2],
-            delay: 500_000_000,
-            disturbed: VecDeque::new(),
             refusal: None,
         }
     }
@@ -246,50 +242,45 @@ mod tests {
     }
 
     fn judge(f: &mut Follower, t: f64, verdict: Verdict, residual: f64, mode: Mode) {
-        let update = Update {
+        f.judged(at(t), false, &update(verdict, &[residual], mode));
+    }
+
+    fn update(verdict: Verdict, residual: &[f64], mode: Mode) -> Update<'_> {
+        Update {
             verdict,
             value: &[],
             predicted: &[],
             noise: &[],
-            residual: &[residual],
+            residual,
             innovation_sigma: &[],
             nis: 1.0,
             statistic: 1.0,
             threshold: 1.0,
             mode,
             weight: 1.0,
-        };
-        f.judged(at(t), &update);
+        }
     }
 
     #[test]
-    fn a_row_counts_as_disturbed_at_its_own_time_and_in_its_own_columns() {
+    fn disturbed_rows_are_caught_or_missed_and_others_rejected_by_mistake() {
         use Verdict::{Accepted, Readopted, Rejected, Unusable};
         let mut f = follower();
-        let (own, other) = (0..3, 3..6);
-        for (stream, stamp, columns) in [(0, 1.0, &own), (0, 2.0, &other), (1, 2.0, &own)] {
-            f.row(stream, at(stamp), core::slice::from_ref(columns));
-        }
-        for stamp in [3.0, 5.0, 5.0, 6.0, 7.0] {
-            f.row(0, at(stamp), &[5..6, 2..4]);
-        }
-        // That of stamp 1 is never judged. Two share the stamp 5.
         let judged = [
-            (1.5, Accepted),
-            (2.5, Rejected),
-            (4.5, Accepted),
-            (4.5, Readopted),
-            (5.5, Unusable),
-            (6.5, Rejected),
-            (7.5, Rejected),
+            (true, Accepted),
+            (true, Readopted),
+            (true, Rejected),
+            (false, Rejected),
+            (false, Rejected),
+            (false, Accepted),
+            (true, Unusable),
         ];
-        for (t, verdict) in judged {
-            judge(&mut f, t, verdict, 0.0, Mode::Track);
+        for (t, (was_disturbed, verdict)) in judged.into_iter().enumerate() {
+            f.judged(at(t as f64), was_disturbed, &update(verdict, &[0.0], Mode::Track));
         }
         let expected = Disturbed {
             missed: 2,
-            caught: 2,
-            false_rejections: 1,
+            caught: 1,
+            false_rejections: 2,
         };
         assert_eq!(f.finish(at(8.0)).disturbed, Some(expected));
     }
@@ -315,20 +306,20 @@ mod tests {
         let (mut early, mut late) = (follower(), follower());
         for f in [&mut early, &mut late] {
             f.refusal = Some((at(6.0), 2));
-            f.tally.longest_refusal = refusal(2.0, 3.0);
+            f.statistics.longest_refusal = refusal(2.0, 3.0);
         }
         // Of two with as many measurements the one that lasts longer; of equals the first.
         assert_eq!(early.finish(at(9.0)).longest_refusal, refusal(2.0, 3.0));
         assert_eq!(late.finish(at(9.5)).longest_refusal, refusal(6.0, 3.5));
-        let tally = f.finish(at(9.0));
-        assert_eq!((tally.longest_refusal, tally.ends_denied), (refusal(2.0, 3.0), true));
+        let found = f.finish(at(9.0));
+        assert_eq!((found.longest_refusal, found.ends_denied), (refusal(2.0, 3.0), true));
     }
 
     #[test]
     fn innovations_are_those_of_accepted_measurements_in_the_window() {
         use Verdict::{Accepted, Readopted, Rejected};
         let mut f = follower();
-        f.tally.innovations.max = vec![0.0];
+        f.statistics.innovations.max = vec![0.0];
         let judged = [
             (1.0, Accepted, 50.0),
             (2.0, Accepted, 3.0),

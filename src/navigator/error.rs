@@ -1,0 +1,31 @@
+//! What can go wrong while a filter is fed.
+
+use fusion_core::runner::{Halt, WrongWidth};
+use thiserror::Error;
+
+/// Why a row was not taken, or the filter not listened to any more.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum FeedError {
+    /// No stream of that name.
+    #[error("no stream is called `{name}`; there are: {known}")]
+    UnknownStream {
+        /// The name asked for.
+        name: String,
+        /// The streams there are.
+        known: String,
+    },
+    /// A row of the wrong width.
+    #[error("stream `{stream}`: {error} ({channels})")]
+    Width {
+        /// The stream.
+        stream: String,
+        /// The widths.
+        error: WrongWidth,
+        /// What a row consists of.
+        channels: String,
+    },
+    /// An observer could not go on; the row that caused the event has been processed in part.
+    #[error("{0}")]
+    Observer(Halt),
+}

@@ -1,0 +1,49 @@
+//! Counts of a run: its start, its epochs, what was not used, what failed.
+
+use super::{RunEvent, RunObserver};
+use fusion_core::runner::{Event, Halt};
+
+/// Failures that are told with their reason.
+const REASONS: usize = 10;
+
+/// Counts what a run tells.
+#[derive(Clone, Debug, Default)]
+pub struct Counters {
+    /// When the filter started \[s\].
+    pub started: Option<f64>,
+    /// Its estimates.
+    pub epochs: u64,
+    /// Rows that came too late or held no number, by consumer: `stage.consumer` inside a stage.
+    pub unused_rows: Vec<(String, u64)>,
+    /// Why a filter could not go on: the first ten.
+    pub failures: Vec<String>,
+}
+
+impl Counters {
+    fn not_used(&mut self, consumer: String) {
+        match self.unused_rows.iter_mut().find(|(name, _)| *name == consumer) {
+            Some((_, count)) => *count += 1,
+            None => self.unused_rows.push((consumer, 1)),
+        }
+    }
+}
+
+impl RunObserver for Counters {
+    fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
+        match event {
+            RunEvent::Estimate { filter, .. } => self.epochs += u64::from(filter.is_outermost()),
+            RunEvent::Filter { filter, event } => match event {
+                Event::Started { belief } if filter.is_outermost() => self.started = Some(belief.time.seconds()),
+                Event::Late { consumer, .. } | Event::NotFinite { consumer, .. } => self.not_used(filter.named(consumer)),
+                Event::Failed { error } if self.failures.len() < REASONS => {
+                    let why = error.to_string();
+                    let stage = filter.stages.join(".");
+                    self.failures.push(if stage.is_empty() { why } else { format!("{stage}: {why}") });
+                }
+                _ => {}
+            },
+            RunEvent::Row(_) | RunEvent::Reference { .. } => {}
+        }
+        Ok(())
+    }
+}

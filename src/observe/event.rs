@@ -1,0 +1,48 @@
+//! What is told of a run.
+
+use super::Heard;
+use crate::rows::Row;
+use crate::score::{EpochError, ReferenceEpoch};
+use crate::solution::Solution;
+use fusion_core::runner::{Event, Halt};
+use fusion_core::state::Belief;
+
+/// What observers of a run hear.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum RunEvent<'a> {
+    /// A row goes to the filter; the events that it causes follow.
+    Row(&'a Row<'a>),
+    /// The estimate of an epoch, after every measurement that is valid at that time was used.
+    Estimate {
+        /// Whose estimate it is.
+        filter: &'a Heard,
+        /// Position, velocity and attitude.
+        solution: &'a Solution,
+        /// The whole of it.
+        belief: &'a Belief,
+    },
+    /// Anything else that a filter tells.
+    Filter {
+        /// The filter that tells it.
+        filter: &'a Heard,
+        /// What it tells; never an estimate, never nested.
+        event: &'a Event<'a>,
+    },
+    /// An epoch of the reference, once the estimates have come as far, in order of time.
+    Reference {
+        /// The epoch.
+        epoch: &'a ReferenceEpoch,
+        /// The error there; none before the first estimate and after the last.
+        error: Option<&'a EpochError>,
+    },
+}
+
+/// Hears what is told of a run; it knows nothing of the others who hear it.
+pub trait RunObserver {
+    /// Called for every event, in order.
+    ///
+    /// # Errors
+    /// Where it cannot go on: the run stops at once with this error.
+    fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt>;
+}

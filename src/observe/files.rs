@@ -1,0 +1,224 @@
+//! Files that are written while a run goes on.
+
+use super::{Filters, Heard, RunEvent, RunObserver};
+use crate::output::{EstimateWriter, Unwritable, UpdateWriter};
+use fusion_core::runner::{Event, Halt};
+use fusion_core::time::Time;
+use fusion_models::earth::LocalFrame;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// A file that is being written, by what writes it.
+#[derive(Debug)]
+struct Written<T> {
+    path: PathBuf,
+    writer: T,
+}
+
+impl<T> Written<T> {
+    /// `name` in the folder `out`; `begin` writes its header.
+    fn create(out: &Path, name: &str, begin: impl FnOnce(BufWriter<File>) -> io::Result<T>) -> Result<Self, Unwritable> {
+        let path = out.join(name);
+        match File::create(&path).map(BufWriter::new).and_then(begin) {
+            Ok(writer) => Ok(Self { path, writer }),
+            Err(error) => Err(Unwritable { path, error }),
+        }
+    }
+
+    fn write(&mut self, write: impl FnOnce(&mut T) -> io::Result<()>) -> Result<(), Unwritable> {
+        write(&mut self.writer).map_err(|error| Unwritable {
+            path: self.path.clone(),
+            error,
+        })
+    }
+
+    fn finish(self, finish: impl FnOnce(T) -> io::Result<()>) -> Result<(), Unwritable> {
+        let Self { path, writer } = self;
+        finish(writer).map_err(|error| Unwritable { path, error })
+    }
+}
+
+/// Writes the estimates of one filter: estimates.csv, or `estimates.STAGE.csv` of one inside a stage.
+#[derive(Debug)]
+pub struct EstimateFile<W: Write = BufWriter<File>> {
+    file: Written<EstimateWriter<W>>,
+    /// The filter's number.
+    filter: usize,
+    /// A row per so much time \[ns\]; 0 for every estimate.
+    period: i64,
+    next: Time,
+}
+
+impl EstimateFile {
+    /// In the folder `out`. Local coordinates start at `origin`, or at the first position.
+    ///
+    /// # Errors
+    /// Where it cannot be written.
+    pub fn create(out: &Path, filter: &Heard, origin: Option<LocalFrame>, period: i64) -> Result<Self, Unwritable> {
+        let file = Written::create(out, &estimates_name(filter), |file| {
+            EstimateWriter::new(file, &filter.layout, origin)
+        })?;
+        Ok(Self {
+            file,
+            filter: filter.number,
+            period,
+            next: Time::MIN,
+        })
+    }
+}
+
+impl<W: Write> EstimateFile<W> {
+    /// Writes what is held back.
+    ///
+    /// # Errors
+    /// Where it cannot be written.
+    pub fn finish(self) -> Result<(), Unwritable> {
+        self.file.finish(EstimateWriter::finish)
+    }
+}
+
+impl<W: Write> RunObserver for EstimateFile<W> {
+    fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
+        let RunEvent::Estimate { filter, solution, belief } = event else {
+            return Ok(());
+        };
+        if filter.number != self.filter || belief.time < self.next {
+            return Ok(());
+        }
+        if self.period > 0 {
+            let slot = belief.time.nanos().div_euclid(self.period) + 1;
+            self.next = Time::from_nanos(slot.saturating_mul(self.period));
+        }
+        Ok(self.file.write(|w| w.write(solution, belief))?)
+    }
+}
+
+/// The name of a filter's file. A stage may have any name, a file may not: what is neither a letter,
+/// a digit, `_` nor `-` is written as its number.
+fn estimates_name(filter: &Heard) -> String {
+    let mut name = "estimates".to_owned();
+    for stage in &filter.stages {
+        name.push('.');
+        for c in stage.chars() {
+            if c.is_alphanumeric() || c == '_' || c == '-' {
+                name.push(c);
+            } else {
+                name += &format!("%{:02X}", u32::from(c));
+            }
+        }
+    }
+    name + ".csv"
+}
+
+/// Writes updates.csv: the measurements of every filter.
+#[derive(Debug)]
+pub struct UpdateFile<W: Write = BufWriter<File>>(Written<UpdateWriter<W>>);
+
+impl UpdateFile {
+    /// In the folder `out`.
+    ///
+    /// # Errors
+    /// Where it cannot be written.
+    pub fn create(out: &Path, filters: &Filters) -> Result<Self, Unwritable> {
+        let rows = filters.sensors().map(|s| s.residual).max().unwrap_or(0);
+        Ok(Self(Written::create(out, "updates.csv", |file| UpdateWriter::new(file, rows))?))
+    }
+}
+
+impl<W: Write> UpdateFile<W> {
+    /// Writes what is held back.
+    ///
+    /// # Errors
+    /// Where it cannot be written.
+    pub fn finish(self) -> Result<(), Unwritable> {
+        self.0.finish(UpdateWriter::finish)
+    }
+}
+
+impl<W: Write> RunObserver for UpdateFile<W> {
+    fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
+        if let RunEvent::Filter {
+            filter,
+            event: Event::Updated { sensor, update, time, .. },
+        } = event
+        {
+            let name = &filter.sensors[*sensor].name;
+            self.0.write(|w| w.write(*time, name, update))?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::observe::Hub;
+    use crate::score::Comparison;
+    use fusion_core::runner::Row;
+    use nalgebra::Vector3;
+
+    /// Has room for so many bytes.
+    struct Disk(usize);
+
+    impl Write for Disk {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            if self.0 == 0 {
+                return Err(io::ErrorKind::StorageFull.into());
+            }
+            let fits = bytes.len().min(self.0);
+            self.0 -= fits;
+            Ok(fits)
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    const DESIGN: &str = "
+        [process]
+        type = 'constant_velocity'
+        acceleration_noise = 1
+        position_sigma = 10
+        velocity_sigma = 5
+        [run]
+        origin = { latitude = 0.8, longitude = 0.1 }
+        [sensor.gnss]
+        type = 'gnss_position'
+        source = 'gnss'
+        noise = { sigma = 2 }
+        [initial.start]
+        type = 'explicit'
+        position = { latitude = 0.8, longitude = 0.1 }
+        position_sigma = 5
+        velocity = [0, 0, 0]
+        velocity_sigma = 1";
+
+    #[test]
+    fn a_disk_that_becomes_full_stops_the_run_with_the_name_of_the_file() {
+        let mut nav = crate::Navigator::from_toml(DESIGN).unwrap_or_else(|d| panic!("{d}"));
+        let filters = Filters::of(nav.assembly());
+        let layout = nav.assembly().layout.clone();
+        let mut file = EstimateFile {
+            file: Written {
+                path: PathBuf::from("out/estimates.csv"),
+                writer: EstimateWriter::new(Disk(20_000), &layout, None).unwrap(),
+            },
+            filter: 0,
+            period: 0,
+            next: Time::MIN,
+        };
+        let mut hub = Hub::new(&filters, Comparison::new(Vector3::zeros(), []));
+        hub.add(&mut file);
+        let fed = (0..10_000).find_map(|k| {
+            let row = [0.8, 0.1, 0.0, 0.0, 0.0, 0.0];
+            let row = Row::new(0, Time::from_seconds(k as f64), &row[..3]);
+            nav.feed_row(&row, &mut hub).err().map(|why| (k, why.to_string()))
+        });
+        let (rows, why) = fed.unwrap();
+        assert!(why.starts_with("cannot write out/estimates.csv: "), "{why}");
+        // A row has more than 100 bytes; 8 KiB are held back.
+        assert!(rows < 300, "{rows}");
+    }
+}

@@ -1,0 +1,149 @@
+//! Whose events are heard: the filter of a design, and those inside its stages.
+
+use crate::assembly::{Assembly, SensorInfo};
+use core::ops::Range;
+use fusion_core::model::Process;
+use fusion_core::runner::{Event, Sensor, StreamId};
+use fusion_core::state::Layout;
+use fusion_models::block::Shape;
+use fusion_models::units::Dimension;
+use std::sync::Arc;
+
+/// A filter that is heard.
+#[derive(Debug)]
+pub struct Heard {
+    /// Its number among those of the design; the outermost is 0.
+    pub number: usize,
+    /// The stages that it is inside of, from the outermost; the filter of the design is in none.
+    pub stages: Vec<String>,
+    /// Its state layout.
+    pub layout: Arc<Layout>,
+    /// Its process model.
+    pub process: Arc<dyn Process>,
+    /// Its sensors, in order of their numbers.
+    pub sensors: Vec<HeardSensor>,
+    /// The number of its first sensor among those of all filters.
+    pub first_sensor: usize,
+    /// The filters inside its stages: the stage's name and the filter's number.
+    inside: Vec<(String, usize)>,
+}
+
+/// A sensor that is heard.
+#[derive(Clone, Debug)]
+pub struct HeardSensor {
+    /// Its name, with that of its filter before it: `stage.sensor`.
+    pub name: String,
+    /// Dimension of each residual row.
+    pub rows: Vec<Dimension>,
+    /// Name of each residual row; empty where they have none.
+    pub axes: &'static [&'static str],
+    /// Numbers in its residual.
+    pub residual: usize,
+    /// Whether it measures a place: latitude, longitude, height.
+    pub is_place: bool,
+    /// Its stream, and the numbers of a row that it reads: its channel, and the 1σ that comes
+    /// with it.
+    pub reads: (StreamId, Vec<usize>),
+}
+
+impl HeardSensor {
+    fn new(name: String, sensor: &Sensor, info: &SensorInfo) -> Self {
+        let columns = sensor.port.columns.iter().chain(&sensor.noise.sigma_columns);
+        Self {
+            name,
+            rows: info.rows.clone(),
+            axes: info.axes,
+            residual: info.model.size().residual,
+            is_place: info.channel.as_ref().is_some_and(|c| c.shape == Shape::Geodetic),
+            reads: (sensor.port.stream, columns.copied().collect()),
+        }
+    }
+
+    /// Whether it reads any of these numbers of a stream.
+    #[must_use]
+    pub fn reads_any(&self, stream: StreamId, columns: &Range<usize>) -> bool {
+        stream == self.reads.0 && self.reads.1.iter().any(|c| columns.contains(c))
+    }
+}
+
+impl Heard {
+    /// A name of this filter's own after those of the stages around it: `stage.own`.
+    #[must_use]
+    pub fn named(&self, own: &str) -> String {
+        let mut name = String::new();
+        self.stages.iter().for_each(|stage| name.extend([stage, "."]));
+        name + own
+    }
+
+    /// Whether it is the filter of the design itself.
+    #[must_use]
+    pub fn is_outermost(&self) -> bool {
+        self.stages.is_empty()
+    }
+}
+
+/// All filters of a design, the outermost first.
+#[derive(Debug)]
+pub struct Filters(Vec<Heard>);
+
+impl Filters {
+    /// Those of an assembly.
+    #[must_use]
+    pub fn of(assembly: &Assembly) -> Self {
+        let mut filters = Self(Vec::new());
+        let sensors = assembly.runner.sensors();
+        filters.add(None, (&assembly.layout, &assembly.process), sensors, &assembly.sensors);
+        filters
+    }
+
+    /// Adds one; of one inside a stage, `stage` has the number of the filter around it and the name.
+    fn add(
+        &mut self,
+        stage: Option<(usize, &str)>,
+        (layout, process): (&Arc<Layout>, &Arc<dyn Process>),
+        sensors: &[Sensor],
+        infos: &[SensorInfo],
+    ) -> usize {
+        let number = self.0.len();
+        let mut stages = stage.map_or_else(Vec::new, |(around, _)| self.0[around].stages.clone());
+        stages.extend(stage.map(|(_, name)| name.to_owned()));
+        let mut heard = Heard {
+            number,
+            stages,
+            layout: layout.clone(),
+            process: process.clone(),
+            sensors: Vec::new(),
+            first_sensor: self.sensors().count(),
+            inside: Vec::new(),
+        };
+        let named = sensors.iter().zip(infos);
+        heard.sensors = named.map(|(s, info)| HeardSensor::new(heard.named(&info.name), s, info)).collect();
+        self.0.push(heard);
+        if let Some((around, name)) = stage {
+            self.0[around].inside.push((name.to_owned(), number));
+        }
+        number
+    }
+
+    /// The filters, in order of their numbers.
+    pub fn iter(&self) -> impl Iterator<Item = &Heard> {
+        self.0.iter()
+    }
+
+    /// The sensors of all filters: those of the outermost first.
+    pub fn sensors(&self) -> impl Iterator<Item = &HeardSensor> {
+        self.0.iter().flat_map(|filter| &filter.sensors)
+    }
+
+    /// The filter that an event comes from, and what it told; `None` where a stage tells of a
+    /// filter that the design does not have.
+    #[must_use]
+    pub fn source<'e>(&self, event: &'e Event<'e>) -> Option<(&Heard, &'e Event<'e>)> {
+        let (mut filter, mut event) = (self.0.first()?, event);
+        while let Event::Nested { stage, event: told } = event {
+            let (_, number) = filter.inside.iter().find(|(name, _)| name == stage)?;
+            (filter, event) = (self.0.get(*number)?, *told);
+        }
+        Some((filter, event))
+    }
+}

@@ -1,0 +1,95 @@
+//! From the events of a runner to those of a run.
+
+use super::{Filters, RunEvent, RunObserver};
+use crate::rows::Row;
+use crate::score::{Comparison, ReferenceEpoch};
+use crate::solution::SolutionReader;
+use fusion_core::runner::{Event, Halt, Observer};
+
+/// Hears a runner and tells the observers of a run, one after the other. It reads the solution of
+/// an estimate and computes its error, each once, for all of them.
+pub struct Hub<'a> {
+    filters: &'a Filters,
+    /// By filter.
+    readers: Vec<SolutionReader>,
+    comparison: Comparison,
+    observers: Vec<&'a mut dyn RunObserver>,
+}
+
+impl core::fmt::Debug for Hub<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{} observers of {} filters", self.observers.len(), self.readers.len())
+    }
+}
+
+impl<'a> Hub<'a> {
+    /// Without observers; the outermost filter is compared with a reference.
+    #[must_use]
+    pub fn new(filters: &'a Filters, comparison: Comparison) -> Self {
+        let readers = filters.iter().map(|f| SolutionReader::new(&f.layout, f.process.clone()));
+        Self {
+            filters,
+            readers: readers.collect(),
+            comparison,
+            observers: Vec::new(),
+        }
+    }
+
+    /// Adds an observer.
+    pub fn add(&mut self, observer: &'a mut dyn RunObserver) {
+        self.observers.push(observer);
+    }
+
+    /// A row that is about to be fed.
+    ///
+    /// # Errors
+    /// The first of an observer.
+    pub fn row(&mut self, row: &Row<'_>) -> Result<(), Halt> {
+        tell(&mut self.observers, &RunEvent::Row(row))
+    }
+
+    /// An epoch of a reference that comes along with the data.
+    pub fn reference(&mut self, epoch: ReferenceEpoch) {
+        self.comparison.push(epoch);
+    }
+
+    /// Tells the epochs of the reference that no estimate has reached.
+    ///
+    /// # Errors
+    /// The first of an observer.
+    pub fn finish(&mut self) -> Result<(), Halt> {
+        let mut rest = self.comparison.rest();
+        rest.try_for_each(|epoch| {
+            let event = RunEvent::Reference {
+                epoch: &epoch,
+                error: None,
+            };
+            tell(&mut self.observers, &event)
+        })
+    }
+}
+
+impl Observer for Hub<'_> {
+    fn on(&mut self, event: &Event<'_>) -> Result<(), Halt> {
+        let Some((filter, event)) = self.filters.source(event) else {
+            return Ok(());
+        };
+        let Event::Estimate { belief } = event else {
+            return tell(&mut self.observers, &RunEvent::Filter { filter, event });
+        };
+        let solution = &self.readers[filter.number].read(belief);
+        let estimate = RunEvent::Estimate { filter, solution, belief };
+        tell(&mut self.observers, &estimate)?;
+        if !filter.is_outermost() {
+            return Ok(());
+        }
+        let observers = &mut self.observers;
+        self.comparison
+            .reach(solution, |epoch, error| tell(observers, &RunEvent::Reference { epoch, error }))
+    }
+}
+
+/// Tells one after the other; the first error stops.
+fn tell(observers: &mut [&mut dyn RunObserver], event: &RunEvent<'_>) -> Result<(), Halt> {
+    observers.iter_mut().try_for_each(|o| o.on(event))
+}

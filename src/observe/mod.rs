@@ -1,0 +1,29 @@
+//! Hearing a run: a list of observers that know nothing of each other.
+//!
+//! ```text
+//!             ┌─▶ EstimateFile, UpdateFile
+//! runner ─▶ Hub ─▶ Statistics, Scorer, Counters      each makes its own part of the summary
+//!             └─▶ what the caller adds
+//! ```
+//!
+//! The runner tells [`Event`](fusion_core::runner::Event)s. The [`Hub`] finds the filter that an
+//! event comes from, reads the solution of an estimate, computes its error against the reference,
+//! each once, and tells every observer a [`RunEvent`]. The first observer that cannot go on stops
+//! the run.
+
+mod counters;
+mod event;
+mod files;
+mod filters;
+mod hub;
+mod score;
+mod statistics;
+mod timing;
+
+pub use counters::Counters;
+pub use event::{RunEvent, RunObserver};
+pub use files::{EstimateFile, UpdateFile};
+pub use filters::{Filters, Heard, HeardSensor};
+pub use hub::Hub;
+pub use statistics::{Disturbed, Innovations, Refusal, SensorStatistics, Statistics};
+pub use timing::Timing;

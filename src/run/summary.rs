@@ -1,0 +1,73 @@
+//! What a run results in.
+
+use crate::observe::SensorStatistics;
+use crate::rows::SourceTally;
+use crate::score::Score;
+use fusion_core::state::{Belief, Kind, Layout, StateRole};
+use serde::Serialize;
+
+/// The state of one parameter at the end of a run.
+#[derive(Clone, Debug, Serialize)]
+pub struct FinalState {
+    /// The block.
+    pub name: String,
+    /// What it is: how its values are read.
+    #[serde(skip)]
+    pub kind: Kind,
+    /// Its values, in storage order and SI.
+    pub value: Vec<f64>,
+    /// Its 1σ per tangent axis.
+    pub sigma: Vec<f64>,
+    /// Its covariance in tangent coordinates, row by row.
+    #[serde(skip)]
+    pub covariance: Vec<f64>,
+    /// Unit of a tangent coordinate.
+    pub unit: &'static str,
+}
+
+/// The result of a run.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Summary {
+    /// The design's own line about itself.
+    pub description: String,
+    /// The backend: chart, update, form.
+    pub backend: String,
+    /// When the filter started \[s\]; none if it never did.
+    pub started: Option<f64>,
+    /// What it was still waiting for at the end.
+    pub waiting: Vec<(String, String)>,
+    /// Estimates made.
+    pub epochs: u64,
+    /// Score against the reference.
+    pub score: Option<Score>,
+    /// Per sensor.
+    pub sensors: Vec<SensorStatistics>,
+    /// Per source.
+    pub sources: Vec<SourceTally>,
+    /// Estimated parameters at the end.
+    pub parameters: Vec<FinalState>,
+    /// Rows that came too late or held no number, by consumer.
+    pub unused_rows: Vec<(String, u64)>,
+    /// What the estimator could not do, with the first few reasons.
+    pub failures: Vec<String>,
+    /// Wall time of the whole run \[s\].
+    pub wall_seconds: f64,
+    /// Time in the filter alone, per estimate \[ns\].
+    pub filter_ns_per_epoch: f64,
+}
+
+impl FinalState {
+    /// Those of every block of `layout` that the process does not move.
+    pub(super) fn of(layout: &Layout, last: &Belief) -> Vec<Self> {
+        let parameters = layout.blocks().iter().filter(|b| b.role != StateRole::Kinematic);
+        let state = |b: &fusion_core::state::Block| Self {
+            name: b.name.clone(),
+            kind: b.kind,
+            value: last.x[b.storage_range()].to_vec(),
+            sigma: last.covariance.sigmas(b).collect(),
+            covariance: last.covariance.block(b),
+            unit: b.unit,
+        };
+        parameters.map(state).collect()
+    }
+}
