@@ -8,9 +8,11 @@
 mod assemble;
 mod ports;
 mod sensors;
+mod simulated;
 mod streams;
 
 pub(crate) use assemble::check;
 pub use assemble::{Assembly, assemble};
 pub use sensors::SensorInfo;
+pub(crate) use simulated::imu_stream;
 pub use streams::{StreamChannel, StreamLayout, declared_streams};

@@ -128,7 +128,7 @@ pub(super) fn known_streams<P>(design: &Design<P>, d: &mut Diagnostics) -> (Vec<
             let source = design.document.root().get("sensor")?.get(sensor)?.get("source")?;
             source.as_str().map(str::to_owned)
         }));
-        return (crate::world::streams(design, &simulation.block), vague);
+        return (super::simulated::simulated_streams(design, &simulation.block), vague);
     }
     let mut streams = Vec::new();
     for named in &design.sources {

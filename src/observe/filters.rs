@@ -147,3 +147,75 @@ impl Filters {
         Some((filter, event))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::observe::{Counters, Hub};
+    use crate::score::Comparison;
+    use fusion_core::filter::FilterError;
+    use fusion_core::runner::Observer;
+    use fusion_core::time::Time;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn what_a_filter_inside_a_stage_tells_is_counted_under_the_names_of_its_stages() {
+        let design = "
+            [process]
+            type = 'constant_velocity'
+            acceleration_noise = 1
+            position_sigma = 10
+            velocity_sigma = 5
+            [sensor.height]
+            type = 'height'
+            source = 'baro'
+            noise = { sigma = 1 }
+            [initial.start]
+            type = 'explicit'
+            position = { latitude = 0.8, longitude = 0.1 }
+            position_sigma = 5
+            velocity = [0, 0, 0]
+            velocity_sigma = 1
+            [run]
+            origin = { latitude = 0.8, longitude = 0.1 }";
+        let nav = crate::Navigator::from_toml(design).unwrap_or_else(|d| panic!("{d}"));
+        let assembly = nav.assembly();
+        let mut filters = Filters::of(assembly);
+        for (around, stage) in [(0, "outer"), (1, "inner")] {
+            let models = (&assembly.layout, &assembly.process);
+            let number = filters.add(Some((around, stage)), models, assembly.runner.sensors(), &assembly.sensors);
+            assert_eq!(number, around + 1);
+        }
+        let names: Vec<&str> = filters.sensors().map(|s| s.name.as_str()).collect();
+        assert_eq!(names, ["height", "outer.height", "outer.inner.height"]);
+        assert_eq!(filters.iter().map(|f| f.first_sensor).collect::<Vec<_>>(), [0, 1, 2]);
+        let mut counters = Counters::default();
+        let mut hub = Hub::new(&filters, Comparison::new(Vector3::zeros(), []));
+        hub.add(&mut counters);
+        let late = Event::NotFinite {
+            consumer: "height",
+            time: Time::default(),
+        };
+        let failed = Event::Failed {
+            error: FilterError::Diverged(Time::default()),
+        };
+        for told in [&late, &failed] {
+            let event = &Event::Nested {
+                stage: "inner",
+                event: told,
+            };
+            hub.on(&Event::Nested { stage: "outer", event }).unwrap();
+            hub.on(told).unwrap();
+            // Of a stage that is none of the design's nothing is known.
+            hub.on(&Event::Nested {
+                stage: "inner",
+                event: told,
+            })
+            .unwrap();
+        }
+        let why = FilterError::Diverged(Time::default());
+        let counted = [("outer.inner.height".to_owned(), 1), ("height".to_owned(), 1)];
+        assert_eq!(counters.unused_rows, counted);
+        assert_eq!(counters.failures, [format!("outer.inner: {why}"), why.to_string()]);
+    }
+}

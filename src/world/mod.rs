@@ -2,10 +2,8 @@
 //! faults, and the truth as the reference.
 
 mod simulated;
-mod streams;
 #[cfg(test)]
 mod tests;
 
 pub use fusion_models::sim::{IMU, REFERENCE};
 pub use simulated::SimulatedRows;
-pub use streams::streams;

@@ -1,8 +1,7 @@
 //! The rows of a simulated world.
 
 use super::IMU;
-use super::streams::imu_stream;
-use crate::assembly::Assembly;
+use crate::assembly::{Assembly, imu_stream};
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::{Design, Named, SimulationDesign};
 use crate::rows::{FaultChain, Feed, Row, SourceReport, SourceTally, outage_windows, provided};

@@ -1,10 +1,9 @@
 //! The streams of a simulated world, from the design alone.
 
-use super::{IMU, REFERENCE};
-use crate::assembly::StreamLayout;
+use super::StreamLayout;
 use crate::design::{Design, SimulationDesign};
 use fusion_models::block::{Channel, Reading, imu_channels};
-use fusion_models::sim::reference_channels;
+use fusion_models::sim::{IMU, REFERENCE, reference_channels};
 
 /// What the process calls its source, be the process itself right or wrong.
 fn process_source<P>(design: &Design<P>) -> Option<&str> {
@@ -13,15 +12,14 @@ fn process_source<P>(design: &Design<P>) -> Option<&str> {
 
 /// The stream that carries the simulated inertial unit: what the process calls its source, or
 /// `imu` where that is a stage.
-pub(super) fn imu_stream<P>(design: &Design<P>) -> &str {
+pub(crate) fn imu_stream<P>(design: &Design<P>) -> &str {
     process_source(design)
         .filter(|name| design.stages.iter().all(|stage| stage.name != *name))
         .unwrap_or(IMU)
 }
 
 /// The streams of a simulated world.
-#[must_use]
-pub fn streams<P>(design: &Design<P>, simulation: &SimulationDesign) -> Vec<StreamLayout> {
+pub(super) fn simulated_streams<P>(design: &Design<P>, simulation: &SimulationDesign) -> Vec<StreamLayout> {
     let mut streams = Vec::new();
     // A process that has a source is driven by the unit: one that is missing is told by the simulator.
     if simulation.world.imu.is_some() || process_source(design).is_some() {
