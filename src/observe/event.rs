@@ -29,11 +29,13 @@ pub enum RunEvent<'a> {
         /// What it tells; never an estimate, never nested.
         event: &'a Event<'a>,
     },
-    /// An epoch of the reference, once the estimates have come as far, in order of time.
+    /// An epoch of the reference, once the estimates of a filter have come as far, in order of time.
     Reference {
+        /// The filter that has.
+        filter: &'a Heard,
         /// The epoch.
         epoch: &'a ReferenceEpoch,
-        /// The error there; none before the first estimate and after the last.
+        /// Its error there; none before the first estimate and after the last.
         error: Option<&'a EpochError>,
     },
 }

@@ -209,7 +209,7 @@ mod tests {
             period: 0,
             next: Time::MIN,
         };
-        let mut hub = Hub::new(&filters, Comparison::new(Vector3::zeros(), []));
+        let mut hub = Hub::new(&filters, &Comparison::new(Vector3::zeros(), []));
         hub.add(&mut file);
         let fed = (0..10_000).find_map(|k| {
             let row = [0.8, 0.1, 0.0, 0.0, 0.0, 0.0];

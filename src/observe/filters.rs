@@ -125,6 +125,12 @@ impl Filters {
         number
     }
 
+    /// The filter of the design itself.
+    #[must_use]
+    pub fn outermost(&self) -> Option<&Heard> {
+        self.0.first()
+    }
+
     /// The filters, in order of their numbers.
     pub fn iter(&self) -> impl Iterator<Item = &Heard> {
         self.0.iter()
@@ -190,7 +196,7 @@ mod tests {
         assert_eq!(names, ["height", "outer.height", "outer.inner.height"]);
         assert_eq!(filters.iter().map(|f| f.first_sensor).collect::<Vec<_>>(), [0, 1, 2]);
         let mut counters = Counters::default();
-        let mut hub = Hub::new(&filters, Comparison::new(Vector3::zeros(), []));
+        let mut hub = Hub::new(&filters, &Comparison::new(Vector3::zeros(), []));
         hub.add(&mut counters);
         let late = Event::NotFinite {
             consumer: "height",

@@ -12,7 +12,8 @@ pub struct Hub<'a> {
     filters: &'a Filters,
     /// By filter.
     readers: Vec<SolutionReader>,
-    comparison: Comparison,
+    /// By filter.
+    comparisons: Vec<Comparison>,
     observers: Vec<&'a mut dyn RunObserver>,
 }
 
@@ -23,14 +24,14 @@ impl core::fmt::Debug for Hub<'_> {
 }
 
 impl<'a> Hub<'a> {
-    /// Without observers; the outermost filter is compared with a reference.
+    /// Without observers; every filter is compared with the reference, as `comparison` does.
     #[must_use]
-    pub fn new(filters: &'a Filters, comparison: Comparison) -> Self {
+    pub fn new(filters: &'a Filters, comparison: &Comparison) -> Self {
         let readers = filters.iter().map(|f| SolutionReader::new(&f.layout, f.process.clone()));
         Self {
             filters,
             readers: readers.collect(),
-            comparison,
+            comparisons: filters.iter().map(|_| comparison.clone()).collect(),
             observers: Vec::new(),
         }
     }
@@ -50,7 +51,7 @@ impl<'a> Hub<'a> {
 
     /// An epoch of a reference that comes along with the data.
     pub fn reference(&mut self, epoch: ReferenceEpoch) {
-        self.comparison.push(epoch);
+        self.comparisons.iter_mut().for_each(|c| c.push(epoch));
     }
 
     /// Tells the epochs of the reference that no estimate has reached.
@@ -58,14 +59,17 @@ impl<'a> Hub<'a> {
     /// # Errors
     /// The first of an observer.
     pub fn finish(&mut self) -> Result<(), Halt> {
-        let mut rest = self.comparison.rest();
-        rest.try_for_each(|epoch| {
-            let event = RunEvent::Reference {
-                epoch: &epoch,
-                error: None,
-            };
-            tell(&mut self.observers, &event)
-        })
+        for (filter, comparison) in self.filters.iter().zip(&mut self.comparisons) {
+            for epoch in comparison.rest() {
+                let event = RunEvent::Reference {
+                    filter,
+                    epoch: &epoch,
+                    error: None,
+                };
+                tell(&mut self.observers, &event)?;
+            }
+        }
+        Ok(())
     }
 }
 
@@ -80,12 +84,10 @@ impl Observer for Hub<'_> {
         let solution = &self.readers[filter.number].read(belief);
         let estimate = RunEvent::Estimate { filter, solution, belief };
         tell(&mut self.observers, &estimate)?;
-        if !filter.is_outermost() {
-            return Ok(());
-        }
         let observers = &mut self.observers;
-        self.comparison
-            .reach(solution, |epoch, error| tell(observers, &RunEvent::Reference { epoch, error }))
+        self.comparisons[filter.number].reach(solution, |epoch, error| {
+            tell(observers, &RunEvent::Reference { filter, epoch, error })
+        })
     }
 }
 

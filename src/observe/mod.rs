@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!             ┌─▶ EstimateFile, UpdateFile
-//! runner ─▶ Hub ─▶ Statistics, Scorer, Counters      each makes its own part of the summary
+//! runner ─▶ Hub ─▶ Statistics, FilterScore, Counters    each makes its own part of the summary
 //!             └─▶ what the caller adds
 //! ```
 //!
@@ -25,5 +25,6 @@ pub use event::{RunEvent, RunObserver};
 pub use files::{EstimateFile, UpdateFile};
 pub use filters::{Filters, Heard, HeardSensor};
 pub use hub::Hub;
+pub use score::FilterScore;
 pub use statistics::{Disturbed, Innovations, Refusal, SensorStatistics, Statistics};
 pub use timing::Timing;

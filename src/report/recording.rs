@@ -449,7 +449,7 @@ impl RunObserver for Recording {
         match event {
             RunEvent::Row(row) => self.row(row),
             RunEvent::Estimate { filter, solution, .. } if filter.is_outermost() => self.estimate(solution),
-            RunEvent::Reference { epoch, error } => self.reference(epoch, *error),
+            RunEvent::Reference { filter, epoch, error } if filter.is_outermost() => self.reference(epoch, *error),
             RunEvent::Filter {
                 filter,
                 event: Event::Updated { sensor, update, time, .. },

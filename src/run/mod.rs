@@ -11,10 +11,9 @@ pub use summary::{FinalState, Summary};
 use crate::assembly::{Assembly, assemble, declared_streams};
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::{Design, Named, ReferenceSpec};
-use crate::observe::{Counters, EstimateFile, Filters, Hub, RunObserver, Statistics, Timing, UpdateFile};
+use crate::observe::{Counters, EstimateFile, FilterScore, Filters, Hub, RunObserver, Statistics, Timing, UpdateFile};
 use crate::output::Unwritable;
 use crate::rows::Feed;
-use crate::score::Scorer;
 use crate::world::SimulatedRows;
 use fusion_core::runner::Runner;
 use fusion_core::time::{Time, nanos};
@@ -96,9 +95,10 @@ impl<'a> Run<'a> {
         let from = from.map(|t| Time::from_seconds(t.si()));
         let mut counters = Counters::default();
         let mut statistics = Statistics::new(&filters, from, &self.data.rows.disturbable());
-        let mut scorer = (!reference.is_empty()).then(|| Scorer::new(reference.rules(self.design, &self.data.outages)));
+        let scored = filters.outermost().filter(|_| !reference.is_empty());
+        let mut scorer = scored.map(|f| FilterScore::new(f, reference.rules(self.design, &self.data.outages)));
         let mut files = Files::create(self.design, self.options, &filters)?;
-        let mut hub = Hub::new(&filters, reference.comparison(self.design));
+        let mut hub = Hub::new(&filters, &reference.comparison(self.design));
         hub.add(&mut counters);
         hub.add(&mut statistics);
         scorer.iter_mut().for_each(|scorer| hub.add(scorer));
@@ -115,7 +115,7 @@ impl<'a> Run<'a> {
             started: counters.started,
             waiting: if has_started { Vec::new() } else { runner.waits_for() },
             epochs: counters.epochs,
-            score: scorer.map(Scorer::finish),
+            score: scorer.map(FilterScore::finish),
             sensors: statistics.finish(last.time),
             sources: self.data.rows.tallies(),
             parameters: if has_started {

@@ -71,7 +71,7 @@ pub fn attitude_error(q: &UnitQuaternion<f64>, truth: &UnitQuaternion<f64>) -> V
 }
 
 /// Compares estimates with a reference, as both go on.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Comparison {
     /// The reference's point in body axes \[m\].
     lever_arm: Vector3<f64>,
