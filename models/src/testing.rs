@@ -4,6 +4,7 @@
 //! registered, in this crate or in another: a test there calls [`check`] for what it registers.
 //! What fails is named: block, process, state, element.
 
+mod drive;
 mod fault;
 mod initialiser;
 mod rows;
@@ -176,7 +177,7 @@ fn process(r: &Registration) -> Result<(), String> {
             check_process(layout, bench.process.as_ref(), &x, &input, dt).map_err(|e| format!("state {seed}, dt {dt}: {e}"))?;
         }
     }
-    Ok(())
+    drive::check(|| Bench::new(r))
 }
 
 fn sensor(r: &Registration) -> Result<(), String> {
