@@ -156,7 +156,7 @@ fn an_allocation_is_counted() {
 }
 
 #[test]
-fn prediction_and_update_allocate_nothing() {
+fn prediction_and_update_allocate_nothing_nor_do_those_of_a_copy() {
     for backend in ["error_state", "ekf"] {
         let mut nav = navigator(backend, "one_sample");
         // Rows are held back for the receiver's latency.
@@ -183,7 +183,7 @@ fn prediction_and_update_allocate_nothing() {
                 assert_eq!(update.verdict, Verdict::Accepted);
             }
         };
-        let mut run = |steps: core::ops::Range<i64>| {
+        let run = |filter: &mut Filter, steps: core::ops::Range<i64>| {
             for k in steps {
                 // With the sample before and its interval, as the process's preparation makes them.
                 let mut sample = [0.01; 13];
@@ -195,12 +195,19 @@ fn prediction_and_update_allocate_nothing() {
                 };
                 filter.predict(Time::from_nanos(k * 10_000_000), &input).unwrap();
                 if k % 20 == 0 {
-                    observe(&mut filter);
+                    observe(filter);
                 }
             }
         };
-        run(50..200);
-        assert_eq!(allocations(|| run(200..1000)), 0, "{backend:?}");
+        run(&mut filter, 50..200);
+        assert_eq!(allocations(|| run(&mut filter, 200..1000)), 0, "{backend:?}");
+        // A copy knows what its original has learnt, such as which blocks are coupled: it allocates
+        // nothing from its first step on, and ends where the original does.
+        let mut copy = filter.clone();
+        assert_eq!(allocations(|| run(&mut copy, 1000..1100)), 0, "{backend:?}, a copy");
+        run(&mut filter, 1000..1100);
+        assert_eq!(copy.belief().x, filter.belief().x);
+        assert_eq!(copy.belief().covariance, filter.belief().covariance);
     }
 }
 

@@ -48,7 +48,7 @@ pub fn check(r: &Registration) -> Result<(), String> {
         Role::Initialiser => initialiser::check(r),
         Role::Fault => fault::check(r),
         Role::Segment => segment::check(r),
-        // The crate that reads files has their laws.
+        // The crate that reads files has their laws: they need files.
         Role::Source => Ok(()),
     }
     .map_err(|e| format!("{} `{}`: {e}", r.role.name(), r.name))

@@ -11,6 +11,7 @@
 mod csv;
 mod decode;
 mod file;
+pub mod testing;
 
 pub use self::csv::CsvSpec;
 

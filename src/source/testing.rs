@@ -1,0 +1,118 @@
+//! The laws of sources, for every registered one: of this crate or of another.
+
+use super::{OpenContext, SourceSpec};
+use crate::config::{Diagnostics, Document};
+use crate::rows::width;
+use fusion_core::time::Time;
+use fusion_models::registry::Registration;
+
+/// A source's example, opened over files that are there and hold `rows` rows, delivers rows as wide
+/// as its channels, of finite numbers, numbered upwards, their stamps never going back; the open
+/// stream has the channels that the declaration says; and the report counts what was delivered and
+/// what was left out, which together are the rows of the files.
+///
+/// # Errors
+/// A sentence naming what is wrong with which source.
+pub fn check(r: &Registration, context: &OpenContext, rows: u64) -> Result<(), String> {
+    law(r, context, rows).map_err(|e| format!("source `{}`: {e}", r.name))
+}
+
+/// What a registration's example declares.
+///
+/// # Errors
+/// What is wrong with the example.
+pub fn example(r: &Registration) -> Result<Box<dyn SourceSpec>, String> {
+    let (document, mistakes) = Document::parse("example.toml", &format!("type = {:?}\n{}", r.name, r.example));
+    let mut d = Diagnostics::new();
+    d.extend(mistakes);
+    let spec = document.root().read_block::<dyn SourceSpec>("source", &[r.name], &mut d);
+    spec.ok_or_else(|| format!("its example is not its spec: {d}"))
+}
+
+fn law(r: &Registration, context: &OpenContext, rows: u64) -> Result<(), String> {
+    let spec = example(r)?;
+    let channels = spec.channels().map_err(|e| format!("its example declares no channels: {}", e[0]))?;
+    let mut stream = spec.open(context).map_err(|e| e.to_string())?;
+    if stream.channels() != channels {
+        return Err(format!("it declares {channels:?} and opens as {:?}", stream.channels()));
+    }
+    let (mut values, mut delivered) = (Vec::new(), 0);
+    let (mut first, mut last): (Option<Time>, Option<(Time, u64)>) = (None, None);
+    while let Some(stamp) = stream.next(&mut values).map_err(|e| e.to_string())? {
+        let at = format!("row {delivered}, number {} of {}", stamp.number, stamp.time);
+        if values.len() != width(&channels) {
+            return Err(format!("{at}: it has {} numbers, its channels {}", values.len(), width(&channels)));
+        }
+        if !values.iter().all(|v| v.is_finite()) {
+            return Err(format!("{at}: {values:?} are not all numbers"));
+        }
+        if last.is_some_and(|(time, number)| stamp.time < time || stamp.number <= number) {
+            return Err(format!("{at}: it comes after {last:?}"));
+        }
+        first = first.or(Some(stamp.time));
+        last = Some((stamp.time, stamp.number));
+        delivered += 1;
+    }
+    let report = stream.report();
+    if (report.rows, report.used, report.left_out()) != (rows, delivered, rows - delivered.min(rows)) {
+        return Err(format!("of {rows} rows it has delivered {delivered}, and reports: {report}"));
+    }
+    if (report.first, report.last) != (first, last.map(|(time, _)| time)) {
+        return Err(format!("it has delivered rows from {first:?} to {last:?}, and reports: {report}"));
+    }
+    if delivered == 0 {
+        return Err("it delivers nothing".to_owned());
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fusion_models::registry::{self, Role};
+    use std::fmt::Write;
+
+    /// Rows of a generated file.
+    const ROWS: u64 = 60;
+
+    /// The content of the file that a source's example reads, [`ROWS`] rows, some of them not valid.
+    fn fixture(name: &str) -> Option<String> {
+        match name {
+            "csv" => {
+                let mut text = "t_s,q,lat_deg,lon_deg,h_m,vn_mps,ve_mps,vd_mps\n".to_owned();
+                for k in 0..ROWS {
+                    let (quality, t) = (if k % 7 == 3 { 5 } else { 1 }, 100.0 + 0.2 * k as f64);
+                    let _ = writeln!(text, "{t:.3},{quality},47.{k:02},8.5,{k},1.5,-0.{k:02},0");
+                }
+                Some(text)
+            }
+            _ => None,
+        }
+    }
+
+    #[test]
+    fn every_source_obeys_the_laws_of_sources() {
+        fusion_models::link();
+        let dir = std::env::temp_dir().join(format!("fusion-sources-{}", std::process::id()));
+        let context = OpenContext {
+            data_dir: dir.clone(),
+            name: "example".to_owned(),
+            ..OpenContext::default()
+        };
+        let mut tried = 0;
+        for r in registry::all().into_iter().filter(|r| r.role == Role::Source) {
+            let text = fixture(r.name).unwrap_or_else(|| panic!("there is no file to try source `{}` on: add one", r.name));
+            for file in example(r).unwrap().files() {
+                let path = context.resolve(&file);
+                std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+                std::fs::write(path, &text).unwrap();
+            }
+            check(r, &context, ROWS).unwrap_or_else(|e| panic!("{e}"));
+            let wrong = check(r, &context, ROWS + 1).unwrap_err();
+            assert!(wrong.contains("reports"), "a row that is lost is not noticed: {wrong}");
+            tried += 1;
+        }
+        std::fs::remove_dir_all(dir).unwrap();
+        assert!(tried > 0, "no source is registered");
+    }
+}
