@@ -7,6 +7,7 @@ use crate::design::{Design, Draft};
 use crate::rows::FaultChain;
 use crate::run::{Options, data_dir, open_one, unknown_reference};
 use crate::source::OpenContext;
+use crate::world;
 
 /// What is said of a data file that is not there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,6 +49,7 @@ fn draft(document: Document) -> (Draft, Diagnostics) {
     let mut d = Diagnostics::new();
     let draft = Draft::of(document, &mut d);
     assembly::check(&draft, &mut d);
+    world::check(&draft, &mut d);
     (draft, d)
 }
 

@@ -123,13 +123,6 @@ pub fn declared_streams(design: &Design) -> Result<Vec<StreamLayout>, Diagnostic
 /// The streams whose declarations are right, and the names of those of which not everything is known.
 pub(super) fn known_streams<P>(design: &Design<P>, d: &mut Diagnostics) -> (Vec<StreamLayout>, Vec<String>) {
     let mut vague = design.unread.streams.clone();
-    if let Some(simulation) = &design.simulation {
-        vague.extend(design.unread.sensors.iter().filter_map(|sensor| {
-            let source = design.document.root().get("sensor")?.get(sensor)?.get("source")?;
-            source.as_str().map(str::to_owned)
-        }));
-        return (super::simulated::simulated_streams(design, &simulation.block), vague);
-    }
     let mut streams = Vec::new();
     for named in &design.sources {
         match named.block.source.channels() {
@@ -139,6 +132,14 @@ pub(super) fn known_streams<P>(design: &Design<P>, d: &mut Diagnostics) -> (Vec<
                 vague.push(named.name.clone());
             }
         }
+    }
+    // A simulated world takes the place of the sources.
+    if let Some(simulation) = &design.simulation {
+        vague.extend(design.unread.sensors.iter().filter_map(|sensor| {
+            let source = design.document.root().get("sensor")?.get(sensor)?.get("source")?;
+            source.as_str().map(str::to_owned)
+        }));
+        return (super::simulated::simulated_streams(design, &simulation.block), vague);
     }
     (streams, vague)
 }

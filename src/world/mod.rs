@@ -1,9 +1,11 @@
 //! A simulated world as a feed of rows: the simulator, its sensors' rows through their declared
 //! faults, and the truth as the reference.
 
+mod check;
 mod simulated;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use check::check;
 pub use fusion_models::sim::{IMU, REFERENCE};
 pub use simulated::SimulatedRows;

@@ -1,16 +1,15 @@
 //! The rows of a simulated world.
 
 use super::IMU;
+use super::check::{declared, faults, no_origin};
 use crate::assembly::{Assembly, imu_stream};
-use crate::config::{Diagnostic, Diagnostics};
+use crate::config::Diagnostics;
 use crate::design::{Design, Named, SimulationDesign};
-use crate::rows::{FaultChain, Feed, Row, SourceReport, SourceTally, outage_windows, provided};
+use crate::rows::{FaultChain, Feed, Row, SourceReport, SourceTally, outage_windows};
 use core::ops::Range;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::runner::StreamId;
 use fusion_core::time::Time;
-use fusion_models::block::BuildError;
-use fusion_models::fault::{FaultSpec, derive_seed};
 use fusion_models::sim::{Setup, SimulatedSensor, SimulatedStream, Simulator};
 
 /// Rows of a simulated world.
@@ -43,27 +42,19 @@ impl SimulatedRows {
         let seed = seed.unwrap_or(if world.seed == 0 { design.run.seed } else { world.seed });
         let simulator = simulator(design, simulation, assembly, seed)?;
         let (mut d, mut outlets) = (Diagnostics::new(), Vec::new());
-        for stream in simulator.streams() {
-            let is_imu = stream.name == IMU;
-            let read_as = if is_imu { imu_stream(design) } else { &stream.name };
-            match faults(simulation, stream, seed) {
+        for SimulatedStream { name, channels } in simulator.streams() {
+            let read_as = if name == IMU { imu_stream(design) } else { name };
+            match faults(simulation, name, channels, seed) {
                 Ok(faults) => outlets.push(Outlet {
                     stream: assembly.streams.iter().position(|s| s.name == read_as),
                     faults,
                     rows: 0,
                 }),
-                Err(errors) => {
-                    let table = if is_imu {
-                        IMU.to_owned()
-                    } else {
-                        format!("sensor.{}", stream.name)
-                    };
-                    d.extend(errors.into_iter().map(|e| simulation.node.locate(&e.within(table.as_str()))));
-                }
+                Err(mistakes) => d.extend(mistakes),
             }
         }
         let streams = simulator.streams().iter();
-        let outages = outage_windows(streams.map(|stream| declared(simulation, stream)), simulator.end());
+        let outages = outage_windows(streams.map(|stream| declared(simulation, &stream.name)), simulator.end());
         d.unless_errors(Self {
             simulator,
             outlets,
@@ -127,11 +118,7 @@ impl Feed for SimulatedRows {
 fn simulator(design: &Design, simulation: &Named<SimulationDesign>, assembly: &Assembly, seed: u64) -> Result<Simulator, Diagnostics> {
     let world = &simulation.block.world;
     let Some(origin) = design.run.origin else {
-        let help = "add `origin = { latitude = \"…deg\", longitude = \"…deg\", height = \"…m\" }` under [run]";
-        return Err(Diagnostic::error("a simulated world needs an origin")
-            .at(simulation.node.name_place())
-            .help(help)
-            .into());
+        return Err(no_origin(simulation).into());
     };
     let sensors = design.sensors.iter().zip(&assembly.sensors);
     let simulated = sensors.filter(|(named, _)| world.sensor.contains_key(&named.name));
@@ -153,16 +140,4 @@ fn simulator(design: &Design, simulation: &Named<SimulationDesign>, assembly: &A
         sensors: sensors.collect(),
     };
     Simulator::new(world, setup, seed).map_err(|e| simulation.node.locate(&e).into())
-}
-
-/// The faults declared for a simulated stream.
-fn declared<'a>(simulation: &'a Named<SimulationDesign>, stream: &SimulatedStream) -> &'a [(String, Box<dyn FaultSpec>)] {
-    let mut all = simulation.block.faults.iter();
-    all.find(|(of, _)| *of == stream.name).map_or(&[][..], |(_, faults)| faults)
-}
-
-fn faults(simulation: &Named<SimulationDesign>, stream: &SimulatedStream, seed: u64) -> Result<FaultChain, Vec<BuildError>> {
-    let channels = provided(stream.channels.iter().map(|channel| (channel.clone(), 0)));
-    let seed_of = |fault: &str| derive_seed(seed, &[&stream.name, fault]);
-    FaultChain::new(declared(simulation, stream), &channels, seed_of)
 }

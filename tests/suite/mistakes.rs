@@ -314,6 +314,28 @@ fn mistakes_of_every_step_are_told_at_once() {
     wrong_text("every_step", &text);
 }
 
+/// A mistake in the declaration of a source, of the process, of a sensor's noise, of a segment of the
+/// trajectory, of a simulated sensor, and of a fault of each simulated stream.
+#[test]
+fn mistakes_of_a_simulated_world_are_told_with_the_others() {
+    let log = "[source.log]\ntype = \"csv\"\npath = \"log.csv\"\ntime = { column = \"t\" }\n\
+        [source.log.channels.position]\nlatitude = \"lat\"\n\n";
+    let compass = "[sensor.compass]\ntype = \"heading\"\nsource = \"mag\"\nnoise = { sigma = \"1 m\" }\n\n";
+    let text = INERTIAL
+        .replace("\"0.1 deg/sqrt(s)\"", "\"0.1 deg\"")
+        .replace("\"60 s\" }", "\"60 s\" }, { type = \"straight\", distance = \"50 m\" }")
+        .replace("[initial.start]", &format!("{log}{compass}[initial.start]"))
+        + "fault.jump = { type = \"spike\", channel = \"specific_forc\", value = [1, 0, 0], window = { from = 4, to = 6 } }\n\
+        [simulation.sensor.compass]\nrate = \"1 Hz\"\nwhite = \"1 m\"\n\
+        fault.hum = { type = \"noise\", sigma = \"1 m\" }\n";
+    let w = Workspace::new("mistake-simulated");
+    w.write("design.toml", &text);
+    complain("simulated_world", &w, &["check", "design.toml"]);
+    let [checked, ran] = ["check", "run"].map(|command| stderr(&w.fusion(&[command, "design.toml"]).code(2)));
+    assert_eq!(checked, ran);
+    assert_eq!(checked.matches("error: ").count(), 7, "{checked}");
+}
+
 /// Where one block is wrong, those that need it are not.
 #[test]
 fn what_follows_from_a_mistake_is_not_told() {

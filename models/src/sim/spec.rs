@@ -4,7 +4,7 @@ use super::imu_error::ImuErrorSpec;
 use super::noise::SensorErrorSpec;
 use super::segment::{Junction, SegmentSpec};
 use super::trajectory::Trajectory;
-use crate::block::BuildError;
+use crate::block::{BuildError, Channel};
 use crate::registry::{self, Role};
 use crate::units::{Positive, Quantity, Vec3Of, dim};
 use nalgebra::Vector3;
@@ -67,6 +67,23 @@ impl SimulationSpec {
             },
             &self.trajectory,
         )
+    }
+
+    /// What is wrong with the run for a process whose samples consist of `input`, as far as the
+    /// declaration alone tells: the trajectory and the rates, and an inertial unit that is missing.
+    #[must_use]
+    pub fn mistakes(&self, input: &[Channel]) -> Vec<BuildError> {
+        let rates = self.trajectory().and_then(|t| self.check_rates(t.duration()));
+        [rates, self.check_unit(input)].into_iter().filter_map(Result::err).collect()
+    }
+
+    /// Refuses a process that is driven by a unit which there is not.
+    pub(super) fn check_unit(&self, input: &[Channel]) -> Result<(), BuildError> {
+        if self.imu.is_some() || input.is_empty() {
+            return Ok(());
+        }
+        let help = "add `imu = { rate = \"100 Hz\", preset = \"hg1700\" }`";
+        Err(BuildError::at("imu", "the process is driven by an inertial unit").help(help))
     }
 
     /// Refuses rates at which a stream has more than [`MOST_ROWS`] in a run of `duration` seconds.

@@ -207,10 +207,7 @@ impl Simulator {
             let taken = format!("`{}` is the name of a stream of the simulator's own", sensor.name);
             return Err(BuildError::at("sensor", taken).help("give the sensor another name"));
         }
-        if spec.imu.is_none() && !setup.input.is_empty() {
-            let help = "add `imu = { rate = \"100 Hz\", preset = \"hg1700\" }`";
-            return Err(BuildError::at("imu", "the process is driven by an inertial unit").help(help));
-        }
+        spec.check_unit(setup.input)?;
         let truth = TrueState::new(&setup, spec, seed)?;
         let (mut streams, mut clocks, mut sensors) = (Vec::new(), Vec::new(), Vec::new());
         let mut imu = None;

@@ -1,0 +1,68 @@
+//! The mistakes of a simulated world that its declaration alone tells, before anything is assembled.
+
+use super::IMU;
+use crate::config::{Diagnostic, Diagnostics};
+use crate::design::{Draft, Named, SimulationDesign};
+use crate::rows::{FaultChain, provided};
+use fusion_models::block::{Channel, Reading, imu_channels};
+use fusion_models::fault::{FaultSpec, derive_seed};
+use fusion_models::sim::SensorError;
+
+/// Tells `d` every mistake of the trajectory, the rates, the errors of simulated sensors and the
+/// faults of simulated streams.
+pub(crate) fn check(draft: &Draft, d: &mut Diagnostics) {
+    let Some(simulation) = &draft.simulation else { return };
+    let SimulationDesign { world, .. } = &simulation.block;
+    if draft.run.origin.is_none() && !draft.unread.run {
+        d.push(no_origin(simulation));
+    }
+    let input = draft.process.as_ref().map_or_else(Vec::new, |p| p.block.model.input());
+    d.extend(world.mistakes(&input).iter().map(|e| simulation.node.locate(e)));
+    // No seed makes a mistake or unmakes it.
+    let mistakes = |stream: &str, channels: &[Channel]| faults(simulation, stream, channels, 0).err().unwrap_or_default();
+    d.extend(mistakes(IMU, &imu_channels()));
+    for sensor in &draft.sensors {
+        let (Some(errors), Reading::Channel(channel)) = (world.sensor.get(&sensor.name), sensor.block.model.reading()) else {
+            continue;
+        };
+        d.extend(mistakes(&sensor.name, &[channel]));
+        if let Err(e) = SensorError::new(errors, &sensor.name, &sensor.block.model.noise(), 0) {
+            d.push(simulation.node.locate(&e.within(table(&sensor.name))));
+        }
+    }
+}
+
+pub(super) fn no_origin(simulation: &Named<SimulationDesign>) -> Diagnostic {
+    let help = "add `origin = { latitude = \"…deg\", longitude = \"…deg\", height = \"…m\" }` under [run]";
+    Diagnostic::error("a simulated world needs an origin")
+        .at(simulation.node.name_place())
+        .help(help)
+}
+
+/// The table within `[simulation]` that declares a simulated stream.
+fn table(stream: &str) -> String {
+    if stream == IMU {
+        IMU.to_owned()
+    } else {
+        format!("sensor.{stream}")
+    }
+}
+
+/// The faults declared for a simulated stream.
+pub(super) fn declared<'a>(simulation: &'a Named<SimulationDesign>, stream: &str) -> &'a [(String, Box<dyn FaultSpec>)] {
+    let mut all = simulation.block.faults.iter();
+    all.find(|(of, _)| of == stream).map_or(&[][..], |(_, faults)| faults)
+}
+
+/// The same at work on rows of `channels`, or all their mistakes, each at its place.
+pub(super) fn faults(
+    simulation: &Named<SimulationDesign>,
+    stream: &str,
+    channels: &[Channel],
+    seed: u64,
+) -> Result<FaultChain, Vec<Diagnostic>> {
+    let channels = provided(channels.iter().map(|channel| (channel.clone(), 0)));
+    let seed_of = |fault: &str| derive_seed(seed, &[stream, fault]);
+    let locate = |e: fusion_models::block::BuildError| simulation.node.locate(&e.within(table(stream)));
+    FaultChain::new(declared(simulation, stream), &channels, seed_of).map_err(|errors| errors.into_iter().map(locate).collect())
+}
