@@ -11,12 +11,15 @@
 mod event;
 mod intake;
 mod look_ahead;
+mod nested;
 mod ordering;
 mod parts;
 mod rows;
 mod serving;
+mod stages;
 
 pub use event::{Event, Halt, Observer, Observers, RowId};
+pub use nested::{Nested, Outlet};
 pub use ordering::Runner;
 pub use parts::{Emitter, Initialiser, InitialiserUnit, Noise, Port, Sensor, Stage, StageUnit};
 pub use rows::Row;

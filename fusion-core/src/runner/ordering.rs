@@ -253,6 +253,7 @@ impl Runner {
     pub fn finish(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
         self.listen(observer);
         self.drain(Time::MAX, observer)?;
+        self.finish_stages(observer)?;
         self.serve_waiting(observer)?;
         self.tell_epoch(observer)
     }

@@ -88,6 +88,11 @@ pub trait Stage: Debug + Send {
     /// Sees a row of its input number `input`; `view` is the estimate once there is one.
     fn row(&mut self, input: usize, time: Time, row: &[f64], view: Option<&View<'_>>, out: &mut Emitter<'_>);
 
+    /// Hears that no row follows: the end of the log.
+    fn finish(&mut self, out: &mut Emitter<'_>) {
+        let _ = out;
+    }
+
     /// Copies it with its memory: the copy continues bit for bit as the original would.
     fn boxed_clone(&self) -> Box<dyn Stage>;
 }
@@ -104,6 +109,8 @@ pub struct Emitter<'a> {
     pub(super) emitted: Emitted,
     told: Option<(&'a str, &'a mut dyn Observer)>,
     halt: Option<Halt>,
+    number: u64,
+    disturbed: bool,
 }
 
 /// Rows that a stage has emitted.
@@ -139,7 +146,28 @@ impl<'a> Emitter<'a> {
             emitted,
             told: Some((stage, observer)),
             halt: None,
+            number: 0,
+            disturbed: false,
         }
+    }
+
+    /// The same while the stage sees the row `number`, which a declared fault has `disturbed` or not.
+    pub(super) const fn seeing(mut self, number: u64, disturbed: bool) -> Self {
+        self.number = number;
+        self.disturbed = disturbed;
+        self
+    }
+
+    /// The number within its source of the row that the stage sees.
+    #[must_use]
+    pub const fn row_number(&self) -> u64 {
+        self.number
+    }
+
+    /// Whether a declared fault changed a number of the row that the stage sees.
+    #[must_use]
+    pub const fn is_disturbed(&self) -> bool {
+        self.disturbed
     }
 
     /// Emits a row valid at `time`, which is not before the row that the stage has just seen.

@@ -2,8 +2,7 @@
 
 use super::intake::{Sample, Taken};
 use super::ordering::{Runner, Waiting};
-use super::parts::Emitter;
-use super::rows::{Consumer, Entry, Row};
+use super::rows::{Consumer, Entry};
 use super::{Event, Halt, Observer, RowId};
 use crate::filter::{Observed, Verdict};
 use crate::gate::Outcome;
@@ -49,7 +48,7 @@ impl Runner {
         self.start_if_ready(time, observer)
     }
 
-    fn is_driven(&self) -> bool {
+    pub(super) fn is_driven(&self) -> bool {
         self.process.input_dim() > 0
     }
 
@@ -162,31 +161,6 @@ impl Runner {
             self.offer(waiting, None, observer)?;
             self.epoch = Some(waiting.time);
         }
-        Ok(())
-    }
-
-    fn stage_row(&mut self, unit: usize, input: usize, time: Time, row: usize, observer: &mut dyn Observer) -> Result<(), Halt> {
-        let u = &mut self.stages[unit];
-        let origin = self.rows.get(row);
-        u.inputs[input].gather(&origin.values, &mut self.value);
-        let is_disturbed = origin.id(&u.inputs[input].columns).disturbed;
-        let mut emitter = Emitter::new(core::mem::take(&mut self.emitted), &u.name, observer);
-        let view = if self.started { Some(self.estimator.view()) } else { None };
-        u.stage.row(input, time, &self.value, view.as_ref(), &mut emitter);
-        let (output, emitted) = (u.output, emitter.finish()?);
-        let everything = 0..self.streams[output].width;
-        for (time, values) in emitted.rows() {
-            let row = Row {
-                stream: output,
-                time,
-                values,
-                number: self.emissions[unit],
-                disturbed: if is_disturbed { core::slice::from_ref(&everything) } else { &[] },
-            };
-            self.emissions[unit] += 1;
-            self.enqueue(&row, observer)?;
-        }
-        self.emitted = emitted;
         Ok(())
     }
 

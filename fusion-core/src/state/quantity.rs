@@ -124,6 +124,11 @@ impl<'a> View<'a> {
         Self { x, signals }
     }
 
+    /// The signal storage.
+    pub(crate) const fn signals(&self) -> &'a [f64] {
+        self.signals
+    }
+
     /// The value of a quantity.
     pub fn get<M: Manifold>(&self, quantity: &Quantity<M>) -> M::Value {
         match quantity {
