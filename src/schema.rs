@@ -9,7 +9,7 @@
 //! Not here  units and ranges beyond what JSON Schema can say: those are checked on reading
 
 use crate::config::INCLUDE;
-use crate::design::{FilterSpec, NoiseSpec, OnlyWithSpec, ReferenceSpec, RunSpec};
+use crate::design::{FILTER_TABLES, FilterSpec, NoiseSpec, OnlyWithSpec, ReferenceSpec, RunSpec};
 use fusion_models::registry::{self, Registration, Role};
 use fusion_models::sim::SimulationSpec;
 use schemars::{JsonSchema, schema_for};
@@ -52,6 +52,11 @@ pub fn design() -> Value {
         ("simulation", simulation),
         ("reference", s.of::<ReferenceSpec>("reference")),
     ];
+    for (table, schema) in &sections {
+        if FILTER_TABLES.contains(table) {
+            s.set(&definition(Role::Stage, "filter"), table, schema);
+        }
+    }
     let over: Map<String, Value> = sections
         .iter()
         .map(|(name, _)| ((*name).to_owned(), json!({ "type": "object" })))
@@ -141,6 +146,13 @@ impl Builder {
         );
         require(&mut schema, "type");
         schema
+    }
+
+    /// Says what a field of a definition is.
+    fn set(&mut self, definition: &str, field: &str, schema: &Value) {
+        if let Some(definition) = self.defs.get_mut(definition) {
+            property(definition, field, schema.clone());
+        }
     }
 
     /// What stands beside the fields of a block and is read by others.

@@ -267,6 +267,18 @@ pub trait SensorSpec: Debug + Send + Sync {
         &[]
     }
 
+    /// The channel of its stream that reports the 1σ of each residual row, for `noise.from_source`:
+    /// `<channel>_sigma`. None for a pseudo-measurement, which has no source that could.
+    fn reported_sigma(&self) -> Option<Channel> {
+        let Reading::Channel(channel) = self.reading() else { return None };
+        Some(Channel {
+            name: format!("{}_sigma", channel.name).into(),
+            width: channel.degrees(),
+            dimension: self.noise().first().copied().unwrap_or(Dimension::NONE),
+            shape: Shape::Vector,
+        })
+    }
+
     /// Seconds by which rows are valid before their stamp: the fixed or initial value of its
     /// `time_offset`. At most [`LONGEST_DELAY`], of either sign.
     fn delay(&self) -> f64 {

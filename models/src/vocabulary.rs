@@ -55,6 +55,24 @@ pub mod channel {
     pub const ANGULAR_RATE: Channel = Channel::vector(state::ANGULAR_RATE.as_str(), 3, dim::AngularRate::KIND.dimension);
     /// Specific force, body axes \[m/s²\].
     pub const SPECIFIC_FORCE: Channel = Channel::vector("specific_force", 3, dim::Acceleration::KIND.dimension);
+    /// Acceleration dv_eb_n/dt \[m/s²\].
+    pub const ACCELERATION: Channel = Channel::vector(state::ACCELERATION.as_str(), 3, dim::Acceleration::KIND.dimension);
     /// Magnetic field, body axes \[T\].
     pub const MAGNETIC_FIELD: Channel = Channel::vector("magnetic_field", 3, dim::MagneticField::KIND.dimension);
+
+    /// The channel of that name, if it is one of these.
+    #[must_use]
+    pub fn known(name: &str) -> Option<Channel> {
+        let all = [
+            POSITION,
+            VELOCITY,
+            ATTITUDE,
+            HEADING,
+            ANGULAR_RATE,
+            SPECIFIC_FORCE,
+            MAGNETIC_FIELD,
+            ACCELERATION,
+        ];
+        all.into_iter().find(|channel| channel.name == name)
+    }
 }

@@ -1,9 +1,9 @@
 //! The assembler: builds every block over one layout, then puts the runner together.
 
 use super::streams::known_streams;
-use super::{SensorInfo, StreamLayout};
+use super::{Inside, SensorInfo, StreamLayout};
 use crate::config::{Diagnostic, Diagnostics, Node};
-use crate::design::{Design, Draft, Named, ProcessDesign};
+use crate::design::{Design, Draft, Named, ProcessDesign, SourceDesign};
 use fusion_core::filter::{Estimator, Filter};
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::model::{Measurement, Process, Size};
@@ -26,6 +26,8 @@ pub struct Assembly {
     pub sensors: Vec<SensorInfo>,
     /// All streams, in order of their numbers.
     pub streams: Vec<StreamLayout>,
+    /// The filters inside stages.
+    pub filters: Vec<Inside>,
     /// The gravity model of the process.
     pub gravity: Gravity,
 }
@@ -36,7 +38,7 @@ pub struct Assembly {
 /// # Errors
 /// Every mistake found.
 pub fn assemble(design: &Design, declared: Vec<StreamLayout>) -> Result<Assembly, Diagnostics> {
-    let mut a = Assembler::new(design, Some(&design.process), declared, Vec::new());
+    let mut a = Assembler::new(design, Some(&design.process), declared, Vec::new(), Data::of(design));
     let assembly = a.assemble();
     match assembly {
         Some(assembly) => a.d.unless_errors(assembly),
@@ -48,17 +50,46 @@ pub fn assemble(design: &Design, declared: Vec<StreamLayout>) -> Result<Assembly
 /// can be assembled.
 pub(crate) fn check(draft: &Draft, d: &mut Diagnostics) {
     let (streams, vague) = known_streams(draft, d);
-    let mut a = Assembler::new(draft, draft.process.as_ref(), streams, vague);
+    let mut a = Assembler::new(draft, draft.process.as_ref(), streams, vague, Data::of(draft));
     a.assemble();
     d.extend(a.d.iter().cloned());
 }
 
 /// What a runner consists of.
-struct Parts {
-    input: Option<Port>,
-    sensors: Vec<Sensor>,
-    stages: Vec<StageUnit>,
-    initialisers: Vec<InitialiserUnit>,
+pub(super) struct Parts {
+    pub(super) input: Option<Port>,
+    pub(super) sensors: Vec<Sensor>,
+    pub(super) stages: Vec<StageUnit>,
+    pub(super) initialisers: Vec<InitialiserUnit>,
+}
+
+impl Parts {
+    /// Every port.
+    pub(super) fn ports(&mut self) -> impl Iterator<Item = &mut Port> {
+        let sensors = self.sensors.iter_mut().map(|s| &mut s.port);
+        let stages = self.stages.iter_mut().flat_map(|s| &mut s.inputs);
+        let initialisers = self.initialisers.iter_mut().flat_map(|i| &mut i.inputs);
+        self.input.iter_mut().chain(sensors).chain(stages).chain(initialisers)
+    }
+}
+
+/// Where the rows of a design come from, for the filters inside it as well.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Data<'a> {
+    pub(super) sources: &'a [Named<SourceDesign>],
+    pub(super) is_simulated: bool,
+    /// Whether the simulated world could not be read.
+    pub(super) is_unread: bool,
+}
+
+impl<'a> Data<'a> {
+    fn of<P>(design: &'a Design<P>) -> Self {
+        Self {
+            sources: &design.sources,
+            is_simulated: design.simulation.is_some(),
+            is_unread: design.unread.simulation,
+        }
+    }
 }
 
 pub(super) struct Assembler<'a, P> {
@@ -67,6 +98,9 @@ pub(super) struct Assembler<'a, P> {
     pub(super) streams: Vec<StreamLayout>,
     /// Streams of which not everything is known, for a mistake told before.
     pub(super) vague: Vec<String>,
+    pub(super) data: Data<'a>,
+    /// The filters inside stages, as far as they are assembled.
+    pub(super) inside: Vec<Inside>,
     layout: LayoutBuilder,
     gravity: Gravity,
     /// Sensors that could not be built: states that they would have brought are not missed.
@@ -75,12 +109,20 @@ pub(super) struct Assembler<'a, P> {
 }
 
 impl<'a, P> Assembler<'a, P> {
-    fn new(design: &'a Design<P>, process: Option<&'a Named<ProcessDesign>>, streams: Vec<StreamLayout>, vague: Vec<String>) -> Self {
+    pub(super) fn new(
+        design: &'a Design<P>,
+        process: Option<&'a Named<ProcessDesign>>,
+        streams: Vec<StreamLayout>,
+        vague: Vec<String>,
+        data: Data<'a>,
+    ) -> Self {
         Self {
             design,
             process,
             streams,
             vague,
+            data,
+            inside: Vec::new(),
             layout: LayoutBuilder::new(),
             gravity: Gravity::default(),
             failed: design.unread.sensors.iter().map(String::as_str).collect(),
@@ -88,8 +130,14 @@ impl<'a, P> Assembler<'a, P> {
         }
     }
 
-    /// The assembly, where nothing is wrong. Without a process no other block is built, but all are connected.
+    /// The assembly, where nothing is wrong.
     fn assemble(&mut self) -> Option<Assembly> {
+        let (process, parts, infos) = self.blocks();
+        self.finish(process?, parts, infos)
+    }
+
+    /// Builds and connects the blocks. Without a process no other block is built, but all are connected.
+    pub(super) fn blocks(&mut self) -> (Option<Arc<dyn Process>>, Parts, Vec<SensorInfo>) {
         let design = self.design;
         let process: Option<Arc<dyn Process>> = self.process.and_then(|p| self.build(p, |p, b| p.model.build(b))).map(Into::into);
         let is_moved = process.is_some();
@@ -104,15 +152,18 @@ impl<'a, P> Assembler<'a, P> {
         for stage in &design.stages {
             self.streams.push(StreamLayout::of(&stage.name, None, &stage.block.output()));
         }
+        let filters = self.filters();
         let input = self.input_port();
         let (sensors, infos) = self.sensors(models);
+        let mut stages = self.stages(is_moved);
+        stages.extend(filters);
         let parts = Parts {
             input,
             sensors,
-            stages: self.stages(is_moved),
+            stages,
             initialisers: self.initialisers(is_moved),
         };
-        self.finish(process?, parts, infos)
+        (process, parts, infos)
     }
 
     /// Builds one block, turning its error into a diagnostic at the field it names.
@@ -207,13 +258,13 @@ impl<'a, P> Assembler<'a, P> {
         self.d.push(Diagnostic::error(message).at(place).help(help));
     }
 
-    fn finish(&mut self, process: Arc<dyn Process>, parts: Parts, infos: Vec<SensorInfo>) -> Option<Assembly> {
+    pub(super) fn finish(&mut self, process: Arc<dyn Process>, parts: Parts, infos: Vec<SensorInfo>) -> Option<Assembly> {
         let layout = Arc::new(std::mem::take(&mut self.layout).finish());
         if !self.design.unread.initialisers {
             self.check_initialised(&layout);
         }
         let is_whole = infos.len() == self.design.sensors.len()
-            && parts.stages.len() == self.design.stages.len()
+            && parts.stages.len() == self.design.stages.len() + self.design.filters.len()
             && parts.initialisers.len() == self.design.initialisers.len();
         if self.d.has_errors() || !is_whole {
             return None;
@@ -240,6 +291,7 @@ impl<'a, P> Assembler<'a, P> {
             process,
             sensors: infos,
             streams,
+            filters: std::mem::take(&mut self.inside),
             gravity: self.gravity,
         })
     }

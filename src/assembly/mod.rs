@@ -6,6 +6,7 @@
 //! ```
 
 mod assemble;
+mod nested;
 mod ports;
 mod sensors;
 mod simulated;
@@ -13,6 +14,7 @@ mod streams;
 
 pub(crate) use assemble::check;
 pub use assemble::{Assembly, assemble};
+pub use nested::Inside;
 pub use sensors::SensorInfo;
 pub(crate) use simulated::imu_stream;
 pub use streams::{StreamChannel, StreamLayout, declared_streams};

@@ -68,10 +68,10 @@ impl<P> Assembler<'_, P> {
         if found.is_some() {
             return found;
         }
-        if self.design.unread.simulation || self.vague.iter().any(|v| v == name) {
+        if self.data.is_unread || self.vague.iter().any(|v| v == name) {
             return None;
         }
-        if self.design.sources.is_empty() && self.design.simulation.is_none() {
+        if self.data.sources.is_empty() && !self.data.is_simulated {
             self.streams.push(StreamLayout::undeclared(name));
             return Some(self.streams.len() - 1);
         }
@@ -80,7 +80,7 @@ impl<P> Assembler<'_, P> {
         names.dedup();
         let unknown = Diagnostic::error(format!("no source or stage is called `{name}`")).at(node.place_of("source"));
         let mut unknown = unknown.suggest(name, &names, "there are");
-        if self.design.simulation.is_some() {
+        if self.data.is_simulated {
             unknown = unknown.and_help("a simulated sensor, [simulation.sensor.NAME], provides what [sensor.NAME] reads");
         }
         self.d.push(unknown);
@@ -92,7 +92,7 @@ impl<P> Assembler<'_, P> {
         let layout = &mut self.streams[stream];
         let is_vague = |layout: &StreamLayout| {
             let is_layout = |name: &String| *name == layout.name || Some(name) == layout.alias.as_ref();
-            self.design.unread.simulation || self.vague.iter().any(is_layout)
+            self.data.is_unread || self.vague.iter().any(is_layout)
         };
         let wrong = match layout.channel(&wanted.name) {
             Some(found) if found.fits(wanted) => return Some(found.clone()),
@@ -104,14 +104,14 @@ impl<P> Assembler<'_, P> {
             None if is_vague(layout) => return None,
             None => missing(layout, wanted),
         };
-        let help = match (layout.channel(&wanted.name), &self.design.simulation) {
-            (Some(_), _) if self.design.sources.iter().any(|s| s.name == layout.name) => {
+        let help = match (layout.channel(&wanted.name), self.data.is_simulated) {
+            (Some(_), _) if self.data.sources.iter().any(|s| s.name == layout.name) => {
                 let table = format!("[source.{}.channels.{}]", layout.name, wanted.name);
                 Some(format!("look at the columns and the `unit` under {table}"))
             }
             (Some(_), _) => None,
-            (None, Some(_)) => Some(format!("what is simulated is not declared further; {}", has(layout))),
-            (None, None) => Some(format!("declare it under [source.{}.channels]; {}", layout.name, has(layout))),
+            (None, true) => Some(format!("what is simulated is not declared further; {}", has(layout))),
+            (None, false) => Some(format!("declare it under [source.{}.channels]; {}", layout.name, has(layout))),
         };
         let wrong = wrong.at(node.place_of("source"));
         self.d.push(match help {

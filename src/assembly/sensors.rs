@@ -8,7 +8,7 @@ use fusion_core::loss::{Loss, Quadratic};
 use fusion_core::model::Measurement;
 use fusion_core::runner::{Noise, Sensor, StreamId};
 use fusion_core::time::nanos;
-use fusion_models::block::{Channel, Reading, Shape, check_delay};
+use fusion_models::block::{Channel, Reading, SensorSpec, check_delay};
 use fusion_models::units::{Dimension, range};
 use std::sync::Arc;
 
@@ -47,7 +47,7 @@ impl<P> Assembler<'_, P> {
         let delay = self.d.keep(check_delay("time_offset", spec.delay()).map_err(|e| node.locate(&e)));
         let sigma = self.d.keep(sigma(design, &rows));
         let reported = match &port {
-            Some(port) if common.noise.from_source => self.reported(port.stream, channel.as_ref(), &rows, node),
+            Some(port) if common.noise.from_source => self.reported(port.stream, spec.as_ref(), node),
             _ => Some(Vec::new()),
         };
         let gate = self.d.keep(gate(design, &rows));
@@ -78,20 +78,14 @@ impl<P> Assembler<'_, P> {
     }
 
     /// The columns in which the source reports the sensor's 1σ.
-    fn reported(&mut self, stream: StreamId, channel: Option<&Channel>, rows: &[Dimension], node: &Node) -> Option<Vec<usize>> {
-        let Some(channel) = channel else {
+    fn reported(&mut self, stream: StreamId, spec: &dyn SensorSpec, node: &Node) -> Option<Vec<usize>> {
+        let Some(sigma) = spec.reported_sigma() else {
             let message = "a pseudo-measurement has no source that could report its noise";
             self.d.push(Diagnostic::error(message).at(node.place_of("noise.from_source")));
             return None;
         };
-        let sigma = Channel {
-            name: format!("{}_sigma", channel.name).into(),
-            width: channel.degrees(),
-            dimension: rows.first().copied().unwrap_or(Dimension::NONE),
-            shape: Shape::Vector,
-        };
         let found = self.channel(stream, &sigma, node)?;
-        Some((found.offset..found.offset + rows.len()).collect())
+        Some((found.offset..found.offset + found.width).collect())
     }
 
     /// Lays the gate policy `only_with` over the sensor's own gate.

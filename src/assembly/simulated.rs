@@ -15,6 +15,7 @@ fn process_source<P>(design: &Design<P>) -> Option<&str> {
 pub(crate) fn imu_stream<P>(design: &Design<P>) -> &str {
     process_source(design)
         .filter(|name| design.stages.iter().all(|stage| stage.name != *name))
+        .filter(|name| design.filters.iter().all(|filter| filter.name != *name))
         .unwrap_or(IMU)
 }
 

@@ -87,6 +87,11 @@ impl Document {
         (Self { root }, grower.found)
     }
 
+    /// A document of one table of this one.
+    pub(crate) fn within(&self, table: Node) -> Self {
+        Self { root: table }
+    }
+
     /// The whole tree.
     #[must_use]
     pub fn root(&self) -> &Node {

@@ -5,7 +5,7 @@
 //! [filter]              # backend
 //! [process]             # the process model and its source
 //! [sensor.NAME]         # measurement models with source, noise, gate, loss
-//! [stage.NAME]          # streams into streams
+//! [stage.NAME]          # streams into streams; `type = "filter"`: a design of its own
 //! [initial.NAME]        # how the filter starts
 //! [source.NAME]         # recorded data, with faults
 //! [simulation]          # or a simulated world
@@ -17,6 +17,7 @@ mod blocks;
 mod filter;
 mod leaders;
 mod names;
+mod nested;
 mod noise;
 mod read;
 mod reference;
@@ -25,6 +26,7 @@ mod run;
 pub use blocks::{Fault, Named, ProcessDesign, SensorCommon, SensorDesign, SimulationDesign, SourceDesign};
 pub use filter::{ChartSpec, FilterSpec, FormSpec, PresetSpec, UpdateSpec};
 pub use leaders::OnlyWithSpec;
+pub(crate) use nested::TABLES as FILTER_TABLES;
 pub use noise::NoiseSpec;
 pub use read::Design;
 pub(crate) use read::Draft;

@@ -5,7 +5,7 @@ use crate::config::{Diagnostic, Diagnostics, Entry, INCLUDE, Node};
 use fusion_models::sim::{IMU, REFERENCE};
 
 /// Tables that may stand at the top of a design.
-const TABLES: [&str; 10] = [
+pub(super) const TABLES: [&str; 10] = [
     "run",
     "filter",
     "process",
@@ -18,17 +18,17 @@ const TABLES: [&str; 10] = [
     "variant",
 ];
 
-/// Refuses tables that nobody reads.
-pub(super) fn check_tables(root: &Node, d: &mut Diagnostics) {
+/// Refuses tables that nobody reads: those that are not among `known`.
+pub(super) fn check_tables(root: &Node, known: &[&str], d: &mut Diagnostics) {
     if let Some(include) = root.get(INCLUDE) {
         let message = "nothing can be included here: this design was not read from a file";
         let help = "use `Navigator::from_file`, or say where its paths start with `Navigator::from_toml_in`";
         d.push(Diagnostic::error(message).at(include.name_place()).help(help));
     }
     let entries = root.entries().iter().filter(|e| e.key != INCLUDE);
-    for Entry { key, node } in entries.filter(|e| !TABLES.contains(&e.key.as_str())) {
+    for Entry { key, node } in entries.filter(|e| !known.contains(&e.key.as_str())) {
         let unknown = Diagnostic::error(format!("unknown table `{key}`")).at(node.name_place());
-        d.push(unknown.suggest(key, &TABLES, "known tables"));
+        d.push(unknown.suggest(key, known, "known tables"));
     }
 }
 
@@ -56,11 +56,12 @@ fn check_origin(design: &Draft, d: &mut Diagnostics) {
 /// Sources, stages and what is simulated share one space of names.
 fn check_streams(design: &Draft, d: &mut Diagnostics) {
     let world = design.simulation.as_ref().map(|s| &s.block.world);
-    for stage in &design.stages {
-        let name = stage.name.as_str();
+    let blocks = design.stages.iter().map(|s| (&s.name, &s.node));
+    for (name, node) in blocks.chain(design.filters.iter().map(|f| (&f.name, &f.node))) {
+        let name = name.as_str();
         let mut taken = |by: &str, help: &str| {
             let message = format!("`{name}` is the name of {by}");
-            d.push(Diagnostic::error(message).at(stage.node.name_place()).help(help));
+            d.push(Diagnostic::error(message).at(node.name_place()).help(help));
         };
         if design.sources.iter().any(|s| s.name == name) {
             taken("a source and of a stage", "streams share one space of names; rename one of the two");

@@ -2,7 +2,7 @@
 
 use super::{
     Fault, FilterSpec, Named, ProcessDesign, ReferenceSpec, RunSpec, SensorCommon, SensorDesign, SimulationDesign, SourceDesign, leaders,
-    names,
+    names, nested,
 };
 use crate::config::{Diagnostic, Diagnostics, Document, Entry, Node, Value, did_you_mean};
 use fusion_models::block::{InitialiserSpec, StageSpec};
@@ -25,8 +25,10 @@ pub struct Design<P = Named<ProcessDesign>> {
     pub process: P,
     /// `[sensor.*]`, those enabled.
     pub sensors: Vec<Named<SensorDesign>>,
-    /// `[stage.*]`.
+    /// `[stage.*]`, but for the filters among them.
     pub stages: Vec<Named<Box<dyn StageSpec>>>,
+    /// `[stage.*]` that are designs.
+    pub(crate) filters: Vec<Named<Draft>>,
     /// `[initial.*]`.
     pub initialisers: Vec<Named<Box<dyn InitialiserSpec>>>,
     /// `[source.*]`.
@@ -81,40 +83,56 @@ impl Draft {
             d.push(Diagnostic::error(twice).help(help));
         }
         let root = document.root().clone();
-        names::check_tables(&root, d);
+        names::check_tables(&root, &names::TABLES, d);
         let run: Option<RunSpec> = root.get("run").map_or_else(|| Some(RunSpec::default()), |n| n.read(d));
+        let is_unread = run.is_none();
+        let mut draft = Self::filter(document, run.unwrap_or_default(), d);
+        draft.unread.run = is_unread;
+        let (sources, unread_sources) = each(&root, "source", d, read_source);
+        draft.sources = sources;
+        draft.unread.streams.extend(unread_sources);
+        draft.simulation = one(&root, "simulation", d, |n, d| read_simulation(n, &root, d));
+        draft.unread.simulation = draft.simulation.is_none() && root.get("simulation").is_some();
+        draft.reference = one(&root, "reference", d, Node::read);
+        names::check(&mut draft, d);
+        draft
+    }
+
+    /// Reads what a filter consists of, wherever its rows come from.
+    pub(super) fn filter(document: Document, run: RunSpec, d: &mut Diagnostics) -> Self {
+        let root = document.root().clone();
         let filter = root.get("filter").map_or_else(|| Some(FilterSpec::default()), |n| n.read(d));
         let process = read_process(&root, d);
         let (sensors, unread_sensors) = each(&root, "sensor", d, read_sensor);
-        let (stages, mut streams) = each(&root, "stage", d, |n, d| read_optional(n, "stage", Role::Stage, d));
+        let (mut stages, mut filters) = (Vec::new(), Vec::new());
+        let (read, streams) = each(&root, "stage", d, |n, d| read_stage(n, &document, &run, d));
+        for Named { name, node, block } in enabled(read) {
+            match block {
+                Stage::Block(block) => stages.push(Named { name, node, block }),
+                Stage::Filter(block) => filters.push(Named { name, node, block: *block }),
+            }
+        }
         let (initialisers, unread_initialisers) = each(&root, "initial", d, |n, d| read_optional(n, "initialiser", Role::Initialiser, d));
-        let (sources, unread_sources) = each(&root, "source", d, read_source);
-        streams.extend(unread_sources);
-        let simulation = one(&root, "simulation", d, |n, d| read_simulation(n, &root, d));
-        let reference = one(&root, "reference", d, Node::read);
         leaders::check(&root, &sensors, d);
-        let unread = Unread {
-            run: run.is_none(),
-            simulation: simulation.is_none() && root.get("simulation").is_some(),
-            sensors: unread_sensors,
-            streams,
-            initialisers: !unread_initialisers.is_empty(),
-        };
-        let mut draft = Self {
+        Self {
             document,
-            run: run.unwrap_or_default(),
+            run,
             filter: filter.unwrap_or_default(),
             process,
             sensors: sensors.into_iter().filter(|s| s.block.common.enabled != Some(false)).collect(),
-            stages: enabled(stages),
+            stages,
+            filters,
             initialisers: enabled(initialisers),
-            sources,
-            simulation,
-            reference,
-            unread,
-        };
-        names::check(&mut draft, d);
-        draft
+            sources: Vec::new(),
+            simulation: None,
+            reference: None,
+            unread: Unread {
+                sensors: unread_sensors,
+                streams,
+                initialisers: !unread_initialisers.is_empty(),
+                ..Unread::default()
+            },
+        }
     }
 
     /// The design, where it has a process.
@@ -131,6 +149,7 @@ impl Draft {
                 filter: self.filter,
                 sensors: self.sensors,
                 stages: self.stages,
+                filters: self.filters,
                 initialisers: self.initialisers,
                 sources: self.sources,
                 simulation: self.simulation,
@@ -205,9 +224,26 @@ fn one<T>(root: &Node, table: &str, d: &mut Diagnostics, read: impl FnOnce(&Node
 }
 
 /// A block, and whether it is left out.
-struct Optional<T> {
-    enabled: bool,
-    block: T,
+pub(super) struct Optional<T> {
+    pub(super) enabled: bool,
+    pub(super) block: T,
+}
+
+/// A stage as read.
+enum Stage {
+    Block(Box<dyn StageSpec>),
+    Filter(Box<Draft>),
+}
+
+fn read_stage(node: &Node, document: &Document, run: &RunSpec, d: &mut Diagnostics) -> Option<Optional<Stage>> {
+    let (enabled, block) = if nested::is_filter(node) {
+        let read = nested::read(node, document, run, d)?;
+        (read.enabled, Stage::Filter(Box::new(read.block)))
+    } else {
+        let read = read_optional(node, "stage", Role::Stage, d)?;
+        (read.enabled, Stage::Block(read.block))
+    };
+    Some(Optional { enabled, block })
 }
 
 fn enabled<T>(all: Vec<Named<Optional<T>>>) -> Vec<Named<T>> {

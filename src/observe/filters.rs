@@ -1,6 +1,6 @@
 //! Whose events are heard: the filter of a design, and those inside its stages.
 
-use crate::assembly::{Assembly, SensorInfo};
+use crate::assembly::{Assembly, Inside, SensorInfo};
 use core::ops::Range;
 use fusion_core::model::Process;
 use fusion_core::runner::{Event, Sensor, StreamId};
@@ -92,8 +92,18 @@ impl Filters {
     pub fn of(assembly: &Assembly) -> Self {
         let mut filters = Self(Vec::new());
         let sensors = assembly.runner.sensors();
-        filters.add(None, (&assembly.layout, &assembly.process), sensors, &assembly.sensors);
+        let number = filters.add(None, (&assembly.layout, &assembly.process), sensors, &assembly.sensors);
+        filters.add_inside(number, &assembly.filters);
         filters
+    }
+
+    /// Adds those inside the stages of the filter `around`, each followed by those inside it.
+    fn add_inside(&mut self, around: usize, inside: &[Inside]) {
+        for filter in inside {
+            let models = (&filter.layout, &filter.process);
+            let number = self.add(Some((around, &filter.name)), models, &filter.units, &filter.sensors);
+            self.add_inside(number, &filter.filters);
+        }
     }
 
     /// Adds one; of one inside a stage, `stage` has the number of the filter around it and the name.

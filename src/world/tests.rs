@@ -109,7 +109,8 @@ fn a_process_that_reads_only_the_gyros_is_simulated() {
 #[test]
 fn a_stage_between_unit_and_process_reads_the_unit_as_imu() {
     let process = "type = 'strapdown_external_attitude'\nattitude_noise = 1e-5\naccelerometer_noise = 1e-4
-        [stage.unit]\ntype = 'attitude_reference'\nsource = 'imu'\ngyro_noise = 1e-5";
+        [stage.unit]\ntype = 'filter'\nprocess = { type = 'attitude_only', source = 'imu', gyro_noise = 1e-5 }\n\
+        initial.level = { type = 'levelling', source = 'imu', duration = 1, tilt_sigma = 0.01 }";
     assert_eq!(rows(&design(process, ""), "imu").len(), 101);
 }
 

@@ -18,7 +18,7 @@ use std::collections::VecDeque;
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CompassSpec {
-    /// A stream with a `heading` channel: a compass, or the stage `attitude_reference`.
+    /// A stream with a `heading` channel: a compass, the stage `compass`, an attitude filter.
     source: String,
     /// 1σ of the heading that it gives, its slow error included.
     sigma: NonNegative<dim::Angle>,

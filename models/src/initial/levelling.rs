@@ -31,8 +31,8 @@ pub struct LevellingSpec {
     source: String,
     /// How long the vehicle must have stood still.
     duration: Positive<dim::Duration>,
-    /// The bounds of stillness.
-    still: StillSpec,
+    /// The bounds of stillness; without them the vehicle is taken to stand still from the first row on.
+    still: Option<StillSpec>,
     /// 1σ of roll and pitch: accelerometer bias over gravity.
     tilt_sigma: NonNegative<dim::Angle>,
     /// 1σ of the gyro bias found at rest; sets the state `gyro_bias`.
@@ -93,7 +93,7 @@ impl InitialiserSpec for LevellingSpec {
             Some(g) => Some(self.compass(g, b)?),
         };
         Ok(Box::new(Levelling {
-            test: StillTest::new(&self.still),
+            test: self.still.as_ref().map(StillTest::new),
             duration: self.duration.si(),
             tilt_sigma: self.tilt_sigma.si(),
             gyro_bias_sigma: self.gyro_bias_sigma.map(Axes::si),
@@ -170,7 +170,7 @@ struct Rest {
 
 #[derive(Clone, Debug)]
 struct Levelling {
-    test: StillTest,
+    test: Option<StillTest>,
     duration: f64,
     tilt_sigma: f64,
     gyro_bias_sigma: Option<[f64; 3]>,
@@ -196,12 +196,14 @@ impl Levelling {
 impl Initialiser for Levelling {
     fn row(&mut self, _: usize, time: Time, row: &[f64]) {
         let (w, f) = (Vector3::new(row[0], row[1], row[2]), Vector3::new(row[3], row[4], row[5]));
-        self.test.push(time.seconds(), w, f);
+        if let Some(test) = &mut self.test {
+            test.push(time.seconds(), w, f);
+        }
         let dt = self.last.map_or(0.0, |last| time.seconds_since(last));
         self.last = Some(time);
         // Nothing is known of the bias before the first rest, and little changes after it.
         let bias = self.found.map_or_else(Vector3::zeros, |(_, bias)| bias);
-        if self.test.is_still(&bias) {
+        if self.test.as_ref().map_or(self.found.is_none(), |test| test.is_still(&bias)) {
             if self.rest.since.is_none() {
                 self.rest = Rest {
                     since: Some(time),
@@ -324,7 +326,7 @@ mod tests {
             .map(|seed| {
                 let mut random = Lcg::new(seed);
                 let mut levelling = Levelling {
-                    test: StillTest::new(&still),
+                    test: Some(StillTest::new(&still)),
                     duration: 120.0,
                     tilt_sigma: 0.0,
                     gyro_bias_sigma: None,
@@ -347,5 +349,30 @@ mod tests {
         let sigma = (square / runs as f64).sqrt();
         // 12 %: 1/√(2·400) = 3.5 % of 1σ, and 1.5 % of digits.
         assert!((sigma / 3.2 - 1.0).abs() < 0.12, "{sigma}");
+    }
+
+    #[test]
+    fn without_bounds_the_first_rows_are_averaged_and_the_gyros_carry_on() {
+        let mut levelling = Levelling {
+            test: None,
+            duration: 1.0,
+            tilt_sigma: 0.01,
+            gyro_bias_sigma: None,
+            compass: None,
+            rest: Rest::default(),
+            found: None,
+            last: None,
+        };
+        // Shaking that no bound of stillness would let pass, and that averages out over 11 rows.
+        for k in 0..=10 {
+            assert!(levelling.waits_for().is_some(), "{k}");
+            let shake = f64::from(k - 5);
+            levelling.row(0, Time::from_seconds(f64::from(k) * 0.1), &[0.0, 0.0, 0.0, 1.0 + shake, 0.0, -G]);
+        }
+        let (q, _) = levelling.found.unwrap();
+        assert!((so3::to_rpy(&q) - V::new(0.0, (1.0 / G).atan(), 0.0)).norm() < 1e-14); // rounding
+        levelling.row(0, Time::from_seconds(1.1), &[0.5, 0.0, 0.0, 0.0, 0.0, -G]);
+        let (turned, _) = levelling.found.unwrap();
+        assert!((so3::log(&(q.inverse() * turned)) - V::new(0.05, 0.0, 0.0)).norm() < 1e-14);
     }
 }

@@ -2,13 +2,16 @@
 //!
 //! Input      mean angular rate w_m \[rad/s\] over a sample, body axes
 //! State      `attitude` q_nb; where estimated `gyro_bias` b,  w_ib_b = w_m − b
-//! Discrete   q⁺ = Exp(−w_ie_n Δt) ⊗ q ⊗ Exp(w_ib_b Δt)
-//!            Φ_aa = Exp(w_ib_b Δt)ᵀ,  Φ_ab = −Jr(w_ib_b Δt) Δt: exact
+//! Discrete   q⁺ = Exp(−w_ie_n Δt) ⊗ q ⊗ Δq(w_ib_b Δt),  Φ_aa = C(Δq)ᵀ
+//!            `exact`    Δq(v) = Exp(v),                Φ_ab = −Jr(v) Δt
+//!            `literal`  Δq(v) = [1, ½v], normalised,   Φ_ab = −(I − ½[v ×]) Δt/(1 + ¼|v|²)
+//!            Φ is exact for either: the literal step is q + q̇Δt, a turn of 2 atan(½|v|) about v
 //! Q          trapezoid of white gyro noise on attitude
 //! Signals    `angular_rate` w_ib_b \[rad/s\]
 //! Valid      at a fixed latitude: the navigation frame turns with the Earth alone
 //! Not here   coning: give the mean rate, or a sample rate far above the motion
-//! Source     Sola, Deray, Atchuthan 2018 (arXiv 1812.01537), eqs. 139-145 for Jr
+//! Source     Sola, Deray, Atchuthan 2018 (arXiv 1812.01537), eqs. 139-145 for Jr; Shuster 1993,
+//!            J. Astronaut. Sci. 41(4), for the rate of a Rodrigues vector
 
 use crate::block::{Build, BuildError, Channel, ProcessSpec};
 use crate::earth::rates::earth_rate_n;
@@ -36,6 +39,20 @@ pub struct AttitudeOnlySpec {
     gyro_bias: VectorParam<dim::AngularRate>,
     /// Latitude, for the Earth's rotation; that of the origin, or no rotation, where absent.
     latitude: Option<Latitude>,
+    /// How the quaternion is integrated.
+    #[serde(default)]
+    integration: Integration,
+}
+
+/// How a quaternion is integrated over a sample.
+#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
+#[serde(rename_all = "snake_case")]
+enum Integration {
+    /// q ⊗ Exp(wΔt).
+    #[default]
+    Exact,
+    /// q + q̇Δt, normalised, as a paper prints it: a turn of 2 atan(½wΔt), too small by (wΔt)³/12.
+    Literal,
 }
 
 crate::register!(
@@ -64,6 +81,7 @@ impl ProcessSpec for AttitudeOnlySpec {
             angular_rate: b.signal(state::ANGULAR_RATE)?,
             gyro_psd: kinematic::psd(self.gyro_noise.si()),
             w_ie_n: lat.map_or_else(Vector3::zeros, earth_rate_n),
+            integration: self.integration,
         }))
     }
 }
@@ -76,6 +94,25 @@ struct AttitudeOnly {
     angular_rate: Signal<Vector<3>>,
     gyro_psd: Matrix3<f64>,
     w_ie_n: Vector3<f64>,
+    integration: Integration,
+}
+
+impl Integration {
+    /// Δq of `turn` = wΔt \[rad\].
+    fn step(self, turn: &Vector3<f64>) -> UnitQuaternion<f64> {
+        match self {
+            Self::Exact => so3::exp(turn),
+            Self::Literal => so3::integrate_literal(&UnitQuaternion::identity(), turn, 1.0),
+        }
+    }
+
+    /// The body-axes rotation that Δq gains by a change of `turn`, per unit of it.
+    fn slope(self, turn: &Vector3<f64>) -> Matrix3<f64> {
+        match self {
+            Self::Exact => so3::right_jacobian(turn),
+            Self::Literal => (Matrix3::identity() - so3::skew(turn) * 0.5) / (1.0 + 0.25 * turn.norm_squared()),
+        }
+    }
 }
 
 impl AttitudeOnly {
@@ -92,16 +129,16 @@ impl Process for AttitudeOnly {
 
     fn propagate(&self, x: &mut [f64], input: &Input<'_>, dt: f64) {
         let turn = self.rate(x, input) * dt;
-        let mut q = so3::exp(&(self.w_ie_n * -dt)) * self.attitude.read(x) * so3::exp(&turn);
+        let mut q = so3::exp(&(self.w_ie_n * -dt)) * self.attitude.read(x) * self.integration.step(&turn);
         q.renormalize();
         self.attitude.write(&q, x);
     }
 
     fn linearise(&self, x: &[f64], input: &Input<'_>, dt: f64, out: &mut Transition) {
         let (a, turn) = (self.attitude, self.rate(x, input) * dt);
-        out.set(a, a, &so3::rotation(&so3::exp(&turn)).transpose());
+        out.set(a, a, &so3::rotation(&self.integration.step(&turn)).transpose());
         if let Param::State(bias) = &self.gyro_bias {
-            out.set(a, *bias, &(so3::right_jacobian(&turn) * -dt));
+            out.set(a, *bias, &(self.integration.slope(&turn) * -dt));
         }
         out.noise_trapezoid(a, a, &(self.gyro_psd * dt));
     }
@@ -115,12 +152,13 @@ impl Process for AttitudeOnly {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fusion_core::state::LayoutBuilder;
+    use fusion_core::state::{Layout, LayoutBuilder};
+    use fusion_core::testing::check_process;
+    use nalgebra::Vector4;
 
-    #[test]
-    fn a_body_at_rest_on_the_earth_keeps_its_attitude() {
+    fn built(toml: &str) -> (Layout, Box<dyn Process>) {
         let mut layout = LayoutBuilder::new();
-        let spec: AttitudeOnlySpec = toml::from_str("gyro_noise = 0\nlatitude = \"36 deg\"").unwrap();
+        let spec: AttitudeOnlySpec = toml::from_str(toml).unwrap();
         let mut build = Build {
             name: "process",
             layout: &mut layout,
@@ -128,6 +166,12 @@ mod tests {
             gravity: crate::earth::Gravity::default(),
         };
         let process = spec.build(&mut build).unwrap();
+        (layout.finish(), process)
+    }
+
+    #[test]
+    fn a_body_at_rest_on_the_earth_keeps_its_attitude() {
+        let (_, process) = built("gyro_noise = 0\nlatitude = \"36 deg\"");
         let q = so3::from_rpy(0.4, -0.3, 2.0);
         let rate = q.inverse() * earth_rate_n(36_f64.to_radians());
         let mut x = [q.w, q.i, q.j, q.k];
@@ -137,5 +181,21 @@ mod tests {
         let after = so3::from_scalar_first(&x.into());
         // An hour, 15° of the Earth's turning; 1e-12: rounding of 3600 steps.
         assert!(so3::log(&(q.inverse() * after)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn literal_integration_is_the_printed_step_and_linearised_as_exactly_as_the_other() {
+        let bias = "gyro_bias = { estimate = true, initial = [0.1, 0, 0], sigma = 0.01 }";
+        let (layout, process) = built(&format!("gyro_noise = 1e-3\nintegration = \"literal\"\n{bias}"));
+        let (q, dt) = (so3::from_rpy(0.4, -0.3, 2.0), 0.1);
+        // Half a radian per step: Exp would be 0.01 rad away.
+        let rate = Vector3::new(3.1, -2.0, 4.0);
+        let input = Input::held(rate.as_slice());
+        let mut x = [q.w, q.i, q.j, q.k, 0.1, 0.0, 0.0];
+        check_process(&layout, process.as_ref(), &x, &input, dt).unwrap();
+        process.propagate(&mut x, &input, dt);
+        let after = so3::from_scalar_first(&Vector4::new(x[0], x[1], x[2], x[3]));
+        let printed = so3::integrate_literal(&q, &Vector3::new(3.0, -2.0, 4.0), dt);
+        assert!(so3::log(&(printed.inverse() * after)).norm() < 1e-15); // rounding
     }
 }

@@ -9,7 +9,7 @@
 //! Φ          I + FΔt, F of the strapdown error model but for the attitude, which does not see
 //!            position and velocity:  Φ_aa = Exp(w_nb_b Δt)ᵀ, exact
 //! Signals    `angular_rate` w_ib_b = w_nb_b + C_nbᵀ w_in_n \[rad/s\], `acceleration` \[m/s²\]
-//! Cascaded   the stage `attitude_reference` drives this process; the sensor `attitude` on the same
+//! Cascaded   an attitude filter, the stage `filter`, drives this process; the sensor `attitude` on the same
 //!            stage holds the attitude to the reference's. With a small sigma the attitude is the
 //!            reference's own; with the reference's true 1σ, position fixes may correct what the
 //!            reference gets wrong. So one model serves the cascade and what lies between it and

@@ -2,15 +2,19 @@
 //!
 //! Measured   z = q_ns, body to navigation, of the sensor's axes s
 //! Predicted  h(x) = q_nb ⊗ q_bs, q_bs the mounting: x_b = C_bs x_s
-//! Residual   r = Log(h⁻¹ z) \[rad\], about the sensor's axes
-//! Jacobian   ∂r/∂δφ_b = C_bsᵀ,  ∂r/∂δμ = I₃ for the mounting C_bs Exp(δμ); exact at r = 0, beyond
-//!            it to first order in r
+//! Residual   `part = "all"`      r = Log(h⁻¹ z) \[rad\], about the sensor's axes
+//!            `part = "tilt"`     the north and east rows of ε = Log(z h⁻¹), about navigation axes
+//!            `part = "heading"`  its down row: a turn about the vertical, at any pitch
+//! Jacobian   of all: ∂r/∂δφ_b = C_bsᵀ,  ∂r/∂δμ = I₃ for the mounting C_bs Exp(δμ);
+//!            of a part: its rows of C_nb and of C_ns; exact at r = 0, beyond it to first order in r
+//! Parts      for an attitude that is measured in part only: what made it of the vertical tells no
+//!            heading, what made it of the magnetic field no tilt
 //! Valid      errors of the source that are white; a filter's output is not: its sigma must hold
 //!            the correlated part, and a second use of the same gyros
 //! Source     Sola, Deray, Atchuthan 2018 (arXiv 1812.01537), eqs. 66-71
 
 use super::XYZ;
-use crate::block::{Build, BuildError, Reading, SensorSpec};
+use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
 use crate::param::RotationParam;
 use crate::units::{Dimension, Dimensional, dim};
 use crate::vocabulary::{channel, state};
@@ -21,6 +25,7 @@ use fusion_core::state::{Attitude, Manifold, Param, Quantity, View};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector4};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use std::ops::Range;
 
 /// Attitude as a quaternion, from an attitude reference or a motion-capture system.
 #[derive(Debug, Deserialize, JsonSchema)]
@@ -29,6 +34,54 @@ pub struct AttitudeSpec {
     /// Roll, pitch, yaw of the sensor's axes in the body: x_body = C(mounting) x_sensor.
     #[serde(default)]
     mounting: RotationParam,
+    /// What of the attitude is measured.
+    #[serde(default)]
+    part: Part,
+}
+
+/// What of an attitude is measured.
+#[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
+#[serde(rename_all = "snake_case")]
+enum Part {
+    /// All of it: three rows, about the sensor's axes.
+    #[default]
+    All,
+    /// The tilt alone: two rows, about north and east.
+    Tilt,
+    /// The heading alone: one row, about down.
+    Heading,
+}
+
+impl Part {
+    /// The navigation axes of the rows; none of them where the rows are about the sensor's.
+    fn navigation_axes(self) -> Option<Range<usize>> {
+        match self {
+            Self::All => None,
+            Self::Tilt => Some(0..2),
+            Self::Heading => Some(2..3),
+        }
+    }
+
+    fn axes(self) -> &'static [&'static str] {
+        match self {
+            Self::All => XYZ,
+            Self::Tilt => &["north", "east"],
+            Self::Heading => &[],
+        }
+    }
+
+    /// The channel with the 1σ of its rows.
+    fn sigma(self) -> &'static str {
+        match self {
+            Self::All => "attitude_sigma",
+            Self::Tilt => "tilt_sigma",
+            Self::Heading => "heading_sigma",
+        }
+    }
+
+    fn rows(self) -> usize {
+        self.navigation_axes().map_or(3, |axes| axes.len())
+    }
 }
 
 crate::register!(
@@ -47,17 +100,22 @@ impl SensorSpec for AttitudeSpec {
     }
 
     fn noise(&self) -> Vec<Dimension> {
-        vec![dim::Angle::KIND.dimension; 3]
+        vec![dim::Angle::KIND.dimension; self.part.rows()]
     }
 
     fn axes(&self) -> &'static [&'static str] {
-        XYZ
+        self.part.axes()
+    }
+
+    fn reported_sigma(&self) -> Option<Channel> {
+        Some(Channel::vector(self.part.sigma(), self.part.rows(), dim::Angle::KIND.dimension))
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
         Ok(Box::new(MeasuredAttitude {
             attitude: b.quantity(state::ATTITUDE)?,
             mounting: b.param("mounting", &self.mounting)?,
+            part: self.part,
         }))
     }
 }
@@ -72,11 +130,15 @@ fn unit(z: &[f64]) -> UnitQuaternion<f64> {
 struct MeasuredAttitude {
     attitude: Quantity<Attitude>,
     mounting: Param<Attitude>,
+    part: Part,
 }
 
 impl Measurement for MeasuredAttitude {
     fn size(&self) -> Size {
-        Size { value: 4, residual: 3 }
+        Size {
+            value: 4,
+            residual: self.part.rows(),
+        }
     }
 
     fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {
@@ -85,17 +147,46 @@ impl Measurement for MeasuredAttitude {
     }
 
     fn jacobian(&self, at: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined> {
-        h.add(0, &self.attitude, &so3::rotation(&at.get(&self.mounting)).transpose());
-        h.add(0, &self.mounting, &Matrix3::identity());
+        let (q_nb, q_bs) = (at.get(&self.attitude), at.get(&self.mounting));
+        match self.part {
+            Part::All => {
+                h.add(0, &self.attitude, &so3::rotation(&q_bs).transpose());
+                h.add(0, &self.mounting, &Matrix3::identity());
+            }
+            Part::Tilt => {
+                h.add(0, &self.attitude, &so3::rotation(&q_nb).fixed_rows::<2>(0).into_owned());
+                h.add(0, &self.mounting, &so3::rotation(&(q_nb * q_bs)).fixed_rows::<2>(0).into_owned());
+            }
+            Part::Heading => {
+                h.add(0, &self.attitude, &so3::rotation(&q_nb).fixed_rows::<1>(2).into_owned());
+                h.add(0, &self.mounting, &so3::rotation(&(q_nb * q_bs)).fixed_rows::<1>(2).into_owned());
+            }
+        }
         Ok(())
     }
 
     fn residual(&self, z: &[f64], predicted: &[f64], r: &mut [f64]) {
-        r[..3].copy_from_slice(so3::log(&(unit(predicted).inverse() * unit(z))).as_slice());
+        let (z, h) = (unit(z), unit(predicted));
+        match self.part.navigation_axes() {
+            None => r[..3].copy_from_slice(so3::log(&(h.inverse() * z)).as_slice()),
+            Some(axes) => r[..axes.len()].copy_from_slice(&so3::log(&(z * h.inverse())).as_slice()[axes]),
+        }
     }
 
     fn perturb(&self, z: &mut [f64], e: &[f64]) {
-        Attitude::write(&(unit(z) * so3::exp(&Vector3::new(e[0], e[1], e[2]))), z);
+        let mut turn = Vector3::zeros();
+        let turned = match self.part.navigation_axes() {
+            None => {
+                turn.as_mut_slice().copy_from_slice(&e[..3]);
+                unit(z) * so3::exp(&turn)
+            }
+            Some(axes) => {
+                let rows = axes.len();
+                turn.as_mut_slice()[axes].copy_from_slice(&e[..rows]);
+                so3::exp(&turn) * unit(z)
+            }
+        };
+        Attitude::write(&turned, z);
     }
 }
 
@@ -103,6 +194,9 @@ impl Measurement for MeasuredAttitude {
 mod tests {
     use super::*;
     use fusion_core::geometry::so3::from_rpy;
+    use fusion_core::model::Input;
+    use fusion_core::state::{Declaration, Dynamics, LayoutBuilder, StateRole};
+    use fusion_core::testing::check_measurement;
 
     #[test]
     fn the_residual_is_the_turn_of_the_body_whatever_the_sign_of_the_quaternion() {
@@ -110,6 +204,7 @@ mod tests {
         let model = MeasuredAttitude {
             attitude: Quantity::Fixed(q),
             mounting: Param::Fixed(from_rpy(0.0, 0.0, 1.0)),
+            part: Part::All,
         };
         let (mut h, mut z, mut r) = ([0.0; 4], [0.0; 4], [0.0; 3]);
         model.predict(&View::new(&[], &[]), &mut h).unwrap();
@@ -121,5 +216,54 @@ mod tests {
             let seen = from_rpy(0.0, 0.0, 1.0).inverse() * turn;
             assert!((Vector3::from(r) - seen).norm() < 1e-15, "{r:?}");
         }
+    }
+
+    #[test]
+    fn a_part_of_an_attitude_obeys_the_laws_of_the_whole() {
+        let mut layout = LayoutBuilder::new();
+        let mut state = |name: &str| {
+            let declared = Declaration {
+                name: name.to_owned(),
+                owner: String::new(),
+                unit: "rad",
+                initial: from_rpy(0.3, -1.2, 2.0),
+                sigma: vec![0.1; 3],
+                role: StateRole::Kinematic,
+                dynamics: Dynamics::Constant,
+            };
+            layout.declare::<Attitude>(declared).unwrap()
+        };
+        let (attitude, mounting) = (Quantity::State(state("attitude")), Param::State(state("mounting")));
+        let layout = layout.finish();
+        for part in [Part::All, Part::Tilt, Part::Heading] {
+            let model = MeasuredAttitude {
+                attitude: attitude.clone(),
+                mounting: mounting.clone(),
+                part,
+            };
+            check_measurement(&layout, None, &model, layout.initial(), &Input::held(&[])).unwrap();
+        }
+    }
+
+    #[test]
+    fn a_tilt_says_nothing_of_the_heading_and_a_heading_nothing_of_the_tilt() {
+        let q = from_rpy(0.2, -1.5, 2.8);
+        let rows = |part, turn: Vector3<f64>| {
+            let (mut h, mut z, mut r) = ([0.0; 4], [0.0; 4], [0.0; 3]);
+            Attitude::write(&q, &mut h);
+            Attitude::write(&(so3::exp(&turn) * q), &mut z);
+            let model = MeasuredAttitude {
+                attitude: Quantity::Fixed(q),
+                mounting: Param::Fixed(UnitQuaternion::identity()),
+                part,
+            };
+            model.residual(&z, &h, &mut r);
+            r
+        };
+        // 1e-15: rounding; close to straight up, where roll and yaw have no meaning of their own.
+        assert!(Vector3::from(rows(Part::Heading, Vector3::new(0.1, -0.2, 0.0))).amax() < 1e-15);
+        assert!(Vector3::from(rows(Part::Tilt, Vector3::new(0.0, 0.0, 0.3))).amax() < 1e-15);
+        assert!((Vector3::from(rows(Part::Tilt, Vector3::new(0.1, -0.2, 0.0))) - Vector3::new(0.1, -0.2, 0.0)).amax() < 1e-15);
+        assert!((rows(Part::Heading, Vector3::new(0.0, 0.0, 0.3))[0] - 0.3).abs() < 1e-15);
     }
 }

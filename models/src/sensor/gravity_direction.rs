@@ -5,7 +5,7 @@
 //! Jacobian   ∂h/∂δφ_b = −g [C_nbᵀ e₃ ×],  ∂h/∂b = I₃
 //! Valid      at rest or in steady motion; where the body accelerates, the sigma holds the
 //!            acceleration, or the stream is a force averaged in axes that do not turn (the stage
-//!            `attitude_reference`)
+//!            `steady_force`)
 //! Not here   heading, which no vertical tells
 //! Source     the derivative of C_nbᵀ e₃ with C_nb ← C_nb Exp(δφ_b)
 

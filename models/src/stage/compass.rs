@@ -2,18 +2,21 @@
 //!
 //! Calibrated m = A (m_raw − hard_iron)
 //! Output     `heading` ψ + η \[rad\] clockwise from true north, ψ the filter's own yaw and η the turn
-//!            about down that brings C_nb m to magnetic north; before the filter starts, from the
-//!            tilt that the specific force gives
-//! Gate       size and dip of the field against the undisturbed ones, learnt over the first second
-//!            ([`super::attitude_reference::field_gate`])
-//! Used by    the sensor `heading` (its own `declination` is then 0), the initialiser `compass`
+//!            about down that brings C_nb m to magnetic north; `attitude` the filter's own, turned by
+//!            η; before the filter starts, from the tilt that the specific force gives
+//! Gate       size and dip of the field against the undisturbed ones, learnt at the start
+//!            ([`field_gate`])
+//! Used by    the sensor `attitude` with `part = "heading"`, which has a heading at any pitch; the
+//!            sensor `heading` (its own `declination` is then 0), the initialiser `compass`
 //! Valid      the heading is as wrong as the tilt times tan(dip)
 
-use super::attitude_reference::field_gate::{FieldGate, FieldGateSpec};
-use super::attitude_reference::{kernel, no_soft_iron, thirty_hertz};
+pub mod field;
+pub mod field_gate;
+
 use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
-use crate::units::{self, Positive, Vec3Of, dim};
+use crate::units::{self, Positive, Quantity as Unit, Vec3Of, dim};
 use crate::vocabulary::{channel, state};
+use field_gate::{FieldGate, FieldGateSpec};
 use fusion_core::geometry::so3;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Attitude, Quantity, View, wrap};
@@ -31,7 +34,7 @@ pub struct CompassStageSpec {
     /// A stream with a `specific_force` channel, for the tilt before the filter starts; without it
     /// the body is taken for level.
     level_source: Option<String>,
-    /// Headings per second at most.
+    /// Headings per second at most, once the filter has started; before, every field counts.
     #[serde(default = "thirty_hertz")]
     rate: Positive<dim::Frequency>,
     /// Where magnetic north lies clockwise from true north.
@@ -47,6 +50,15 @@ pub struct CompassStageSpec {
     gate: Option<FieldGateSpec>,
 }
 
+fn thirty_hertz() -> Positive<dim::Frequency> {
+    Positive::try_from_si(30.0).unwrap_or_else(|_| unreachable!("30 is positive"))
+}
+
+fn no_soft_iron() -> [Vec3Of<dim::Ratio>; 3] {
+    let row = |i: usize| core::array::from_fn(|j| Unit::from_si(f64::from(i == j))).into();
+    [row(0), row(1), row(2)]
+}
+
 crate::register!(
     Stage,
     "compass",
@@ -58,7 +70,7 @@ rate = "30 Hz"
 declination = "-8 deg"
 soft_iron = [[1.02, 0, 0], [0, 0.99, 0], [0, 0, 1]]
 hard_iron = ["1.2 uT", "-3 uT", 0]
-gate = { magnitude = "5 %", dip = "3 deg", adopt_after = "60 s" }
+gate = { magnitude = "5 %", dip = "3 deg", adopt_after = "60 s", learn_for = "1 s" }
 "#
 );
 
@@ -81,7 +93,7 @@ impl StageSpec for CompassStageSpec {
     }
 
     fn output(&self) -> Vec<Channel> {
-        vec![channel::HEADING]
+        vec![channel::HEADING, channel::ATTITUDE]
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
@@ -91,6 +103,7 @@ impl StageSpec for CompassStageSpec {
             soft_iron: Matrix3::from_rows(&self.soft_iron.map(|row| Vector3::from(row.si()).transpose())),
             hard_iron: self.hard_iron.si().into(),
             gate: self.gate.filter(|g| g.enabled).map(|g| g.build()),
+            learn_for: self.gate.map_or(0.0, |g| g.learn_for.si()),
             period: nanos(1.0 / self.rate.si()),
             begun: None,
             field: Vector3::zeros(),
@@ -100,9 +113,6 @@ impl StageSpec for CompassStageSpec {
     }
 }
 
-/// How long the undisturbed field is averaged.
-const LEARNING: f64 = 1.0;
-
 #[derive(Clone, Debug)]
 struct CompassStage {
     attitude: Quantity<Attitude>,
@@ -110,6 +120,7 @@ struct CompassStage {
     soft_iron: Matrix3<f64>,
     hard_iron: Vector3<f64>,
     gate: Option<FieldGate>,
+    learn_for: f64,
     period: i64,
     begun: Option<(Time, f64)>,
     /// The mean field while learning.
@@ -129,27 +140,31 @@ impl Stage for CompassStage {
             self.force = read;
             return;
         }
-        let m = kernel::calibrated(&read, &self.soft_iron, &self.hard_iron);
+        let m = field::calibrated(&read, &self.soft_iron, &self.hard_iron);
         let q = match view {
             Some(view) => view.get(&self.attitude),
-            None => kernel::levelled(&UnitQuaternion::identity(), &self.force),
+            None => field::levelled(&UnitQuaternion::identity(), &self.force),
         };
-        let seen = kernel::field(&m, &q, self.declination);
+        let seen = field::field(&m, &q, self.declination);
         let (since, count) = self.begun.get_or_insert((time, 0.0));
         if let Some(gate) = &mut self.gate {
-            if time.seconds_since(*since) < LEARNING {
+            if time.seconds_since(*since) < self.learn_for {
                 *count += 1.0;
                 self.field += (q * m - self.field) / *count;
             } else {
-                gate.learn(&kernel::field(&self.field, &UnitQuaternion::identity(), 0.0));
+                gate.learn(&field::field(&self.field, &UnitQuaternion::identity(), 0.0));
                 if !gate.passes(&seen, time) {
                     return;
                 }
             }
         }
         if time >= self.next {
-            self.next = time.shifted(self.period);
-            out.emit(time, &[wrap(so3::to_rpy(&q).z + seen.turn)]);
+            // Before the start, an initialiser averages whatever there is.
+            if view.is_some() {
+                self.next = time.shifted(self.period);
+            }
+            let (heading, q) = (wrap(so3::to_rpy(&q).z + seen.turn), field::turned(&q, seen.turn));
+            out.emit(time, &[heading, q.w, q.i, q.j, q.k]);
         }
     }
 
@@ -169,6 +184,7 @@ mod tests {
             soft_iron: Matrix3::identity(),
             hard_iron: Vector3::zeros(),
             gate: gate.then(|| FieldGateSpec::default().build()),
+            learn_for: 1.0,
             period: 0,
             begun: None,
             field: Vector3::zeros(),

@@ -1,7 +1,7 @@
 //! Stages: streams in, a stream out.
 
-pub mod attitude_reference;
 pub mod compass;
+pub mod gravity_gradient;
 pub mod periodic;
 pub mod stationarity;
 pub mod steady_force;

@@ -8,16 +8,26 @@
 //!            catches what shaking the average lets through
 //! Valid      accelerations that average out over τ, gyros that do not drift over it
 
-use super::attitude_reference::kernel;
 use crate::block::{Build, BuildError, Channel, Listen, StageSpec, imu_channels};
-use crate::units::{Positive, dim};
+use crate::earth::LocalEarth;
+use crate::units::{Positive, STANDARD_GRAVITY, dim};
 use crate::vocabulary::{channel, state};
+use fusion_core::geometry::so3;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Quantity, Vector, View};
 use fusion_core::time::{Time, nanos};
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
+
+/// The specific force low-passed over `time_constant` \[s\] in axes that do not turn: `filtered`
+/// and `f_b` in body axes, before and after a turn of `w_nb_b` \[rad/s\] for `dt` \[s\].
+#[inline]
+#[must_use]
+pub fn low_passed(filtered: &Vector3<f64>, f_b: &Vector3<f64>, w_nb_b: &Vector3<f64>, dt: f64, time_constant: f64) -> Vector3<f64> {
+    let carried = so3::exp(&(w_nb_b * -dt)) * filtered;
+    carried + (f_b - carried) * (1.0 - (-dt / time_constant).exp())
+}
 
 /// The specific force low-passed in axes that do not turn: a vertical for a body that accelerates.
 #[derive(Debug, Deserialize, JsonSchema)]
@@ -27,8 +37,12 @@ pub struct SteadyForceSpec {
     source: String,
     /// Time constant: longer than the accelerations last, shorter than the gyros drift.
     time_constant: Positive<dim::Duration>,
-    /// Rows per second.
-    rate: Positive<dim::Frequency>,
+    /// Rows per second at most; a row per sample where absent.
+    rate: Option<Positive<dim::Frequency>>,
+    /// Rows are left out where |f̄| differs from g by more than this share of g; without it none.
+    band: Option<Positive<dim::Ratio>>,
+    /// g for `band`; by default that of the origin, or standard gravity.
+    gravity: Option<Positive<dim::Acceleration>>,
 }
 
 crate::register!(
@@ -39,6 +53,8 @@ crate::register!(
 source = "imu"
 time_constant = "1.5 s"
 rate = "10 Hz"
+band = "5 %"
+gravity = "9.81 m/s^2"
 "#
 );
 
@@ -56,10 +72,13 @@ impl StageSpec for SteadyForceSpec {
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
+        let at_origin = b.origin.map_or(STANDARD_GRAVITY, |o| LocalEarth::at(&o).gravity(b.gravity));
         Ok(Box::new(SteadyForce {
             gyro_bias: b.quantity(state::GYRO_BIAS).ok(),
             time_constant: self.time_constant.si(),
-            period: nanos(1.0 / self.rate.si()),
+            period: self.rate.map_or(0, |rate| nanos(1.0 / rate.si())),
+            band: self.band.map_or(f64::INFINITY, |band| band.si()),
+            gravity: self.gravity.map_or(at_origin, |g| g.si()),
             last: None,
             next: Time::MIN,
         }))
@@ -71,6 +90,8 @@ struct SteadyForce {
     gyro_bias: Option<Quantity<Vector<3>>>,
     time_constant: f64,
     period: i64,
+    band: f64,
+    gravity: f64,
     last: Option<(Time, Vector3<f64>)>,
     next: Time,
 }
@@ -85,10 +106,11 @@ impl Stage for SteadyForce {
             .zip(self.gyro_bias.as_ref())
             .map_or_else(Vector3::zeros, |(view, bias)| view.get(bias));
         let steady = self.last.map_or(f, |(last, steady)| {
-            kernel::low_passed(&steady, &f, &(w - bias), time.seconds_since(last), self.time_constant)
+            low_passed(&steady, &f, &(w - bias), time.seconds_since(last), self.time_constant)
         });
         self.last = Some((time, steady));
-        if time >= self.next {
+        let off = (steady.norm() / self.gravity - 1.0).abs();
+        if time >= self.next && off <= self.band {
             self.next = time.shifted(self.period);
             out.emit(time, steady.as_slice());
         }
@@ -102,7 +124,6 @@ impl Stage for SteadyForce {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use fusion_core::geometry::so3;
 
     #[test]
     fn a_turning_body_that_shakes_gives_its_vertical_less_the_bias_of_its_gyros() {
@@ -111,6 +132,8 @@ mod tests {
             gyro_bias: Some(Quantity::Fixed(bias)),
             time_constant: 1.5,
             period: 0,
+            band: 0.05,
+            gravity: 9.8,
             last: None,
             next: Time::MIN,
         };
@@ -130,5 +153,53 @@ mod tests {
             );
             q *= so3::exp(&(w * 0.01));
         }
+    }
+
+    #[test]
+    fn a_force_that_stays_off_gravity_is_no_vertical() {
+        let mut stage = SteadyForce {
+            gyro_bias: None,
+            time_constant: 1.5,
+            period: 0,
+            band: 0.05,
+            gravity: 9.8,
+            last: None,
+            next: Time::MIN,
+        };
+        let mut emitted = |f: f64, seconds: core::ops::Range<i32>| {
+            let mut out = Emitter::default();
+            for k in seconds.start * 100..seconds.end * 100 {
+                stage.row(
+                    0,
+                    Time::from_seconds(f64::from(k) * 0.01),
+                    &[0.0, 0.0, 0.0, 0.0, 0.0, -f],
+                    None,
+                    &mut out,
+                );
+            }
+            out.rows().count()
+        };
+        assert_eq!(emitted(9.8, 0..1), 100);
+        // The average passes 5 % of a step by 10 % after τ ln 2 = 1.04 s.
+        assert_eq!(emitted(10.78, 1..3), 103);
+        assert_eq!(emitted(10.78, 3..5), 0);
+    }
+
+    #[test]
+    fn the_low_pass_follows_a_turning_body_without_lag() {
+        let (w, dt) = (Vector3::new(0.5, -1.0, 0.3), 0.01);
+        let mut q = so3::from_rpy(0.1, 0.2, 0.3);
+        let mut filtered = q.inverse() * Vector3::new(0.0, 0.0, -9.8);
+        for _ in 0..500 {
+            q *= so3::exp(&(w * dt));
+            filtered = low_passed(&filtered, &(q.inverse() * Vector3::new(0.0, 0.0, -9.8)), &w, dt, 1.5);
+        }
+        assert!((filtered - (q.inverse() * Vector3::new(0.0, 0.0, -9.8))).norm() < 1e-11); // 500 roundings of 10
+        // A step of force is followed to 1 − 1/e after one time constant.
+        let mut still = Vector3::zeros();
+        for _ in 0..150 {
+            still = low_passed(&still, &Vector3::x(), &Vector3::zeros(), dt, 1.5);
+        }
+        assert!((still.x - (1.0 - (-1.0_f64).exp())).abs() < 1e-14); // rounding of 150 steps
     }
 }

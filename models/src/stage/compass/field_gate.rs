@@ -1,6 +1,6 @@
 //! Whether a magnetic field is the Earth's: its size and its dip against the undisturbed ones.
 
-use super::kernel::Field;
+use super::field::Field;
 use crate::units::{self, Positive, Quantity, dim};
 use fusion_core::time::Time;
 use schemars::JsonSchema;
@@ -20,6 +20,8 @@ pub struct FieldGateSpec {
     dip: Positive<dim::Angle>,
     /// A field that has been another one, but steady, for so long is the new reference.
     adopt_after: Positive<dim::Duration>,
+    /// How long the undisturbed field is averaged at the start, where it is learnt.
+    pub(crate) learn_for: Positive<dim::Duration>,
 }
 
 /// An undisturbed field.
@@ -43,6 +45,7 @@ impl Default for FieldGateSpec {
             magnitude: positive(0.05),
             dip: positive(3_f64.to_radians()),
             adopt_after: positive(60.0),
+            learn_for: positive(1.0),
         }
     }
 }
