@@ -63,7 +63,7 @@ pub fn design() -> Value {
         .collect();
     let whole: Map<String, Value> = sections.into_iter().map(|(name, schema)| (name.to_owned(), schema)).collect();
     let include = json!({
-        "description": "Files that this one is put together with, by paths relative to it: what it says itself wins, then the later file.",
+        "description": "Parts to include, by paths relative to this file. The values of this file have priority, then those of the later part.",
         "type": "array",
         "items": { "type": "string" },
     });
@@ -74,7 +74,7 @@ pub fn design() -> Value {
     properties.insert(
         "variant".to_owned(),
         json!({
-            "description": "Overrides by name: each laid over the design by `fusion run --variant NAME`.",
+            "description": "Values that differ in a variant, by its name: `fusion run --variant NAME`.",
             "type": "object",
             "additionalProperties": { "type": "object", "properties": partial, "additionalProperties": false },
         }),
@@ -161,9 +161,9 @@ impl Builder {
         let source = |description: &str| json!({ "type": "string", "description": description });
         let enabled = json!({ "type": "boolean", "default": true, "description": "False leaves the block out." });
         let only_with = self.of::<OnlyWithSpec>("only_with");
-        let gate = self.any(Role::Gate, "Judges each measurement; without one, everything passes.");
+        let gate = self.any(Role::Gate, "Accepts or rejects each measurement; without a gate, all are accepted.");
         let loss = self.any(Role::Loss, "Weighs each measurement; without one, least squares.");
-        let faults = self.named(Role::Fault, "What goes wrong with the rows, by name, in order.");
+        let faults = self.named(Role::Fault, "Faults of the rows, by name, applied in order.");
         for block in registry::all() {
             let Some(schema) = self.defs.get_mut(&definition(block.role, block.name)) else {
                 continue;
@@ -228,7 +228,7 @@ impl Builder {
             .map(|name| reference(&definition(Role::Segment, name)))
             .collect();
         let items = json!({ "oneOf": segments });
-        let faults = self.named(Role::Fault, "What goes wrong with the rows, by name, in order.");
+        let faults = self.named(Role::Fault, "Faults of the rows, by name, applied in order.");
         let properties = &mut schema["properties"];
         if let Some(trajectory) = properties.get_mut("trajectory").and_then(Value::as_object_mut) {
             trajectory.insert("items".to_owned(), items);

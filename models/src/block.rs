@@ -216,8 +216,8 @@ pub fn check_delay(field: impl Into<String>, seconds: f64) -> Result<(), BuildEr
     if seconds.abs() <= LONGEST_DELAY {
         return Ok(());
     }
-    let message = format!("{seconds} s is more than the longest delay of {LONGEST_DELAY} s: all rows would be held back as long");
-    let help = "clocks that differ are brought together where stamps are read, by `time.epoch` or `time.offset` of a source";
+    let message = format!("{seconds} s is more than the longest delay of {LONGEST_DELAY} s: all rows would be held back for that long");
+    let help = "correct a difference between clocks where stamps are read: `time.epoch` or `time.offset` of a source";
     Err(BuildError::at(field, message).help(help))
 }
 

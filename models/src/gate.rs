@@ -20,21 +20,21 @@ impl GateSpec for NoneSpec {
     }
 }
 
-/// When a gate that has been rejecting counts its sensor as denied, and how it comes back.
+/// When a gate counts its sensor as denied, and when it re-acquires it.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RecoverySpec {
     /// Consecutive rejections after which the sensor counts as denied.
     deny_after: u32,
-    /// Consecutive measurements that pass, after which a denied sensor is followed again.
+    /// Consecutive measurements inside the gate after which a denied sensor is used again.
     resume_after: u32,
-    /// How long a denied sensor must have been rejected before five fixes that agree with each
-    /// other are believed against the estimate.
+    /// How long a sensor must have been denied before it is re-acquired: five measurements that
+    /// agree with each other are then accepted against the estimate.
     readopt_after: NonNegative<dim::Duration>,
-    /// After a pause of this length, five fixes that agree are believed at once.
+    /// After a pause of this length the sensor is re-acquired as soon as five measurements agree
+    /// with each other.
     gap: Positive<dim::Duration>,
-    /// Never believe the sensor against the estimate: for pseudo-measurements, which agree with
-    /// each other by construction.
+    /// Never re-acquire the sensor: for pseudo-measurements, which always agree with each other.
     never_readopt: bool,
 }
 
@@ -64,13 +64,13 @@ impl RecoverySpec {
     }
 }
 
-/// Rejects what a consistent filter would see too seldom: NIS above a χ² quantile.
+/// Rejects measurements whose NIS exceeds a χ² quantile.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NisSpec {
-    /// The share of good measurements that passes, e.g. 0.999.
+    /// Share of good measurements that is accepted, e.g. 0.999.
     probability: Probability,
-    /// How the gate avoids a lock-out.
+    /// How the gate avoids a lock-out: good measurements rejected forever.
     #[serde(default)]
     recovery: RecoverySpec,
 }
@@ -90,7 +90,12 @@ impl GateSpec for NisSpec {
     fn build(&self) -> Result<Box<dyn Gate>, BuildError> {
         let p = self.probability.si();
         if !(0.5..1.0).contains(&p) {
-            let message = format!("a gate that passes {p} of the good measurements is none");
+            let effect = if p < 0.5 {
+                "reject most good measurements"
+            } else {
+                "accept every measurement"
+            };
+            let message = format!("probability {p} would {effect}");
             return Err(BuildError::at("probability", message)
                 .help("write a probability from 0.5 to below 1, e.g. 0.999; `none` passes everything"));
         }
@@ -98,35 +103,35 @@ impl GateSpec for NisSpec {
     }
 }
 
-/// Rejects a position fix that lies outside the confidence ellipse of the estimate *and* far
-/// away, horizontally; both conditions have variants.
+/// Rejects a position fix that lies outside the confidence ellipse of the estimate *and* far from
+/// it, both horizontally; each condition has variants.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TwoConditionSpec {
-    /// Condition 1: the share of the estimate's own ellipse; 0.99 is γ = 9.21.
+    /// Condition 1: the probability of the ellipse; 0.99 is γ = 9.21.
     #[serde(default = "ninety_nine")]
     probability: Probability,
-    /// Whose ellipse condition 1 looks at.
+    /// Condition 1: which covariance the ellipse belongs to.
     #[serde(default)]
     ellipse: EllipseSpec,
-    /// Condition 2: how a fix is told to be far away.
+    /// Condition 2: which fixes count as far away.
     #[serde(default)]
     magnitude: MagnitudeSpec,
-    /// 1σ of a good fix, slow errors included; that of the sensor's noise where absent.
+    /// 1σ of a good fix, correlated errors included; by default that of the sensor's noise.
     sigma: Option<Positive<dim::Length>>,
-    /// A fix nearer than this is never an outlier.
+    /// A fix nearer to the estimate than this is never rejected.
     #[serde(default = "three_metres")]
     min_distance: NonNegative<dim::Length>,
-    /// The speed by which fix and estimate may move apart, for `magnitude = "step"`.
+    /// The speed at which fix and estimate may diverge, for `magnitude = "step"`.
     max_speed: Option<Positive<dim::Speed>>,
-    /// The largest 1σ a good fix reports, for `magnitude = "reported"`.
+    /// The largest 1σ that a good fix reports, for `magnitude = "reported"`.
     max_reported: Option<Positive<dim::Length>>,
-    /// How the gate avoids a lock-out.
+    /// How the gate avoids a lock-out: good measurements rejected forever.
     #[serde(default)]
     recovery: RecoverySpec,
 }
 
-/// Whose ellipse the first condition looks at.
+/// Which covariance the ellipse of the first condition belongs to.
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum EllipseSpec {
@@ -139,14 +144,15 @@ pub enum EllipseSpec {
     PerAxis,
 }
 
-/// How the second condition tells that a fix is far away.
+/// Which fixes the second condition counts as far away.
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MagnitudeSpec {
     /// By its distance from the estimate: more than 3√2 σ.
     #[default]
     Distance,
-    /// By its step since the fix before, less the estimate's own: more than `max_speed` · Δt + 3√2 σ.
+    /// By its step since the previous fix, minus the step of the estimate: more than `max_speed` ·
+    /// Δt + 3√2 σ.
     Step,
     /// By the 1σ that the receiver reports: more than `max_reported`.
     Reported,
@@ -187,7 +193,12 @@ impl GateSpec for TwoConditionSpec {
     fn build(&self) -> Result<Box<dyn Gate>, BuildError> {
         let p = self.probability.si();
         if !(0.5..1.0).contains(&p) {
-            let message = format!("an ellipse of {p} is no condition");
+            let effect = if p < 0.5 {
+                "leave most good fixes outside"
+            } else {
+                "contain every fix"
+            };
+            let message = format!("an ellipse of probability {p} would {effect}");
             return Err(BuildError::at("probability", message).help("write a probability from 0.5 to below 1, e.g. 0.99"));
         }
         let ellipse = match self.ellipse {

@@ -10,7 +10,7 @@ fn constant(value: f64) -> Positive<dim::Ratio> {
     Positive::try_from_si(value).unwrap_or_else(|_| unreachable!("defaults are positive"))
 }
 
-/// Least squares: every accepted measurement counts whole.
+/// Least squares: every accepted measurement has full weight.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct QuadraticSpec {}
@@ -28,7 +28,7 @@ impl LossSpec for QuadraticSpec {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HuberSpec {
-    /// Where the loss turns linear; 1.345 gives 95 % efficiency.
+    /// Where the loss becomes linear; 1.345 gives 95 % efficiency.
     #[serde(default = "huber_k")]
     k: Positive<dim::Ratio>,
 }

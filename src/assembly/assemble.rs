@@ -250,7 +250,7 @@ impl<'a, P> Assembler<'a, P> {
         } else {
             format!("{} and ", others.join(", "))
         };
-        let message = format!("nothing gives the filter its first {and}{last}");
+        let message = format!("no initialiser gives the initial {and}{last}");
         let help = "add an [initial.NAME] block: `explicit`, `first_fix`, `levelling` or `course`; `fusion blocks` describes them";
         let table = self.design.document.root().get("initial");
         let process = self.process.map(|p| &p.node);

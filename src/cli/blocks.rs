@@ -94,14 +94,14 @@ fn one(r: &Registration) -> String {
         text += &format!("\nFields\n{fields}");
     }
     if fields.contains(ESTIMATED) {
-        text += "\nWhat may be estimated is a state where it is declared `{ estimate = true, initial = …, sigma = … }`,\n\
-                 with `random_walk` or `correlation_time` where it moves; `{ shared = \"block.field\" }` is the state\n\
+        text += "\nA field that may be estimated is a state if written `{ estimate = true, initial = …, sigma = … }`,\n\
+                 with `random_walk` or `correlation_time` if it varies; `{ shared = \"block.field\" }` is the state\n\
                  of another block.\n";
     }
     match r.role {
-        Role::Sensor => text += "\nBeside them stand `source`, `noise`, `gate`, `loss`, `only_with` and `enabled`.\n",
-        Role::Process => text += "\nBeside them stands `source`: where its input comes from.\n",
-        Role::Source => text += "\nBeside them stands `fault`: what goes wrong with its rows, by name.\n",
+        Role::Sensor => text += "\nAlso: `source`, `noise`, `gate`, `loss`, `only_with` and `enabled`.\n",
+        Role::Process => text += "\nAlso: `source`, the stream of its input.\n",
+        Role::Source => text += "\nAlso: `fault`, the faults of its rows by name.\n",
         _ => {}
     }
     text + "\nExample\n" + &example(r)

@@ -41,16 +41,16 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Run a design over its data, or its simulated world, and print what came of it.
+    /// Run a design over its data, or its simulated world, and print the results.
     ///
     /// Prints sources, sensors, errors against the reference, consistency, drift in declared outages
-    /// and estimated parameters. A filter that never started is a warning, and the exit code is 0:
-    /// the run itself went well.
+    /// and estimated parameters. If the filter never started, this is a warning and the exit code
+    /// is 0.
     ///
-    /// Where a declared fault disturbs what a sensor reads, `missed` counts the disturbed rows that
-    /// were used and `false` the others that were rejected. Innovations are sensor minus navigation,
-    /// before the measurement was used: of accepted measurements, from `[reference] from` on. All
-    /// other counts are of the whole run.
+    /// If a declared fault disturbs the data of a sensor, `missed` counts the disturbed measurements
+    /// that were used, and `false` the undisturbed ones that were rejected. Innovations are sensor
+    /// minus navigation, before the update; their statistics are those of accepted measurements
+    /// from `[reference] from` on. All other counts are of the whole run.
     #[command(after_long_help = "\
 Examples:
   fusion run                                     the built-in design, simulated
@@ -59,14 +59,14 @@ Examples:
   fusion run drive.toml --variant ekf --variant position-only
   fusion run drive.toml --set sensor.gnss.gate.probability=0.99 --set filter.backend=ekf
   fusion run drive.toml --set 'sensor.gnss.noise.sigma=[\"1 m\", \"1 m\", \"2 m\"]'
-  fusion run --seed 7                            another draw of everything random")]
+  fusion run --seed 7                            other random numbers")]
     Run(run::RunArgs),
     /// Check a design and show what it resolves to, without running it.
     ///
     /// Shows the state layout, sensors, stages, initialisers, sources and faults. The exit code is
-    /// 2 where the design has a mistake, or a data file that is there does not fit it. A data file
-    /// that is not there is shown as `not found` and is no mistake. All variants of the file are
-    /// checked, those that are not asked for as they are when laid over the design alone.
+    /// 2 if the design has a mistake, or an existing data file does not fit it. A missing data file
+    /// is shown as `not found` and is not a mistake. All variants of the file are checked, the
+    /// unselected ones each for itself. All mistakes are reported in one run.
     #[command(after_long_help = "\
 Examples:
   fusion check drive.toml
@@ -80,7 +80,7 @@ Examples:
   fusion blocks                  every block by role, a line each
   fusion blocks gnss_position    its fields, their units and defaults, and an example")]
     Blocks(blocks::BlocksArgs),
-    /// Run variants of a design, or several designs, on the same data and print one table.
+    /// Run variants of a design, or several designs, on the same data, side by side.
     #[command(after_long_help = "\
 Examples:
   fusion compare configs/ins-gps-outlier.toml --variant base,no-gate,dead-reckoning
@@ -89,12 +89,12 @@ Examples:
     Compare(compare::CompareArgs),
     /// Run a design many times with independent seeds: spread of the errors, NEES and NIS.
     ///
-    /// Runs in parallel; every run is a function of the campaign's seed and its own number, so
-    /// that runs.csv is the same file for any number of threads.
+    /// Runs in parallel. The seed of a run depends only on the seed of the campaign and the number
+    /// of the run, so runs.csv is the same for any number of threads.
     ///
-    /// Counts are sums over the runs; `longest streak` is the most measurements rejected in a row,
-    /// `lasting` the longest time of such a streak, each the largest of all runs; `end denied` counts
-    /// the runs at whose end the gate denied the sensor. Innovations in runs.csv are in SI units.
+    /// Counts are sums over the runs. `longest streak` is the largest number of measurements rejected
+    /// in a row in any run, `lasting` the longest time of such a streak. `end denied` counts the runs
+    /// at the end of which the gate denied the sensor. Innovations in runs.csv are in SI units.
     #[command(
         after_long_help = "\
 Examples:
@@ -126,7 +126,7 @@ enum Format {
 /// How results are printed.
 #[derive(Debug, Default, Args)]
 struct OutputArgs {
-    /// Prints tables to read, or the same tables as JSON with every number in full precision.
+    /// Prints the tables as text, or as JSON with every number in full precision.
     #[arg(
         long,
         value_enum,
@@ -150,7 +150,7 @@ impl OutputArgs {
 
 /// Characters in a line of stdout.
 fn width() -> usize {
-    /// Narrower, words and numbers have no room; wider, the eye loses its line.
+    /// Narrower lines leave no room for words and numbers; wider lines are hard to follow.
     const RANGE: (usize, usize) = (60, 140);
     if !std::io::stdout().is_terminal() {
         return text::WIDTH;
@@ -164,7 +164,7 @@ fn width() -> usize {
 struct DesignArgs {
     /// The design; without one, a built-in simulated one.
     config: Option<PathBuf>,
-    /// Lays `[variant.NAME]` of the file over the design; several in the order given, or as `A+B`.
+    /// Applies `[variant.NAME]` of the file; several in the order given, or as `A+B`.
     #[arg(long, value_name = "NAME")]
     variant: Vec<String>,
     /// Replaces one value, after all variants: `sensor.gnss.noise.sigma=3 m`.

@@ -142,7 +142,7 @@ impl Composer {
         let Some(list) = node.take(INCLUDE) else { return };
         let wrong = |node: &Node| {
             let help = "write `include = [\"parts/imu.toml\"]`, with paths relative to this file";
-            Diagnostic::error("an array of paths is wanted here").at(&node.place).help(help)
+            Diagnostic::error("an array of paths is expected here").at(&node.place).help(help)
         };
         let Value::Array(paths) = &list.value else {
             self.found.push(wrong(&list));
@@ -175,7 +175,7 @@ impl Composer {
             let names = self.chain[start..].iter().map(|(_, name)| format!("`{name}`"));
             let chain: Vec<String> = names.chain([format!("`{}`", self.chain[start].1)]).collect();
             let cycle = Diagnostic::error(format!("`{}` includes itself", self.chain[start].1)).at(&at.place);
-            self.found.push(cycle.help(format!("take one of these out: {}", chain.join(" → "))));
+            self.found.push(cycle.help(format!("remove one of these: {}", chain.join(" → "))));
             return None;
         }
         if let Some(done) = self.done.get(&identity) {

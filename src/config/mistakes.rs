@@ -1,4 +1,4 @@
-//! The mistakes people make, and every word that they are told.
+//! Mistakes in designs, and the exact messages for them.
 
 use std::collections::BTreeMap;
 
@@ -153,7 +153,7 @@ fn a_value_of_the_wrong_type_is_underlined() {
 
 #[test]
 fn a_quantity_of_the_wrong_dimension_names_both() {
-    let expected = r#"error: "5 deg" is an angle [rad]; a length [m] is wanted here, e.g. "0.5 m"
+    let expected = r#"error: "5 deg" is an angle [rad]; a length [m] is expected here, e.g. "0.5 m"
  --> filter.toml:5:8
   |
 5 | mast = '5 deg'
@@ -173,7 +173,7 @@ fn an_unknown_unit_suggests_a_known_one() {
 
 #[test]
 fn a_value_out_of_range_is_told_the_range() {
-    let expected = r#"error: "-1 Hz" is out of range; a frequency [Hz] greater than 0 is wanted here, e.g. "100 Hz"
+    let expected = r#"error: "-1 Hz" is out of range; a frequency [Hz] greater than 0 is expected here, e.g. "100 Hz"
  --> filter.toml:5:8
   |
 5 | rate = '-1 Hz'
@@ -298,7 +298,7 @@ loss = 'hubber'
 3 | sigma = [1, '2 x', '3 s']
   |             ^^^^^
 
-error: "3 s" is a duration [s]; a length [m] is wanted here, e.g. "0.5 m"
+error: "3 s" is a duration [s]; a length [m] is expected here, e.g. "0.5 m"
  --> filter.toml:3:20
   |
 3 | sigma = [1, '2 x', '3 s']
@@ -355,7 +355,7 @@ error: invalid literal string, expected `'`
 
 #[test]
 fn a_mistake_in_an_override_points_into_the_argument() {
-    let expected = r#"error: "5 deg" is an angle [rad]; a length [m] is wanted here, e.g. "0.5 m"
+    let expected = r#"error: "5 deg" is an angle [rad]; a length [m] is expected here, e.g. "0.5 m"
  --> command line:1:24
   |
 1 | --set sensor.gnss.mast=5 deg

@@ -146,7 +146,7 @@ impl<'a> Attempt<'a> {
         self.hidden.contains(&std::ptr::from_ref(node))
     }
 
-    /// Records who is to blame, unless someone deeper is already.
+    /// Records the place of the mistake, unless a deeper one is recorded already.
     pub(super) fn blame(&self, blame: Blame<'a>) -> Fault {
         let fault = blame.fault.clone();
         self.blame.borrow_mut().get_or_insert(blame);

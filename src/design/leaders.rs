@@ -11,17 +11,17 @@ use serde::de::{Deserializer, MapAccess, Visitor};
 use std::fmt;
 use std::iter::successors;
 
-/// The sensor that a sensor goes with: a measurement is rejected where that one's latest was not
-/// used. Its name alone, or a table.
+/// The leader of a sensor: a measurement is rejected if the leader's latest one was not used. The
+/// leader's name alone, or a table.
 #[derive(Clone, Debug)]
 pub struct OnlyWithSpec {
     /// The sensor.
     pub sensor: String,
-    /// How long what became of its measurement counts.
+    /// How long the outcome of its measurement counts.
     pub memory: Positive<dim::Duration>,
 }
 
-/// As long as a gate takes the silence of its own sensor for a mere pause.
+/// As long as the pause after which a gate re-acquires its own sensor.
 fn memory() -> Positive<dim::Duration> {
     Positive::try_from_si(Recovery::default().gap).unwrap_or_else(|_| unreachable!("the default pause is positive"))
 }
@@ -30,10 +30,10 @@ fn memory() -> Positive<dim::Duration> {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Table {
-    /// The sensor that it goes with.
+    /// The leader.
     sensor: String,
-    /// How long what became of that one's measurement counts; 10 s where it is not given, as for the
-    /// pause after which gates re-acquire.
+    /// How long the outcome of that sensor's measurement counts; by default 10 s, as the pause
+    /// after which gates re-acquire.
     #[serde(default = "memory")]
     memory: Positive<dim::Duration>,
 }
@@ -66,7 +66,7 @@ impl JsonSchema for OnlyWithSpec {
     fn json_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
         let table = generator.subschema_for::<Table>();
         schemars::json_schema!({
-            "description": "The sensor that it goes with: a measurement is rejected where that one's latest was not used. Without effect where that sensor is left out.",
+            "description": "The leader of this sensor: a measurement is rejected if the leader's latest one was not used. Without effect if the leader is disabled.",
             "anyOf": [{ "type": "string" }, table]
         })
     }
@@ -76,10 +76,11 @@ fn leader(sensor: &Named<SensorDesign>) -> Option<&str> {
     sensor.block.common.only_with.as_ref().map(|o| o.sensor.as_str())
 }
 
-/// A leader is a sensor of the design, be it left out, and goes with none of those that go with it.
+/// Checks that a leader is a sensor of the design, enabled or not, and that `only_with` is not
+/// cyclic.
 pub(super) fn check(root: &Node, sensors: &[Named<SensorDesign>], d: &mut Diagnostics) {
     check_names(root, sensors, d);
-    check_circles(sensors, d);
+    check_cycles(sensors, d);
 }
 
 fn check_names(root: &Node, sensors: &[Named<SensorDesign>], d: &mut Diagnostics) {
@@ -96,19 +97,19 @@ fn check_names(root: &Node, sensors: &[Named<SensorDesign>], d: &mut Diagnostics
 }
 
 /// Refuses a cyclic `only_with`.
-fn check_circles(sensors: &[Named<SensorDesign>], d: &mut Diagnostics) {
+fn check_cycles(sensors: &[Named<SensorDesign>], d: &mut Diagnostics) {
     let next = |&at: &usize| leader(&sensors[at]).and_then(|name| sensors.iter().position(|s| s.name == name));
     for start in 0..sensors.len() {
         let onwards = successors(next(&start), |at| if *at == start { None } else { next(at) });
         let path: Vec<usize> = onwards.take(sensors.len()).collect();
-        // Each circle is told once, where it is entered first in the file.
+        // Each cycle is reported once, where it is entered first in the file.
         if path.last() != Some(&start) || path.iter().any(|at| *at < start) {
             continue;
         }
         let names: Vec<String> = [start].iter().chain(&path).map(|&at| format!("`{}`", sensors[at].name)).collect();
         let place = sensors[start].node.place_of("only_with");
-        let help = "a sensor is judged after the one that it goes with: take one `only_with` out";
-        let message = format!("`only_with` goes in a circle: {}", names.join(", "));
+        let help = "a sensor is judged after the one that its `only_with` names: remove one of them";
+        let message = format!("cyclic `only_with`: {}", names.join(", "));
         d.push(Diagnostic::error(message).at(place).help(help));
     }
 }

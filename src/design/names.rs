@@ -18,7 +18,7 @@ pub(super) const TABLES: [&str; 10] = [
     "variant",
 ];
 
-/// Refuses tables that nobody reads: those that are not among `known`.
+/// Refuses tables that are not among `known`.
 pub(super) fn check_tables(root: &Node, known: &[&str], d: &mut Diagnostics) {
     if let Some(include) = root.get(INCLUDE) {
         let message = "nothing can be included here: this design was not read from a file";
@@ -64,13 +64,10 @@ fn check_streams(design: &Draft, d: &mut Diagnostics) {
             d.push(Diagnostic::error(message).at(node.name_place()).help(help));
         };
         if design.sources.iter().any(|s| s.name == name) {
-            taken("a source and of a stage", "streams share one space of names; rename one of the two");
+            taken("a source and of a stage", "names of streams must differ; rename one of the two");
         }
         if world.is_some_and(|w| [IMU, REFERENCE].contains(&name) || w.sensor.contains_key(name)) {
-            taken(
-                "a stream of the simulated world",
-                "give the stage another name, and name that where it is read",
-            );
+            taken("a stream of the simulated world", "rename the stage, here and where it is read");
         }
     }
 }
@@ -82,7 +79,7 @@ fn check_simulated(design: &Draft, d: &mut Diagnostics) {
     let simulated = design.simulation.as_ref().and_then(|s| s.node.get("sensor"));
     let simulated = simulated.map_or(&[][..], Node::entries).iter();
     for Entry { key, node } in simulated.filter(|e| !names.contains(&e.key.as_str())) {
-        let unknown = Diagnostic::error(format!("`{key}` is simulated and is no sensor of this design")).at(node.name_place());
-        d.push(unknown.suggest(key, &names, "simulated sensors bear the names of sensors"));
+        let unknown = Diagnostic::error(format!("`{key}` is simulated, but this design has no sensor of that name")).at(node.name_place());
+        d.push(unknown.suggest(key, &names, "a simulated sensor has the name of its sensor"));
     }
 }

@@ -165,7 +165,11 @@ fn entries<'a>(table: Option<&'a Node>, d: &mut Diagnostics) -> &'a [Entry] {
     let Some(node) = table else { return &[] };
     if !matches!(node.value(), Value::Table { .. }) {
         let help = "write a table for each block, with a name of your choice: `NAME = { type = … }`";
-        d.push(Diagnostic::error("blocks by name are wanted here").at(node.place()).help(help));
+        d.push(
+            Diagnostic::error("a table of named blocks is expected here")
+                .at(node.place())
+                .help(help),
+        );
     }
     node.entries()
 }

@@ -168,7 +168,7 @@ fn values() {
     wrong("zero_noise", "sigma = \"2 m\"", "sigma = 0");
     wrong("out_of_range", "\"0.5 m/s^2/sqrt(Hz)\"", "\"-0.5 m/s^2/sqrt(Hz)\"");
     wrong("probability_above_one", "probability = 0.999", "probability = 1.5");
-    wrong("probability_of_a_gate_that_is_none", "probability = 0.999", "probability = 0.3");
+    wrong("probability_of_a_gate_too_small", "probability = 0.999", "probability = 0.3");
     wrong(
         "parameter_without_sigma",
         "source = \"gnss\"\nnoise",
@@ -381,7 +381,7 @@ fn variants_that_are_not_asked_for() {
     // What is wrong with the base is not repeated for each of them.
     w.write("design.toml", replaced("sigma = \"2 m\"", "sigma = \"2 s\""));
     let once = stderr(&w.fusion(&["check", "design.toml"]).code(2));
-    assert_eq!(once.matches("is wanted here").count(), 1, "{once}");
+    assert_eq!(once.matches("is expected here").count(), 1, "{once}");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! The face that every estimator shows.
+//! The interface of every estimator.
 
 use super::step::Step;
 use crate::gate::{Gate, Mode, Outcome};
@@ -8,14 +8,14 @@ use crate::state::{Belief, Layout, View};
 use crate::time::Time;
 use thiserror::Error;
 
-/// Why the estimator could not go on.
+/// Why the estimator failed.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FilterError {
     /// The state or its variances stopped being numbers; the belief is the last sound one.
     #[error("the estimate stopped being finite at {0}; the state before that step is kept")]
     Diverged(Time),
-    /// A prediction to before the belief.
+    /// A prediction to a time before that of the belief.
     #[error("asked to predict from {from} back to {to}")]
     Backwards {
         /// The belief's time.
@@ -25,14 +25,14 @@ pub enum FilterError {
     },
 }
 
-/// What became of a measurement.
+/// The outcome of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// It corrected the estimate.
     Accepted,
     /// Its gate rejected it.
     Rejected,
-    /// Its gate believed it against the estimate, whose covariance was inflated first.
+    /// Its gate re-acquired the sensor: the covariance was inflated, then the measurement used.
     Readopted,
     /// The model has no value at this state.
     Undefined(Undefined),
@@ -40,7 +40,7 @@ pub enum Verdict {
     Unusable,
 }
 
-/// One measurement's passage through the filter.
+/// One measurement, and what the filter did with it.
 #[derive(Clone, Copy, Debug)]
 pub struct Update<'a> {
     /// What became of it.
@@ -63,7 +63,7 @@ pub struct Update<'a> {
     pub threshold: f64,
     /// The gate's mode afterwards.
     pub mode: Mode,
-    /// Robust weight, 1 where the loss left the measurement whole.
+    /// Robust weight; 1 is full weight.
     pub weight: f64,
 }
 
@@ -78,7 +78,7 @@ pub struct Observed<'a> {
     pub noise: &'a [f64],
 }
 
-/// The face every estimator shows, with or without a covariance.
+/// The interface of every estimator, with or without a covariance.
 pub trait Estimator: core::fmt::Debug + Send {
     /// What it believes now.
     fn belief(&self) -> &Belief;
@@ -96,7 +96,7 @@ pub trait Estimator: core::fmt::Debug + Send {
     fn predict(&mut self, to: Time, input: &Input<'_>) -> Result<(), FilterError>;
 
     /// Offers a measurement valid now. `others` is the latest outcome of each sensor of the design,
-    /// for gates that go by it; it may be empty.
+    /// for gates that depend on it; it may be empty.
     fn update<'a>(&'a mut self, observed: &Observed<'a>, gate: &mut dyn Gate, others: &[Option<Outcome>], loss: &dyn Loss) -> Update<'a>;
 
     /// The state and the process's signals, as models see them.

@@ -14,7 +14,7 @@ use crate::state::{Belief, Dynamics, Layout, View};
 use crate::time::{Time, nanos};
 use std::sync::Arc;
 
-/// The most that readoption may grow P: ten thousand times every σ.
+/// The largest growth of P at a re-acquisition: ten thousand times every σ.
 const MOST_GROWTH: f64 = 1e8;
 
 /// What a filter is made of: a [`Backend`] by its objects, some of which may come from elsewhere.
@@ -305,8 +305,9 @@ impl Filter {
     /// P grows as a whole, doubling, until the residual is one that it expects: κ with
     /// rᵀ(κHPHᵀ + R)⁻¹r ≤ m. False, and nothing changed, where no growth explains it.
     ///
-    /// As a whole, because nobody knows which state went wrong: growth along the residual alone
-    /// would blame one combination of the states, and the update would then be certain of it.
+    /// As a whole, because it is unknown which state is wrong: growth along the residual alone
+    /// would attribute the error to one combination of the states, and the update would then be
+    /// certain of it.
     fn inflate(&mut self) -> bool {
         let mut growth = 1.0;
         let (m, work) = (self.work.rows, &mut self.work);
@@ -382,7 +383,7 @@ impl Filter {
     }
 }
 
-/// The answer of a gate that was not asked.
+/// The answer of a gate that was not called.
 const NOT_ASKED: Answer = Answer {
     decision: Decision::Reject,
     statistic: f64::NAN,

@@ -1,23 +1,23 @@
-//! The memory of a gate: denial, and the way back.
+//! The memory of a gate: denial and recovery.
 
 use super::{Decision, GateInput, Mode};
 use crate::time::Time;
 use smallvec::SmallVec;
 
-/// Residuals that must agree before a denied sensor is believed again.
+/// Residuals that must agree before a denied sensor is re-acquired.
 const WITNESSES: usize = 5;
 
-/// When a gate that rejects goes into denial, and how it comes out.
+/// When a gate denies its sensor, and when it re-acquires it.
 #[derive(Clone, Copy, Debug)]
 pub struct Recovery {
     /// Consecutive rejections after which the sensor counts as denied.
     pub deny_after: u32,
-    /// Consecutive acceptable measurements that bring a denied sensor back.
+    /// Consecutive acceptable measurements after which a denied sensor is used again.
     pub resume_after: u32,
-    /// Time in denial \[s\] after which five mutually consistent measurements are
-    /// believed against the estimate; infinite never.
+    /// Time in denial \[s\] after which five mutually consistent measurements are accepted against
+    /// the estimate; infinite: never.
     pub readopt_after: f64,
-    /// A pause of the sensor \[s\] after which consistent measurements are believed at once.
+    /// A pause of the sensor \[s\] after which consistent measurements are accepted immediately.
     pub gap: f64,
     /// How far the witnesses may lie from the straight line through them, in units of √R_ii.
     pub agreement: f64,
@@ -36,13 +36,12 @@ impl Default for Recovery {
     }
 }
 
-/// The memory of a gate: TRACK, DENIED, and the way back.
+/// The memory of a gate: tracking, denial and recovery.
 ///
-/// The gate is never widened because it has been rejecting: a sustained false track would then
-/// be believed. A denied sensor returns by passing the test again, or by witnesses that agree
-/// with each other after a long denial or after a gap. They agree where their residuals lie on a
-/// straight line in time: an estimate gone wrong has left at some speed, and a constant is the case
-/// of none.
+/// The gate is never widened because it has been rejecting: a sustained false track would then be
+/// believed. A denied sensor returns by passing the test again, or by witnesses that agree with
+/// each other after a long denial or after a gap. They agree if their residuals lie on a straight
+/// line in time: a wrong estimate may also drift at a constant speed.
 #[derive(Clone, Debug, Default)]
 pub struct Lockout {
     recovery: Recovery,

@@ -17,7 +17,7 @@ pub use two_condition::{Ellipse, Magnitude, TwoCondition};
 use crate::time::Time;
 use core::fmt::Debug;
 
-/// What a gate judges by. Matrices are m×m, row by row.
+/// The data that a gate judges. Matrices are m×m, row by row.
 #[derive(Clone, Copy, Debug)]
 pub struct GateInput<'a> {
     /// Time of validity.
@@ -32,12 +32,12 @@ pub struct GateInput<'a> {
     pub innovation: &'a [f64],
     /// rᵀS⁻¹r.
     pub nis: f64,
-    /// What became of the latest measurement of each sensor of the design, by number; none before
+    /// The outcome of the latest measurement of each sensor of the design, by number; none before
     /// the first. It may be empty.
     pub others: &'a [Option<Outcome>],
 }
 
-/// What became of a sensor's measurement.
+/// The outcome of a sensor's measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
     /// Its time of validity.
@@ -53,9 +53,10 @@ pub struct Outcome {
 pub enum Decision {
     /// Use it.
     Accept,
-    /// Leave the estimate alone.
+    /// Do not use it.
     Reject,
-    /// Believe the sensor again: P first grows as a whole until its NIS is one that is expected, then update.
+    /// Re-acquire the sensor: P is scaled up as a whole until the NIS is an expected one, then the
+    /// measurement is used.
     Readopt,
 }
 
@@ -65,7 +66,7 @@ pub enum Mode {
     /// The sensor is followed.
     #[default]
     Track,
-    /// The gate has been rejecting: interference, or an estimate gone wrong.
+    /// The gate has been rejecting: interference, or a wrong estimate.
     Denied,
 }
 
@@ -87,8 +88,9 @@ pub trait Gate: Debug + Send {
     /// Judges one measurement.
     fn judge(&mut self, input: &GateInput<'_>) -> Answer;
 
-    /// The number of the sensor whose outcome it goes by, if it does; in no cycle. Of one time that
-    /// sensor is served first, and of one row it is foreseen where it is valid later.
+    /// The number of the leader, if any: the sensor whose outcome this gate depends on; never
+    /// cyclic. At equal times the leader is served first. If the leader's measurement of the same
+    /// row is valid later, the runner looks ahead for its outcome.
     fn leader(&self) -> Option<usize> {
         None
     }

@@ -5,8 +5,9 @@ use super::{Answer, Decision, Gate, GateInput};
 /// Rejects a measurement where the latest one of another sensor was not used; otherwise the
 /// sensor's own gate judges it.
 ///
-/// While it rejects, the own gate is not asked, so that its memory does not see what may be sound.
-/// The answer then holds the NIS, an infinite threshold and the mode of the other's gate.
+/// While it rejects, the own gate is not called, so that its memory does not count measurements
+/// that may be good. The answer then holds the NIS, an infinite threshold and the mode of the
+/// other's gate.
 #[derive(Clone, Debug)]
 pub struct OnlyWith {
     leader: usize,
@@ -15,8 +16,8 @@ pub struct OnlyWith {
 }
 
 impl OnlyWith {
-    /// Goes with sensor number `leader`, whose outcome counts for `memory` seconds; `own` judges
-    /// otherwise.
+    /// A follower of sensor number `leader`, whose outcome counts for `memory` seconds; otherwise
+    /// `own` judges.
     #[must_use]
     pub fn new(leader: usize, memory: f64, own: Box<dyn Gate>) -> Self {
         Self { leader, memory, own }

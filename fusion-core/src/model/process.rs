@@ -28,15 +28,15 @@ impl<'a> Input<'a> {
     }
 }
 
-/// Adds to the samples of the input stream what the process needs besides: their neighbours, for
-/// instance. It has a memory, which a process has not.
+/// Extends the samples of the input stream by what the process needs besides, such as neighbouring
+/// samples. Unlike a process it has a memory.
 pub trait Preparation: Debug + Send {
     /// Takes the sample of an interval of `interval` seconds; 0 for the first of a stream, which
     /// covers no time and is not run over. Writes to `out` what has become of it or of those
     /// before it: every interval once, in order.
     fn take(&mut self, interval: f64, sample: &[f64], out: &mut Prepared);
 
-    /// Writes what it has kept back: no sample follows.
+    /// Writes what it has held back: no sample follows.
     fn finish(&mut self, out: &mut Prepared);
 
     /// Copies it with its memory: the copy continues bit for bit as the original would.
@@ -86,7 +86,7 @@ pub trait Process: Debug + Send + Sync {
     /// Numbers in one sample of the input stream; 0 for a process driven by time alone.
     fn input_dim(&self) -> usize;
 
-    /// What adds to the samples before they are run over; without it they are run over as they come.
+    /// What extends the samples before they are used; without it they are used as they come.
     fn preparation(&self) -> Option<Box<dyn Preparation>> {
         None
     }

@@ -5,7 +5,7 @@ use crate::runner::StreamId;
 use crate::state::Belief;
 use crate::time::Time;
 
-/// Why an observer cannot go on; it stops the run.
+/// Why an observer cannot continue; it stops the run.
 pub type Halt = Box<dyn core::error::Error + Send + Sync>;
 
 /// The row that a measurement came from.
@@ -26,7 +26,7 @@ pub struct RowId {
     pub disturbed: bool,
 }
 
-/// What the runner tells its observers.
+/// What the runner reports to its observers.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum Event<'a> {
@@ -54,7 +54,7 @@ pub enum Event<'a> {
         /// Where it came from.
         row: RowId,
     },
-    /// A step of the estimator, for smoothers and ledgers; told where an observer
+    /// A step of the estimator, for smoothers and ledgers; reported only if an observer
     /// [wants](Observer::wants_steps) steps.
     Step(&'a Step),
     /// A row came too late for the buffer and was not used.
@@ -78,7 +78,7 @@ pub enum Event<'a> {
         /// Why.
         error: FilterError,
     },
-    /// What a filter inside a stage tells.
+    /// An event of a filter inside a stage.
     Nested {
         /// The stage's name.
         stage: &'a str,
@@ -87,15 +87,15 @@ pub enum Event<'a> {
     },
 }
 
-/// Hears events. What it does with them changes nothing in the filter.
+/// Receives events. It cannot change the filter.
 pub trait Observer {
     /// Called for every event, in order.
     ///
     /// # Errors
-    /// Where it cannot go on: the runner stops at once and returns the error.
+    /// If it cannot continue: the runner stops immediately and returns the error.
     fn on(&mut self, event: &Event<'_>) -> Result<(), Halt>;
 
-    /// Whether it hears [`Event::Step`]; priors are copied only where somebody does.
+    /// Whether it receives [`Event::Step`]; steps are kept only if an observer does.
     fn wants_steps(&self) -> bool {
         false
     }
@@ -108,7 +108,7 @@ impl<F: FnMut(&Event<'_>)> Observer for F {
     }
 }
 
-/// Observers that know nothing of each other, told one after the other.
+/// A list of independent observers, called one after the other.
 #[derive(Default)]
 pub struct Observers<'a>(Vec<&'a mut dyn Observer>);
 

@@ -22,7 +22,7 @@ pub struct Row<'a> {
 }
 
 impl<'a> Row<'a> {
-    /// A row that nobody has numbered and no fault has changed.
+    /// A row without a number that no fault has changed.
     #[must_use]
     pub const fn new(stream: StreamId, time: Time, values: &'a [f64]) -> Self {
         Self {

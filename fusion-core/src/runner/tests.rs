@@ -12,7 +12,7 @@ use std::sync::Arc;
 
 const WILD: f64 = 1000.0;
 
-/// What became of a measurement.
+/// The outcome of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Outcome {
     sensor: usize,

@@ -1,4 +1,4 @@
-//! The layout of the state vector: who brings which block, and where it lies.
+//! The layout of the state vector: which blocks there are, who declares them, where they lie.
 
 use super::manifold::{Kind, Manifold};
 use super::name::QuantityName;
@@ -101,7 +101,7 @@ pub struct Declaration<V> {
 #[non_exhaustive]
 pub enum LayoutError {
     /// Two blocks or signals of one name.
-    #[error("`{name}` is brought by both `{first}` and `{second}`; give one of them another name")]
+    #[error("`{name}` is declared by both `{first}` and `{second}`; give one of them another name")]
     Duplicate {
         /// The name.
         name: String,
@@ -110,7 +110,7 @@ pub enum LayoutError {
         /// Who brought it again.
         second: String,
     },
-    /// A model needs a quantity nobody brings.
+    /// A model needs a quantity that does not exist.
     #[error("no `{name}` here: neither a state nor a signal of the process; available: {available}")]
     Missing {
         /// The name asked for.

@@ -8,11 +8,11 @@ use fusion_core::time::Time;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// For a while, a channel repeats the last value before; stamps go on.
+/// During a window, a channel repeats its last value; the stamps go on.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FrozenSpec {
-    /// The channel; all of them without it.
+    /// The channel; all of them by default.
     channel: Option<String>,
     /// When, in the time of the log.
     window: Windows,

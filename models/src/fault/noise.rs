@@ -20,7 +20,7 @@ pub struct NoiseSpec {
     channel: Option<String>,
     /// 1σ per axis; metres for a position, an angle for an attitude.
     sigma: PerAxis,
-    /// When; always without it.
+    /// When it acts; always by default.
     #[serde(default)]
     window: Windows,
 }
@@ -120,15 +120,15 @@ mod tests {
         let said = |text| build::<NoiseSpec>(text, 1).unwrap_err();
         assert_eq!(
             said("channel = 'position'\nsigma = '1 deg'"),
-            "sigma: \"1 deg\" is an angle [rad]; a length [m] is wanted here, e.g. \"0.5 m\""
+            "sigma: \"1 deg\" is an angle [rad]; a length [m] is expected here, e.g. \"0.5 m\""
         );
         assert_eq!(
             said("channel = 'heading'\nsigma = -1"),
-            r#"sigma: -1 is out of range; an angle [rad] of at least 0 is wanted here, e.g. "5 deg""#
+            r#"sigma: -1 is out of range; an angle [rad] of at least 0 is expected here, e.g. "5 deg""#
         );
         assert_eq!(
             said("channel = 'velocity'\nsigma = [1, 2]"),
-            "sigma: one quantity per axis is wanted: 3, not 2"
+            "sigma: one quantity per axis is expected: 3, not 2"
         );
         assert_eq!(
             said("channel = 'speed'\nsigma = 1"),

@@ -10,7 +10,7 @@ use rand::RngExt;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// The source is silent: an outage to be scored.
+/// The source delivers no rows: an outage, whose drift is scored.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OutageSpec {
@@ -63,9 +63,9 @@ impl Fault for Outage {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DropSpec {
-    /// The part of the rows that is lost.
+    /// Share of the rows that are lost.
     rate: Probability,
-    /// When; always without it.
+    /// When it acts; always by default.
     #[serde(default)]
     window: Windows,
 }

@@ -12,21 +12,21 @@ use rand_distr::StandardNormal;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Some rows are off by a random amount in a random direction.
+/// Some rows get an error of random size and direction.
 ///
-/// A position errs in the horizontal plane, a vector in any direction of its space, a single
-/// number up or down, an attitude about any axis.
+/// The error of a position is horizontal, that of a vector has any direction, that of a single
+/// number either sign, that of an attitude any axis.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OutliersSpec {
     /// The channel; may be left out where the source has only one.
     channel: Option<String>,
-    /// The part of the rows that is wild.
+    /// Share of the rows that are outliers.
     rate: Probability,
-    /// The least and the greatest error, uniformly between; metres for a position, an angle for
-    /// an attitude.
+    /// The smallest and the largest error, uniformly distributed between them; metres for a
+    /// position, an angle for an attitude.
     size: [AnyQuantity; 2],
-    /// When; always without it.
+    /// When it acts; always by default.
     #[serde(default)]
     window: Windows,
 }

@@ -9,13 +9,13 @@ use fusion_core::time::Time;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// From an instant on, a channel is off by a constant.
+/// From a given time on, a constant is added to a channel.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BiasStepSpec {
     /// The channel; may be left out where the source has only one.
     channel: Option<String>,
-    /// When it sets in, in the time of the log.
+    /// When it begins, in the time of the log.
     at: Duration,
     /// The offset, one quantity per axis; metres north, east, down for a position.
     value: PerAxis,
@@ -44,7 +44,7 @@ impl FaultSpec for BiasStepSpec {
     }
 }
 
-/// For a while, a channel is off by a constant.
+/// During a window, a constant is added to a channel.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpikeSpec {
@@ -146,6 +146,6 @@ mod tests {
     #[test]
     fn one_number_is_no_direction() {
         let said = build::<BiasStepSpec>("channel = 'position'\nat = 5\nvalue = 3", 1).unwrap_err();
-        assert_eq!(said, "value: one quantity per axis is wanted: 3, not 1");
+        assert_eq!(said, "value: one quantity per axis is expected: 3, not 1");
     }
 }

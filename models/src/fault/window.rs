@@ -108,9 +108,9 @@ impl Repeated {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Keys {
-    /// The first instant, in the time of the log; without it, from the beginning.
+    /// The first instant of the window, in the time of the log; by default the beginning.
     from: Option<Duration>,
-    /// The first instant after it; without it, to the end.
+    /// The first instant after the window; by default it lasts to the end.
     to: Option<Duration>,
     /// How long it lasts, instead of `to`.
     duration: Option<Positive<dim::Duration>>,

@@ -21,9 +21,9 @@ use std::collections::VecDeque;
 pub struct BaselineSpec {
     /// A stream with a `position` channel.
     source: String,
-    /// How far apart the two fixes are at least.
+    /// Smallest distance between the two fixes.
     min_distance: Positive<dim::Length>,
-    /// How long ago the earlier one is at most.
+    /// Largest time between the two fixes.
     max_age: Positive<dim::Duration>,
     /// 1σ of the heading that it gives.
     sigma: NonNegative<dim::Angle>,

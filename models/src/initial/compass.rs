@@ -20,7 +20,7 @@ use std::collections::VecDeque;
 pub struct CompassSpec {
     /// A stream with a `heading` channel: a compass, the stage `compass`, an attitude filter.
     source: String,
-    /// 1σ of the heading that it gives, its slow error included.
+    /// 1σ of the heading that it gives, correlated errors included.
     sigma: NonNegative<dim::Angle>,
     /// Where the compass's north lies clockwise from true north: the magnetic declination.
     #[serde(default)]

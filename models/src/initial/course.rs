@@ -19,7 +19,7 @@ use serde::Deserialize;
 pub struct CourseSpec {
     /// A stream with a `velocity` channel, north east down.
     source: String,
-    /// Horizontal speed from which the course is believed.
+    /// Smallest horizontal speed at which the course is used.
     min_speed: Positive<dim::Speed>,
     /// 1σ of the heading that it gives.
     sigma: NonNegative<dim::Angle>,

@@ -22,11 +22,11 @@ pub struct FirstFixSpec {
     source: String,
     /// 1σ north, east, down of the initial position.
     position_sigma: Axes<dim::Length, range::NonNegative>,
-    /// Takes the `velocity` channel too, with this 1σ; without it the start is at rest only if
-    /// another initialiser says so.
+    /// Takes the `velocity` channel too, with this 1σ; without it another initialiser must give the
+    /// velocity.
     velocity_sigma: Option<Axes<dim::Speed, range::NonNegative>>,
-    /// The position is the median of this many latest fixes, axis by axis: for a vehicle that
-    /// stands still among outliers.
+    /// The position is the median of this many latest fixes, axis by axis: for a vehicle at rest
+    /// whose fixes contain outliers.
     #[serde(default = "one")]
     median_of: NonZeroUsize,
 }

@@ -31,13 +31,13 @@ pub struct LevellingSpec {
     source: String,
     /// How long the vehicle must have stood still.
     duration: Positive<dim::Duration>,
-    /// The bounds of stillness; without them the vehicle is taken to stand still from the first row on.
+    /// Limits of the rest test; without them the vehicle is assumed to be at rest from the first row on.
     still: Option<StillSpec>,
     /// 1σ of roll and pitch: accelerometer bias over gravity.
     tilt_sigma: NonNegative<dim::Angle>,
     /// 1σ of the gyro bias found at rest; sets the state `gyro_bias`.
     gyro_bias_sigma: Option<Axes<dim::AngularRate, range::NonNegative>>,
-    /// Heading from the Earth's rotation, for gyros good enough.
+    /// Heading from the Earth's rotation, for gyros that are accurate enough.
     gyrocompass: Option<GyrocompassSpec>,
 }
 

@@ -37,13 +37,13 @@ use serde::Deserialize;
 
 use super::strapdown::GravitySpec;
 
-/// Strapdown navigation that takes its turning from an attitude reference: states position,
+/// Strapdown navigation that takes its rotation from an attitude reference: states position,
 /// velocity, attitude and, where declared, accelerometer bias; driven by the channels
 /// `specific_force` and `attitude` of its source.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ExternalAttitudeSpec {
-    /// White noise of the reference's turning, as an angle random walk.
+    /// White noise of the reference's rotation: the angle random walk.
     attitude_noise: Axes<dim::AngleRandomWalk, range::NonNegative>,
     /// White noise of the specific force: the velocity random walk, e.g. "70 ug/sqrt(Hz)".
     accelerometer_noise: Axes<dim::VelocityRandomWalk, range::NonNegative>,

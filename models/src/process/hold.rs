@@ -15,13 +15,13 @@ use fusion_core::state::Dynamics;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// A position that stands still between fixes: with a large walk the latest fix, held.
+/// A position that stays constant between fixes; with a large random walk, that of the latest fix.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HoldSpec {
     /// Random walk of the position, north east down.
     walk: Axes<dim::PositionRandomWalk, range::NonNegative>,
-    /// Initial 1σ of position, about the origin or where an initialiser puts it.
+    /// Initial 1σ of position, around the origin or the position that an initialiser gives.
     position_sigma: Axes<dim::Length, range::NonNegative>,
 }
 

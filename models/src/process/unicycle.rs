@@ -86,16 +86,16 @@ fn carried(p: &Geodetic, after: &Geodetic, moved: &Vector2<f64>) -> (Matrix3<f64
 pub struct UnicycleSpec {
     /// White noise density of the acceleration ahead.
     speed_noise: NonNegative<dim::VelocityRandomWalk>,
-    /// White noise density of the acceleration of turning.
+    /// White noise density of the yaw acceleration.
     yaw_rate_noise: NonNegative<dim::RateRandomWalk>,
-    /// Random walk of the heading: turning that the yaw rate does not tell.
+    /// Random walk of the heading: rotation that the yaw rate does not contain.
     #[serde(default)]
     heading_noise: NonNegative<dim::AngleRandomWalk>,
-    /// Random walk of the position, north east down: slip, and the height's own walk.
+    /// Random walk of the position, north east down: slip, and changes of height.
     #[serde(default = "still")]
     position_noise: Axes<dim::PositionRandomWalk, range::NonNegative>,
-    /// Initial 1σ of position, north east down; it starts at the origin, or where an initialiser
-    /// puts it.
+    /// Initial 1σ of position, north east down; it starts at the origin, or at the position that an
+    /// initialiser gives.
     position_sigma: Axes<dim::Length, range::NonNegative>,
     /// Heading the filter starts from, clockwise from north.
     #[serde(default)]

@@ -48,7 +48,7 @@ pub struct BarometerSpec {
     /// Sensor position in body axes, from the body origin (the IMU).
     #[serde(default)]
     lever_arm: VectorParam<dim::Length>,
-    /// Pressure at the height zero of the standard atmosphere: the weather.
+    /// Pressure at height zero of the standard atmosphere, which changes with the weather.
     #[serde(default = "standard_pressure")]
     sea_level_pressure: ScalarParam<dim::Pressure>,
     /// Height that the atmosphere seems to add.

@@ -79,7 +79,8 @@ scale = { estimate = true, initial = "1 %", sigma = "3 %", random_walk = "0.01 %
 "#
 );
 
-/// A wheeled or tracked vehicle moves neither sideways nor up: a constant of zero.
+/// Pseudo-measurement: the velocity of a wheeled or tracked vehicle has no component sideways or
+/// up.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NonholonomicSpec {

@@ -28,7 +28,7 @@ pub struct DepthSpec {
     /// Height of the water's surface above the ellipsoid: geoid and tide.
     #[serde(default)]
     surface: ScalarParam<dim::Length>,
-    /// What the sensor reads too deep.
+    /// Depth bias, down positive.
     #[serde(default)]
     bias: ScalarParam<dim::Length>,
 }

@@ -22,7 +22,7 @@ use nalgebra::{Matrix3, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// GNSS position with an antenna lever arm, a late stamp and a slowly varying error.
+/// GNSS position with an antenna lever arm, a time offset and a correlated error.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GnssPositionSpec {
@@ -32,7 +32,7 @@ pub struct GnssPositionSpec {
     /// How late the receiver stamps its fixes: valid at stamp − offset; at most 1 h.
     #[serde(default)]
     time_offset: ScalarParam<dim::Duration>,
-    /// Slowly varying position error, north east down; give it a `correlation_time`.
+    /// Correlated position error, north east down; give it a `correlation_time`.
     #[serde(default)]
     bias: VectorParam<dim::Length>,
     /// Use north and east only.

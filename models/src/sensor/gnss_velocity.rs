@@ -1,4 +1,4 @@
-//! GNSS velocity with an antenna lever arm and a late stamp.
+//! GNSS velocity with an antenna lever arm and a time offset.
 //!
 //! Measured   z = v_ea_n, velocity of the antenna a, north east down \[m/s\]
 //! Predicted  h(x) = v_eb_n + C_nb (w_ib_b × l_ba_b) − a τ,  a = dv_eb_n/dt
@@ -23,7 +23,7 @@ use nalgebra::{Matrix3, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// GNSS velocity, north east down, with an antenna lever arm and a late stamp.
+/// GNSS velocity, north east down, with an antenna lever arm and a time offset.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GnssVelocitySpec {

@@ -23,7 +23,7 @@ use nalgebra::{Matrix3, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// The accelerometers as a level, for a body that does not accelerate.
+/// Direction of gravity from the accelerometers, for a body that does not accelerate.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GravityDirectionSpec {

@@ -35,10 +35,10 @@ fn yaw(c_nb: &Matrix3<f64>) -> Result<(f64, RowVector3<f64>), Undefined> {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HeadingSpec {
-    /// What the sensor reads too far clockwise: deviation, misalignment.
+    /// Heading bias, clockwise positive: deviation, misalignment.
     #[serde(default)]
     bias: ScalarParam<dim::Angle>,
-    /// Where the sensor's north lies clockwise from true north: the magnetic declination.
+    /// Magnetic declination: direction of the sensor's north, clockwise from true north.
     #[serde(default)]
     declination: units::Angle,
 }

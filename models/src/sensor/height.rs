@@ -17,14 +17,14 @@ use nalgebra::Matrix1;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Height above the ellipsoid, up positive, with a slowly varying error.
+/// Height above the ellipsoid, up positive, with a correlated error.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HeightSpec {
     /// Sensor position in body axes, from the body origin (the IMU).
     #[serde(default)]
     lever_arm: VectorParam<dim::Length>,
-    /// What the sensor reads too high; give a barometric height a `correlation_time`.
+    /// Height bias, up positive; give a barometric height a `correlation_time`.
     #[serde(default)]
     bias: ScalarParam<dim::Length>,
 }

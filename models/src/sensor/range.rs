@@ -33,7 +33,7 @@ pub struct RangeSpec {
     /// Scale error κ: the sensor reads (1 + κ) of the range.
     #[serde(default)]
     scale: ScalarParam<dim::Ratio>,
-    /// What the sensor reads too long, whatever the range.
+    /// Range bias, independent of the range.
     #[serde(default)]
     bias: ScalarParam<dim::Length>,
 }

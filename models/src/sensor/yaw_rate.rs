@@ -20,7 +20,7 @@ use serde::Deserialize;
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct YawRateSpec {
-    /// What the gyro reads at rest.
+    /// Bias of the gyro.
     #[serde(default)]
     bias: ScalarParam<dim::AngularRate>,
 }

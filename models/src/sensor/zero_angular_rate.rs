@@ -42,7 +42,7 @@ fn rate_in(p: &Geodetic, v: &Vector3<f64>) -> (Vector3<f64>, Matrix3<f64>, Matri
     )
 }
 
-/// At rest the gyros read their bias and the turning of the Earth.
+/// Pseudo-measurement at rest: the gyros read their bias and the rotation of the Earth.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ZeroAngularRateSpec {}

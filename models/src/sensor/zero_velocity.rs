@@ -17,7 +17,7 @@ use nalgebra::Matrix3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// The vehicle stands still: a constant of zero for its velocity.
+/// Pseudo-measurement at rest: the velocity is zero.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ZeroVelocitySpec {}

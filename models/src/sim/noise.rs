@@ -11,7 +11,7 @@ use fusion_core::Time;
 use fusion_core::model::Measurement;
 use schemars::JsonSchema;
 
-/// How a sensor is simulated: when it measures, and how wrong.
+/// How a sensor is simulated: when it measures, and with which errors.
 #[derive(Clone, Debug, serde::Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SensorErrorSpec {

@@ -12,7 +12,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
-/// A simulated run: a trajectory, an inertial measurement unit, and how wrong each sensor is.
+/// A simulated run: a trajectory, an inertial measurement unit, and the errors of each sensor.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SimulationSpec {

@@ -17,7 +17,7 @@ use serde::Deserialize;
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PeriodicSpec {
-    /// The stream whose rows time the clock, e.g. the IMU.
+    /// The stream whose stamps drive the clock, e.g. the IMU.
     source: String,
     /// Rows per second, at most the source's own rate.
     rate: Positive<dim::Frequency>,

@@ -34,14 +34,14 @@ pub struct StationaritySpec {
     /// How many tests in a row must pass.
     #[serde(default = "once")]
     persist: u32,
-    /// The bounds of stillness.
+    /// Limits of the rest test.
     still: StillSpec,
-    /// Largest horizontal part of the mean specific force, less its bias, in the navigation frame.
+    /// Largest horizontal part of the mean specific force, minus its bias, in the navigation frame.
     max_mean_acceleration: Option<Positive<dim::Acceleration>>,
-    /// A second witness: the speed GNSS reports.
+    /// A second test: the speed that GNSS reports.
     gnss: Option<GnssWitness>,
-    /// Still only while the filter's own speed is below this; with a `gnss` witness only while
-    /// that is silent.
+    /// At rest only while the estimated speed is below this; with `gnss`, used only while there is
+    /// no recent reported speed.
     max_speed: Option<Positive<dim::Speed>>,
 }
 
@@ -59,9 +59,9 @@ const fn once() -> u32 {
 struct GnssWitness {
     /// A stream with a `velocity` channel.
     source: String,
-    /// Still only below this speed.
+    /// At rest only below this speed.
     max_speed: Positive<dim::Speed>,
-    /// A report older than this is no witness, for or against.
+    /// A reported speed older than this is ignored.
     max_age: Positive<dim::Duration>,
 }
 

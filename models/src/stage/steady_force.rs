@@ -20,7 +20,7 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// The specific force low-passed over `time_constant` \[s\] in axes that do not turn: `filtered`
+/// The specific force, low-pass filtered over `time_constant` \[s\] in axes that do not rotate: `filtered`
 /// and `f_b` in body axes, before and after a turn of `w_nb_b` \[rad/s\] for `dt` \[s\].
 #[inline]
 #[must_use]
@@ -29,7 +29,8 @@ pub fn low_passed(filtered: &Vector3<f64>, f_b: &Vector3<f64>, w_nb_b: &Vector3<
     carried + (f_b - carried) * (1.0 - (-dt / time_constant).exp())
 }
 
-/// The specific force low-passed in axes that do not turn: a vertical for a body that accelerates.
+/// The specific force, low-pass filtered in axes that do not rotate: a vertical for a body that
+/// accelerates.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SteadyForceSpec {

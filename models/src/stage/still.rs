@@ -22,7 +22,7 @@ pub struct StillSpec {
     pub accel_std: Axes<dim::Acceleration, range::Positive>,
     /// Largest standard deviation of angular rate over the window, per axis.
     pub gyro_std: Axes<dim::AngularRate, range::Positive>,
-    /// Largest mean rate less the bias over the window, per axis.
+    /// Largest mean rate minus the bias over the window, per axis.
     #[serde(default = "fast")]
     pub mean_rate: Axes<dim::AngularRate, range::Positive>,
 }

@@ -146,10 +146,10 @@ mod tests {
         let sigma = read(r#""50 cm""#).unwrap();
         assert_eq!(sigma.expect(LENGTH), Ok(0.5));
         let error = read(r#""2 deg""#).unwrap().expect(LENGTH).unwrap_err().to_string();
-        assert_eq!(error, r#""2 deg" is an angle [rad]; a length [m] is wanted here, e.g. "0.5 m""#);
+        assert_eq!(error, r#""2 deg" is an angle [rad]; a length [m] is expected here, e.g. "0.5 m""#);
         let volume = LENGTH.power(6).unwrap();
         let error = sigma.expect(volume).unwrap_err().to_string();
-        assert_eq!(error, r#""50 cm" is a length [m]; a quantity [m^3] is wanted here"#);
+        assert_eq!(error, r#""50 cm" is a length [m]; a quantity [m^3] is expected here"#);
     }
 
     #[test]

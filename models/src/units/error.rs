@@ -79,7 +79,7 @@ impl fmt::Display for UnitError {
                     Ok(_) => write!(f, "{text:?} has no unit")?,
                     Err(_) => write!(f, "{text:?} is {}", found.kind())?,
                 }
-                write!(f, "; {wanted} is wanted here")?;
+                write!(f, "; {wanted} is expected here")?;
                 write_example(f, wanted)
             }
             Self::OutOfRange {
@@ -92,14 +92,14 @@ impl fmt::Display for UnitError {
                     Ok(_) => write!(f, "{text} is out of range")?,
                     Err(_) => write!(f, "{text:?} is out of range")?,
                 }
-                write!(f, "; {wanted} {range} is wanted here")?;
+                write!(f, "; {wanted} {range} is expected here")?;
                 write_example(f, wanted)?;
                 match meant {
                     Some(meant) => write!(f, "; a bare number is in {}: was {meant:?} meant?", wanted.symbol),
                     None => Ok(()),
                 }
             }
-            Self::Count { given, wanted } => write!(f, "one quantity per axis is wanted: {wanted}, not {given}"),
+            Self::Count { given, wanted } => write!(f, "one quantity per axis is expected: {wanted}, not {given}"),
         }
     }
 }

@@ -305,14 +305,14 @@ mod tests {
         };
         assert_eq!(said("'5 cm'", &[metre; 3]), Ok(vec![0.05; 3]));
         assert_eq!(said("['5 cm', 2]", &[metre, rad]), Ok(vec![0.05, 2.0]));
-        assert_eq!(said("[2]", &[metre; 3]).unwrap_err(), "one quantity per axis is wanted: 3, not 1");
+        assert_eq!(said("[2]", &[metre; 3]).unwrap_err(), "one quantity per axis is expected: 3, not 1");
         assert!(said("2", &[]).unwrap().is_empty());
         let wrong = said("['5 cm', '2 m']", &[metre, rad]).unwrap_err();
-        assert_eq!(wrong, r#""2 m" is a length [m]; an angle [rad] is wanted here, e.g. "5 deg""#);
+        assert_eq!(wrong, r#""2 m" is a length [m]; an angle [rad] is expected here, e.g. "5 deg""#);
         let negative = said("['5 cm', '-2 deg']", &[metre, rad]).unwrap_err();
         assert_eq!(
             negative,
-            r#""-2 deg" is out of range; an angle [rad] of at least 0 is wanted here, e.g. "5 deg""#
+            r#""-2 deg" is out of range; an angle [rad] of at least 0 is expected here, e.g. "5 deg""#
         );
     }
 

@@ -49,7 +49,7 @@ mod tests {
     fn degrees_without_their_unit_are_refused_with_what_was_meant() {
         assert_eq!(
             place("latitude = 47\nlongitude = '8 deg'").unwrap_err(),
-            "47 is out of range; an angle [rad] from -90 to 90 degrees is wanted here, e.g. \"5 deg\"; \
+            "47 is out of range; an angle [rad] from -90 to 90 degrees is expected here, e.g. \"5 deg\"; \
              a bare number is in rad: was \"47 deg\" meant?"
         );
         assert!(

@@ -442,15 +442,15 @@ mod tests {
         let message = |read: Result<Length, String>| read.unwrap_err();
         assert_eq!(
             message(read("'5 deg'")),
-            r#""5 deg" is an angle [rad]; a length [m] is wanted here, e.g. "0.5 m""#
+            r#""5 deg" is an angle [rad]; a length [m] is expected here, e.g. "0.5 m""#
         );
         assert_eq!(
             message(read("'5 m*K'")),
-            r#""5 m*K" is a quantity [m*K]; a length [m] is wanted here, e.g. "0.5 m""#
+            r#""5 m*K" is a quantity [m*K]; a length [m] is expected here, e.g. "0.5 m""#
         );
         assert_eq!(
             message(read("'5'")),
-            r#""5" has no unit; a length [m] is wanted here, e.g. "0.5 m""#
+            r#""5" has no unit; a length [m] is expected here, e.g. "0.5 m""#
         );
         assert_eq!(message(read("inf")), r#""inf" is not a finite number followed by a unit"#);
         assert_eq!(
@@ -463,15 +463,15 @@ mod tests {
     fn a_value_out_of_range_says_the_range() {
         assert_eq!(
             read::<Positive<dim::Duration>>("0").unwrap_err(),
-            r#"0 is out of range; a duration [s] greater than 0 is wanted here, e.g. "0.2 s""#
+            r#"0 is out of range; a duration [s] greater than 0 is expected here, e.g. "0.2 s""#
         );
         assert_eq!(
             read::<NonNegative<dim::Length>>("'-5 cm'").unwrap_err(),
-            r#""-5 cm" is out of range; a length [m] of at least 0 is wanted here, e.g. "0.5 m""#
+            r#""-5 cm" is out of range; a length [m] of at least 0 is expected here, e.g. "0.5 m""#
         );
         assert_eq!(
             read::<Probability>("1.5").unwrap_err(),
-            r#"1.5 is out of range; a pure number [1] from 0 to 1 is wanted here, e.g. "2 %""#
+            r#"1.5 is out of range; a pure number [1] from 0 to 1 is expected here, e.g. "2 %""#
         );
         assert_eq!(read::<NonNegative<dim::Length>>("0").unwrap(), NonNegative::default());
     }

@@ -56,8 +56,8 @@ format_spec! {
         /// What separates the fields.
         #[serde(default = "comma")]
         delimiter: char,
-        /// Lines that begin with this character are no rows, such as `"#"`. Leave it out where the
-        /// header itself begins so: its names are taken as written.
+        /// Lines that begin with this character, such as `"#"`, are comments. Do not set it if the
+        /// header line begins with it: its names are taken as written.
         comment: Option<char>,
         /// Whether the first line names the columns; without header they are called `1`, `2`, ….
         #[serde(default = "yes")]

@@ -330,7 +330,7 @@ fn repeated_values_and_late_stamps_are_left_out_as_declared_and_counted() {
   left out 1: time runs backwards
     line 5: time runs backwards: 2.500000 s comes after 3.000000 s
   left out 1: the stamp of the row before
-    line 6: the stamp 3.000000 s is that of the row before";
+    line 6: the stamp 3.000000 s is equal to that of the row before";
     assert_eq!(report.to_string(), expected);
     let kept = TV.replace("'t' }", "'t', ties = 'keep' }");
     assert_eq!(values(&kept, "t,v\n1,1\n1,2\n").len(), 2);
@@ -387,7 +387,7 @@ fn cells_that_stop_a_run_are_named_with_line_and_column() {
         ),
         (
             "t,v\n2,1\n2,1\n",
-            "the stamp 2.000000 s is that of the row before",
+            "the stamp 2.000000 s is equal to that of the row before",
             3,
             "leave such rows out by `time.ties = \"skip\"`, or use them by `time.ties = \"keep\"`".to_owned(),
         ),
@@ -549,7 +549,7 @@ fn all_mistakes_of_a_declaration_are_found_at_once() {
         "channels.g.unit: with `variance = true` the unit is that of a variance",
         "channels.h: a latitude needs its unit",
         "channels.i.scale: 2 factors are given for 3 columns",
-        "channels.i.offset: \"1 deg\" is an angle [rad]; a pure number [1] is wanted here, e.g. \"2 %\"",
+        "channels.i.offset: \"1 deg\" is an angle [rad]; a pure number [1] is expected here, e.g. \"2 %\"",
         "channels.k.average: angles that wrap have no plain mean",
         "valid: no condition is set on column `q`",
         "keep: rows are kept by `every` or by `except_every`",

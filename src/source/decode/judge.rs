@@ -169,7 +169,7 @@ impl Judge {
         Err(Unused::Wrong(Refusal {
             policy,
             reason: "the stamp of the row before",
-            message: format!("the stamp {now} is that of the row before"),
+            message: format!("the stamp {now} is equal to that of the row before"),
             help: "leave such rows out by `time.ties = \"skip\"`, or use them by `time.ties = \"keep\"`".to_owned(),
         }))
     }

@@ -20,7 +20,7 @@ pub(in super::super) trait RawRows: Send {
     /// The cell of the row at hand in the column of this number.
     fn cell(&self, column: usize) -> Cell<'_>;
 
-    /// Why the cells of the row at hand cannot be told from each other; `None` where they can.
+    /// Why the row at hand cannot be split into cells; `None` where it can.
     fn malformed(&self) -> Option<Malformed> {
         None
     }
@@ -55,7 +55,7 @@ impl<'a> Cell<'a> {
         }
     }
 
-    /// The number that it holds, be it finite or not.
+    /// The number that it holds, finite or not.
     pub(super) fn number(self) -> Option<f64> {
         match self {
             Self::Text(_) => self.text()?.parse().ok(),

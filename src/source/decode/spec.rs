@@ -84,12 +84,12 @@ pub(in super::super) struct TimeSpec {
     /// Its unit; decimal stamps of any length are read to the nanosecond.
     #[serde(default = "seconds")]
     pub(super) unit: String,
-    /// The zero of the log's time, in the unit of the column and as exact as written.
+    /// The stamp at time zero of the log, in the unit of the column and as exact as written.
     pub(super) epoch: Option<Epoch>,
-    /// Rate of the true time against this clock.
+    /// Seconds of true time per second of this clock.
     #[serde(default = "one")]
     pub(super) scale: f64,
-    /// Where the scaled clock is right, in the time of the log; at its first stamp without it.
+    /// The time of the log at which the scaled clock is correct; by default its first stamp.
     pub(super) about: Option<Duration>,
     /// Added to every stamp.
     #[serde(default)]
@@ -206,7 +206,7 @@ pub(in super::super) enum Repeats {
     /// Keep them.
     #[default]
     Keep,
-    /// Leave a row out that says the same as the one before.
+    /// Leave out a row with the same values as the one before.
     Drop,
 }
 
@@ -241,11 +241,11 @@ impl Keep {
 pub(in super::super) struct Condition {
     /// The column.
     pub(super) column: String,
-    /// The value wanted, a number or text; any of an array.
+    /// The value required, a number or text; of an array, any one.
     pub(super) equals: Option<OneOrMany<Wanted>>,
-    /// The least number wanted.
+    /// Smallest value allowed.
     pub(super) at_least: Option<f64>,
-    /// The greatest number wanted.
+    /// Largest value allowed.
     pub(super) at_most: Option<f64>,
 }
 
@@ -262,7 +262,7 @@ pub(in super::super) enum Wanted {
 /// A channel: the columns that it is made of, and how. One of `column`, `columns`, `quaternion`,
 /// `latitude` with `longitude` and `height`, or `north` with `east` and `down` or `up`.
 ///
-/// A column is written as in the header; a minus sign before it turns it round.
+/// A column is written as in the header; a minus sign before it changes the sign of its values.
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(in super::super) struct ChannelSpec {

@@ -42,7 +42,7 @@ pub enum Integrator {
     FirstOrder,
 }
 
-/// How Φ is made from F.
+/// How Φ is computed from F.
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
 #[serde(rename_all = "snake_case")]
 pub enum Discretisation {
@@ -117,7 +117,7 @@ pub struct StrapdownSpec {
     /// How samples are integrated.
     #[serde(default)]
     integrator: Integrator,
-    /// How Φ is made from F.
+    /// How Φ is computed from F.
     #[serde(default)]
     discretisation: Discretisation,
     /// The gravity model.

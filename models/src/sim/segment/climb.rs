@@ -17,7 +17,7 @@ pub struct ClimbSpec {
     height: Quantity<dim::Length>,
     /// Horizontal distance; this or `duration`.
     distance: Option<Positive<dim::Length>>,
-    /// How long; this or `distance`.
+    /// Duration; this or `distance`.
     duration: Option<Positive<dim::Duration>>,
 }
 
@@ -75,8 +75,8 @@ impl Segment for Climb {
     }
 }
 
-/// A jolt: the nose and the velocity swing one way and back the other, and the height changes
-/// for good. Otherwise the body keeps its course and speed.
+/// A bump: heading, pitch and velocity deviate to one side and then to the other, and the height
+/// changes permanently. Otherwise the body keeps its course and speed.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BumpSpec {

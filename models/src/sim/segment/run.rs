@@ -53,13 +53,13 @@ impl Segment for Rest {
     }
 }
 
-/// Runs straight ahead, changing speed at its start and, where told, at its end.
+/// Runs straight ahead, changing speed at its start and, where declared, at its end.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StraightSpec {
-    /// How long; this or `distance`.
+    /// Duration; this or `distance`.
     duration: Option<Positive<dim::Duration>>,
-    /// How far; this or `duration`.
+    /// Distance; this or `duration`.
     distance: Option<Positive<dim::Length>>,
     /// Speed to run at; the present one by default.
     speed: Option<NonNegative<dim::Speed>>,
@@ -131,7 +131,7 @@ pub struct SineSpec {
     amplitude: Quantity<dim::Length>,
     /// Length of one swing along the axis. The swing fades in and out over a quarter of it.
     wavelength: Positive<dim::Length>,
-    /// How long; this or `distance`.
+    /// Duration; this or `distance`.
     duration: Option<Positive<dim::Duration>>,
     /// How far along the axis; this or `duration`.
     distance: Option<Positive<dim::Length>>,

@@ -127,7 +127,7 @@ impl Planner<'_> {
                 let (unit, found, wanted) = (text.unwrap_or_default(), found.kind(), wanted.kind());
                 self.wrong(
                     field,
-                    &format!("{unit:?} is the unit of {found}; that of {wanted} is wanted here"),
+                    &format!("{unit:?} is the unit of {found}; that of {wanted} is expected here"),
                     "",
                 );
             }
