@@ -15,10 +15,10 @@ pub(crate) const TABLES: [&str; 5] = ["filter", "process", "sensor", "stage", "i
 
 /// A filter of its own: a design inside a design.
 ///
-/// It reads sources and stages outside, and stages inside. Its origin is that of the run. After each
-/// row that moves its process it emits its states, each with its 1σ as `NAME_sigma`, the signals of
-/// its process, and what else the driving row holds; with an attitude also `heading`,
-/// `heading_sigma` and `tilt_sigma`. What it tells stands in results under its name.
+/// It reads sources and stages outside, and stages inside. Its origin is that of the run. After
+/// each row that moves its process it emits its states, each with its 1σ as `NAME_sigma`, the
+/// signals of its process, and what else the driving row holds; with an attitude also `heading`,
+/// `heading_sigma` and `tilt_sigma`. Its results are reported under the name of the stage.
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields)]
 #[expect(dead_code, reason = "it is read table by table, as any design; this describes the tables")]

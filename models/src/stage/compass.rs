@@ -32,21 +32,21 @@ pub struct CompassStageSpec {
     /// A stream with a `magnetic_field` channel, three axes.
     source: String,
     /// A stream with a `specific_force` channel, for the tilt before the filter starts; without it
-    /// the body is taken for level.
+    /// the body is assumed to be level.
     level_source: Option<String>,
     /// Headings per second at most, once the filter has started; before, every field counts.
     #[serde(default = "thirty_hertz")]
     rate: Positive<dim::Frequency>,
-    /// Where magnetic north lies clockwise from true north.
+    /// Magnetic declination: direction of magnetic north, clockwise from true north.
     #[serde(default)]
     declination: units::Angle,
     /// A of m = A (m_raw − hard_iron), row by row.
     #[serde(default = "no_soft_iron")]
     soft_iron: [Vec3Of<dim::Ratio>; 3],
-    /// What the body itself adds to the field.
+    /// Magnetic field of the body itself.
     #[serde(default)]
     hard_iron: Vec3Of<dim::MagneticField>,
-    /// Which fields are left out; without it none.
+    /// Which samples of the field are left out; by default none.
     gate: Option<FieldGateSpec>,
 }
 

@@ -76,7 +76,7 @@ pub fn gradient_step(q: &UnitQuaternion<f64>, f_b: &Vector3<f64>, mu: f64) -> Op
 pub struct GravityGradientSpec {
     /// The IMU stream.
     source: String,
-    /// α, the step in units of what the gyros turned.
+    /// α, the step in units of the rotation that the gyros measured.
     #[serde(default = "gain")]
     gain: NonNegative<dim::Ratio>,
     /// μ₀, the step at rest: half the tilt that one sample corrects. The limit cycle is twice it.

@@ -10,15 +10,15 @@ use serde::Deserialize;
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FieldGateSpec {
-    /// False lets every field pass.
+    /// False accepts every field.
     pub(crate) enabled: bool,
-    /// The undisturbed field; learnt at the start where absent.
+    /// The undisturbed field; by default it is learnt at the start.
     field: Option<FieldSpec>,
-    /// Largest difference of |m|, as a share of it.
+    /// Largest difference of |m| from that of the reference, as a share of it.
     magnitude: Positive<dim::Ratio>,
-    /// Largest difference of the dip.
+    /// Largest difference of the dip from that of the reference.
     dip: Positive<dim::Angle>,
-    /// A field that has been another one, but steady, for so long is the new reference.
+    /// A different field that has been steady for this long becomes the new reference.
     adopt_after: Positive<dim::Duration>,
     /// How long the undisturbed field is averaged at the start, where it is learnt.
     pub(crate) learn_for: Positive<dim::Duration>,
