@@ -30,12 +30,12 @@ pub struct RecoverySpec {
     resume_after: u32,
     /// How long a sensor must have been denied before it is re-acquired: five measurements that
     /// agree with each other are then accepted against the estimate.
-    readopt_after: NonNegative<dim::Duration>,
+    reacquire_after: NonNegative<dim::Duration>,
     /// After a pause of this length the sensor is re-acquired as soon as five measurements agree
     /// with each other.
     gap: Positive<dim::Duration>,
     /// Never re-acquire the sensor: for pseudo-measurements, which always agree with each other.
-    never_readopt: bool,
+    never_reacquire: bool,
 }
 
 impl Default for RecoverySpec {
@@ -44,20 +44,20 @@ impl Default for RecoverySpec {
         Self {
             deny_after: r.deny_after,
             resume_after: r.resume_after,
-            readopt_after: NonNegative::try_from_si(r.readopt_after).unwrap_or_default(),
+            reacquire_after: NonNegative::try_from_si(r.reacquire_after).unwrap_or_default(),
             gap: Positive::try_from_si(r.gap).unwrap_or_else(|_| unreachable!("the default gap is positive")),
-            never_readopt: false,
+            never_reacquire: false,
         }
     }
 }
 
 impl RecoverySpec {
     fn build(&self) -> Recovery {
-        let never = |seconds: f64| if self.never_readopt { f64::INFINITY } else { seconds };
+        let never = |seconds: f64| if self.never_reacquire { f64::INFINITY } else { seconds };
         Recovery {
             deny_after: self.deny_after,
             resume_after: self.resume_after,
-            readopt_after: never(self.readopt_after.si()),
+            reacquire_after: never(self.reacquire_after.si()),
             gap: never(self.gap.si()),
             ..Recovery::default()
         }
@@ -81,7 +81,7 @@ crate::register!(
     NisSpec,
     r#"
 probability = 0.999
-recovery = { deny_after = 5, resume_after = 3, readopt_after = "30 s", gap = "10 s", never_readopt = false }
+recovery = { deny_after = 5, resume_after = 3, reacquire_after = "30 s", gap = "10 s", never_reacquire = false }
 "#
 );
 

@@ -56,11 +56,11 @@ fn sensor_header(cells: &mut Cells<impl Write>, s: &SensorStatistics) -> io::Res
         "nis",
         "accepted",
         "rejected",
-        "readopted",
+        "reacquired",
         "missed",
         "false",
-        "longest_refusal",
-        "longest_refusal_s",
+        "longest_rejection_streak",
+        "longest_rejection_streak_s",
         "ends_denied",
     ];
     columns
@@ -76,12 +76,12 @@ fn sensor_header(cells: &mut Cells<impl Write>, s: &SensorStatistics) -> io::Res
 /// The cells of a sensor in runs.csv.
 fn sensor_cells(cells: &mut Cells<impl Write>, s: &SensorStatistics) -> io::Result<()> {
     real(cells, s.nis.map_or(f64::NAN, |nis| nis.mean))?;
-    [s.accepted, s.rejected, s.readopted]
+    [s.accepted, s.rejected, s.reacquired]
         .into_iter()
         .try_for_each(|count| cells.put(count))?;
     cells.maybe(s.disturbed.map(|d| d.missed))?;
     cells.maybe(s.disturbed.map(|d| d.false_rejections))?;
-    let (measurements, seconds) = s.longest_refusal.map_or((0, 0.0), |r| (r.measurements, r.seconds));
+    let (measurements, seconds) = s.longest_rejection_streak.map_or((0, 0.0), |r| (r.measurements, r.seconds));
     cells.put(measurements)?;
     real(cells, seconds)?;
     cells.put(u8::from(s.ends_denied))?;

@@ -26,5 +26,5 @@ pub use files::{EstimateFile, UpdateFile};
 pub use filters::{Filters, Heard, HeardSensor};
 pub use hub::Hub;
 pub use score::FilterScore;
-pub use statistics::{Disturbed, Innovations, Refusal, SensorStatistics, Statistics};
+pub use statistics::{Disturbed, Innovations, RejectionStreak, SensorStatistics, Statistics};
 pub use timing::Timing;

@@ -1,4 +1,4 @@
-//! What became of each sensor's measurements: counts, refusals of its gate, innovations.
+//! What became of each sensor's measurements: counts, rejection streaks of its gate, innovations.
 
 use super::{Filters, HeardSensor, RunEvent, RunObserver};
 use crate::score::Consistency;
@@ -25,7 +25,7 @@ pub struct Disturbed {
 
 /// Measurements rejected one after the other.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Refusal {
+pub struct RejectionStreak {
     /// Time of the first \[s\].
     pub from: f64,
     /// How many.
@@ -60,13 +60,13 @@ pub struct SensorStatistics {
     /// Those its gate rejected.
     pub rejected: u64,
     /// Those its gate believed against the estimate.
-    pub readopted: u64,
+    pub reacquired: u64,
     /// Those without a value at the estimate, or that could not be used.
     pub unusable: u64,
     /// Of disturbed rows, where a declared fault may change what it reads.
     pub disturbed: Option<Disturbed>,
     /// The most measurements rejected in a row; none where none was rejected.
-    pub longest_refusal: Option<Refusal>,
+    pub longest_rejection_streak: Option<RejectionStreak>,
     /// Whether its gate was in denial at the end.
     pub ends_denied: bool,
     /// Mean NIS of those accepted, with its band; a gate that cuts into the good ones lowers it.
@@ -123,7 +123,7 @@ struct Follower {
     /// Innovations count from here on.
     from: Option<Time>,
     /// The first of the measurements that are being rejected, and how many they are.
-    refusal: Option<(Time, u64)>,
+    streak: Option<(Time, u64)>,
 }
 
 impl Follower {
@@ -147,7 +147,7 @@ impl Follower {
             nis: Vec::new(),
             squares: vec![0.0; m],
             from,
-            refusal: None,
+            streak: None,
         }
     }
 
@@ -160,8 +160,8 @@ impl Follower {
                 self.nis.push(update.nis);
                 true
             }
-            Verdict::Readopted => {
-                statistics.readopted += 1;
+            Verdict::Reacquired => {
+                statistics.reacquired += 1;
                 true
             }
             Verdict::Rejected => {
@@ -180,9 +180,9 @@ impl Follower {
             d.false_rejections += u64::from(!is_used && !was_disturbed);
         }
         if is_used {
-            self.end_refusal(time);
+            self.end_streak(time);
         } else {
-            self.refusal.get_or_insert((time, 0)).1 += 1;
+            self.streak.get_or_insert((time, 0)).1 += 1;
         }
         if update.verdict == Verdict::Accepted && self.from.is_none_or(|from| time >= from) {
             self.statistics.innovations.count += 1;
@@ -194,23 +194,23 @@ impl Follower {
         }
     }
 
-    fn end_refusal(&mut self, end: Time) {
-        let Some((first, measurements)) = self.refusal.take() else { return };
-        let refusal = Refusal {
+    fn end_streak(&mut self, end: Time) {
+        let Some((first, measurements)) = self.streak.take() else { return };
+        let streak = RejectionStreak {
             from: first.seconds(),
             measurements,
             seconds: end.seconds_since(first),
         };
-        let size = |r: &Refusal| (r.measurements, r.seconds);
-        let longest = &mut self.statistics.longest_refusal;
-        if longest.as_ref().is_none_or(|l| size(&refusal) > size(l)) {
-            *longest = Some(refusal);
+        let size = |r: &RejectionStreak| (r.measurements, r.seconds);
+        let longest = &mut self.statistics.longest_rejection_streak;
+        if longest.as_ref().is_none_or(|l| size(&streak) > size(l)) {
+            *longest = Some(streak);
         }
     }
 
     /// The statistics of a run that ends at `end`.
     fn finish(mut self, end: Time) -> SensorStatistics {
-        self.end_refusal(end);
+        self.end_streak(end);
         let innovations = &mut self.statistics.innovations;
         let count = innovations.count.max(1) as f64;
         innovations.rms = self.squares.iter().map(|s| (s / count).sqrt()).collect();
@@ -233,7 +233,7 @@ mod tests {
             nis: Vec::new(),
             squares: vec![0.0],
             from: Some(at(2.0)),
-            refusal: None,
+            streak: None,
         }
     }
 
@@ -263,11 +263,11 @@ mod tests {
 
     #[test]
     fn disturbed_rows_are_caught_or_missed_and_others_rejected_by_mistake() {
-        use Verdict::{Accepted, Readopted, Rejected, Unusable};
+        use Verdict::{Accepted, Reacquired, Rejected, Unusable};
         let mut f = follower();
         let judged = [
             (true, Accepted),
-            (true, Readopted),
+            (true, Reacquired),
             (true, Rejected),
             (false, Rejected),
             (false, Rejected),
@@ -286,18 +286,18 @@ mod tests {
     }
 
     #[test]
-    fn the_longest_refusal_ends_with_the_next_measurement_used_or_with_the_run() {
-        use Verdict::{Accepted, Readopted, Rejected, Unusable};
+    fn the_longest_rejection_streak_ends_with_the_next_measurement_used_or_with_the_run() {
+        use Verdict::{Accepted, Reacquired, Rejected, Unusable};
         let mut f = follower();
-        let verdicts = [Rejected, Accepted, Rejected, Unusable, Rejected, Readopted, Rejected, Rejected];
+        let verdicts = [Rejected, Accepted, Rejected, Unusable, Rejected, Reacquired, Rejected, Rejected];
         for (t, verdict) in verdicts.into_iter().enumerate() {
             // Nothing is judged where a measurement is unusable: its mode says nothing.
             let mode = if verdict == Rejected { Mode::Denied } else { Mode::Track };
             judge(&mut f, t as f64, verdict, 0.0, mode);
         }
         judge(&mut f, 8.0, Unusable, 0.0, Mode::Track);
-        let refusal = |from, seconds| {
-            Some(Refusal {
+        let streak = |from, seconds| {
+            Some(RejectionStreak {
                 from,
                 measurements: 2,
                 seconds,
@@ -305,26 +305,26 @@ mod tests {
         };
         let (mut early, mut late) = (follower(), follower());
         for f in [&mut early, &mut late] {
-            f.refusal = Some((at(6.0), 2));
-            f.statistics.longest_refusal = refusal(2.0, 3.0);
+            f.streak = Some((at(6.0), 2));
+            f.statistics.longest_rejection_streak = streak(2.0, 3.0);
         }
         // Of two with as many measurements the one that lasts longer; of equals the first.
-        assert_eq!(early.finish(at(9.0)).longest_refusal, refusal(2.0, 3.0));
-        assert_eq!(late.finish(at(9.5)).longest_refusal, refusal(6.0, 3.5));
+        assert_eq!(early.finish(at(9.0)).longest_rejection_streak, streak(2.0, 3.0));
+        assert_eq!(late.finish(at(9.5)).longest_rejection_streak, streak(6.0, 3.5));
         let found = f.finish(at(9.0));
-        assert_eq!((found.longest_refusal, found.ends_denied), (refusal(2.0, 3.0), true));
+        assert_eq!((found.longest_rejection_streak, found.ends_denied), (streak(2.0, 3.0), true));
     }
 
     #[test]
     fn innovations_are_those_of_accepted_measurements_in_the_window() {
-        use Verdict::{Accepted, Readopted, Rejected};
+        use Verdict::{Accepted, Reacquired, Rejected};
         let mut f = follower();
         f.statistics.innovations.max = vec![0.0];
         let judged = [
             (1.0, Accepted, 50.0),
             (2.0, Accepted, 3.0),
             (3.0, Rejected, 90.0),
-            (4.0, Readopted, 70.0),
+            (4.0, Reacquired, 70.0),
             (5.0, Accepted, -4.0),
         ];
         for (t, verdict, r) in judged {

@@ -71,7 +71,7 @@ pub const fn verdict_name(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Accepted => "accepted",
         Verdict::Rejected => "rejected",
-        Verdict::Readopted => "readopted",
+        Verdict::Reacquired => "reacquired",
         Verdict::Undefined(_) => "undefined",
         Verdict::Unusable => "unusable",
     }

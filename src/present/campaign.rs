@@ -69,7 +69,7 @@ impl Campaign {
             let runs = self.rows.iter().map(|row| &row.sensors[i]);
             let mut cells = vec![Cell::text(&sensor.name)];
             cells.extend(counts.iter().map(|(_, count)| sum(runs.clone(), *count)));
-            let streaks = runs.clone().filter_map(|s| s.longest_refusal);
+            let streaks = runs.clone().filter_map(|s| s.longest_rejection_streak);
             if let Some(most) = streaks.clone().map(|r| r.measurements).max() {
                 let longest = streaks.map(|r| r.seconds).fold(0.0, f64::max);
                 let denied = runs.filter(|s| s.ends_denied).count();

@@ -170,7 +170,7 @@ impl Summary {
             all.push(format!("source `{}` delivered no rows ({} read)", s.name, s.rows));
         }
         for s in self.sensors.iter().filter(|_| self.started.is_some()) {
-            let (good, bad) = (s.accepted + s.readopted, s.rejected + s.unusable);
+            let (good, bad) = (s.accepted + s.reacquired, s.rejected + s.unusable);
             if good + bad == 0 {
                 all.push(format!("sensor `{}` had no measurement after the start", s.name));
             } else if bad > good {
@@ -215,7 +215,7 @@ fn streaks(sensors: &[SensorStatistics]) -> Table {
         Column::text("at the end"),
     ]);
     for s in sensors {
-        if let Some(r) = &s.longest_refusal {
+        if let Some(r) = &s.longest_rejection_streak {
             let end = if s.ends_denied { Cell::text("denied") } else { Cell::Empty };
             let times = [r.from, r.seconds].map(Cell::Seconds);
             t.row(

@@ -16,7 +16,7 @@ pub(super) fn counts<'a>(sensors: impl IntoIterator<Item = &'a SensorStatistics>
         ("missed", |s| Some(s.disturbed?.missed)),
         ("false", |s| Some(s.disturbed?.false_rejections)),
     ];
-    const RARE: [(&str, Count); 2] = [("re-acquired", |s| Some(s.readopted)), ("unusable", |s| Some(s.unusable))];
+    const RARE: [(&str, Count); 2] = [("re-acquired", |s| Some(s.reacquired)), ("unusable", |s| Some(s.unusable))];
     let values = |count: Count| sensors.clone().into_iter().filter_map(count);
     let usual = USUAL.into_iter().filter(|(_, count)| values(*count).next().is_some());
     let rare = RARE.into_iter().filter(|(_, count)| values(*count).any(|n| n > 0));

@@ -233,15 +233,15 @@ impl Share {
     }
 
     fn sensor(&self, s: &SensorTrack, summary: &Summary, shift: &Vector3<f64>) -> SensorData {
-        let tally = summary.sensors.iter().find(|t| t.name == s.name);
-        let mut rows = tally.map(residual_rows).unwrap_or_default();
+        let statistics = summary.sensors.iter().find(|t| t.name == s.name);
+        let mut rows = statistics.map(residual_rows).unwrap_or_default();
         // A recording made by hand may have no statistics of its sensors, and no units with them.
         rows.truncate(s.rows);
         rows.extend((rows.len()..s.rows).map(|k| ((k + 1).to_string(), Unit::none())));
         let units: Vec<&Unit> = rows.iter().map(|(_, unit)| unit).collect();
         SensorData {
             name: s.name.clone(),
-            dof: tally.and_then(|t| t.nis).map(|n| n.dof),
+            dof: statistics.and_then(|t| t.nis).map(|n| n.dof),
             gated: s.gated,
             own_statistic: s.own_statistic,
             updates: TableData::of_updates(s, self.capacity, &units, self.bands),
@@ -309,13 +309,13 @@ mod tests {
             unit: vec!["rad".to_owned(); 2],
             ..Innovations::default()
         };
-        let tally = SensorStatistics {
+        let statistics = SensorStatistics {
             name: "tilt".to_owned(),
             innovations,
             ..SensorStatistics::default()
         };
         let summary = Summary {
-            sensors: vec![tally],
+            sensors: vec![statistics],
             ..Summary::default()
         };
         let run = Run {

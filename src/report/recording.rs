@@ -101,7 +101,7 @@ pub(super) struct SensorTrack {
     /// Whether it measures a place.
     is_place: bool,
     /// NIS of the used, NIS of the rejected, statistic, threshold, mode (1 denied); then, of
-    /// every row in SI, the innovation of the accepted, that of the rejected and readopted, and
+    /// every row in SI, the innovation of the accepted, that of the rejected and reacquired, and
     /// its 3σ.
     pub updates: Trace,
     /// North, east, down of the fixes: used, rejected.
@@ -331,8 +331,8 @@ impl Recording {
         ]);
         let kind = match update.verdict {
             Verdict::Accepted => Some(0),
-            // Readopted against the estimate, it is as far off as the rejected before it.
-            Verdict::Rejected | Verdict::Readopted => Some(1),
+            // Reacquired against the estimate, it is as far off as the rejected before it.
+            Verdict::Rejected | Verdict::Reacquired => Some(1),
             Verdict::Undefined(_) | Verdict::Unusable => None,
         };
         for (i, (r, sigma)) in update.residual.iter().zip(update.innovation_sigma).take(track.rows).enumerate() {

@@ -310,7 +310,7 @@ fn measurements_become_fixes_with_their_verdict_and_rows_become_sensor_data() {
 #[test]
 fn innovations_of_accepted_measurements_are_kept_per_row_and_those_of_others_apart() {
     let mut r = Recording::new(Frame::default());
-    let verdicts = [Verdict::Accepted, Verdict::Rejected, Verdict::Readopted, Verdict::Unusable];
+    let verdicts = [Verdict::Accepted, Verdict::Rejected, Verdict::Reacquired, Verdict::Unusable];
     for (i, verdict) in verdicts.into_iter().enumerate() {
         let time = Time::from_seconds(i as f64);
         let update = update(verdict, 1.0, 9.0, Mode::Track);

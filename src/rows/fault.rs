@@ -1,6 +1,6 @@
 //! Rows through declared faults, applied in the order in which they are declared.
 
-use super::{ProvidedChannel, RowStream, SourceError, SourceReport, Stamp, Tally};
+use super::{ProvidedChannel, RowCounts, RowStream, SourceError, SourceReport, Stamp};
 use core::ops::Range;
 use fusion_core::time::Time;
 use fusion_models::block::BuildError;
@@ -14,7 +14,7 @@ type Declared = [(String, Box<dyn FaultSpec>)];
 pub(crate) struct FaultChain {
     faults: Vec<(String, Box<dyn Fault>)>,
     disturbed: Vec<Range<usize>>,
-    tally: Tally,
+    counts: RowCounts,
 }
 
 impl FaultChain {
@@ -43,15 +43,15 @@ impl FaultChain {
                 Outcome::Untouched => {}
                 Outcome::Disturbed => {
                     self.disturbed.push(fault.columns());
-                    self.tally.disturbed(name);
+                    self.counts.disturbed(name);
                 }
                 Outcome::Withheld => {
-                    self.tally.skipped(&format!("withheld by fault {name}"), None);
+                    self.counts.skipped(&format!("withheld by fault {name}"), None);
                     return false;
                 }
             }
         }
-        self.tally.used(time);
+        self.counts.used(time);
         true
     }
 
@@ -67,7 +67,7 @@ impl FaultChain {
 
     /// What the faults did, added to the report of the rows that went in.
     pub(crate) fn report(&self, before: SourceReport) -> SourceReport {
-        let own = self.tally.report();
+        let own = self.counts.report();
         SourceReport {
             rows: before.rows,
             skipped: before.skipped.into_iter().chain(own.skipped).collect(),

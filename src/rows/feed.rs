@@ -18,12 +18,12 @@ pub trait Feed: Debug {
     fn disturbable(&self) -> Vec<(usize, Range<usize>)>;
 
     /// What each source delivered.
-    fn tallies(&self) -> Vec<SourceTally>;
+    fn statistics(&self) -> Vec<SourceStatistics>;
 }
 
 /// What a source delivered.
 #[derive(Clone, Debug, Serialize)]
-pub struct SourceTally {
+pub struct SourceStatistics {
     /// The source.
     pub name: String,
     /// Rows read.
@@ -37,7 +37,7 @@ pub struct SourceTally {
     pub report: SourceReport,
 }
 
-impl SourceTally {
+impl SourceStatistics {
     /// Of a source by its report.
     #[must_use]
     pub fn new(name: &str, report: &SourceReport) -> Self {

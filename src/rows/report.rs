@@ -90,9 +90,9 @@ impl fmt::Display for SourceReport {
 
 /// Counts towards a report.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Tally(SourceReport);
+pub(crate) struct RowCounts(SourceReport);
 
-impl Tally {
+impl RowCounts {
     /// A row was read.
     pub(crate) fn row(&mut self) {
         self.0.rows += 1;
@@ -152,14 +152,14 @@ mod tests {
 
     #[test]
     fn a_report_counts_everything_and_shows_the_first_examples() {
-        let mut tally = Tally::default();
+        let mut counts = RowCounts::default();
         for (k, t) in [1.0, 2.0, 5.0, 6.0].into_iter().enumerate() {
-            tally.row();
-            tally.used(Time::from_seconds(t));
-            tally.row();
-            tally.skipped("bad rows", Some((k + 1, format!("reason {k}"))));
+            counts.row();
+            counts.used(Time::from_seconds(t));
+            counts.row();
+            counts.skipped("bad rows", Some((k + 1, format!("reason {k}"))));
         }
-        tally.disturbed("noise");
+        counts.disturbed("noise");
         let expected = "\
 4 of 8 rows, 5.0 s at 0.600 Hz, longest gap 3.000 s at 2.000 s
   left out 4: bad rows
@@ -167,6 +167,6 @@ mod tests {
     line 2: reason 1
     line 3: reason 2
   disturbed 1: fault noise";
-        assert_eq!(tally.report().to_string(), expected);
+        assert_eq!(counts.report().to_string(), expected);
     }
 }

@@ -60,7 +60,7 @@ pub fn provided(channels: impl IntoIterator<Item = (Channel, i64)>) -> Vec<Provi
 
 #[cfg(test)]
 pub(super) mod testing {
-    use super::super::{DataError, Tally};
+    use super::super::{DataError, RowCounts};
     use super::*;
 
     /// Rows held in memory: one number each, or an error in their place.
@@ -68,7 +68,7 @@ pub(super) mod testing {
     struct Listed {
         rows: std::vec::IntoIter<Result<(f64, f64), &'static str>>,
         channels: Vec<ProvidedChannel>,
-        tally: Tally,
+        counts: RowCounts,
     }
 
     pub(in super::super) fn listed(rows: Vec<Result<(f64, f64), &'static str>>) -> Box<dyn RowStream> {
@@ -77,7 +77,7 @@ pub(super) mod testing {
         Box::new(Listed {
             rows: rows.into_iter(),
             channels: provided([(channel, 0)]),
-            tally: Tally::default(),
+            counts: RowCounts::default(),
         })
     }
 
@@ -92,14 +92,14 @@ pub(super) mod testing {
             values.clear();
             values.push(value);
             let time = Time::from_seconds(t);
-            self.tally.row();
-            self.tally.used(time);
-            let number = self.tally.rows();
+            self.counts.row();
+            self.counts.used(time);
+            let number = self.counts.rows();
             Ok(Some(Stamp { time, number }))
         }
 
         fn report(&self) -> SourceReport {
-            self.tally.report()
+            self.counts.report()
         }
     }
 }

@@ -4,7 +4,7 @@ mod recorded;
 mod reference;
 mod summary;
 
-pub use crate::rows::SourceTally;
+pub use crate::rows::SourceStatistics;
 pub use recorded::open_one;
 pub use summary::{FinalState, Summary};
 
@@ -117,7 +117,7 @@ impl<'a> Run<'a> {
             epochs: counters.epochs,
             score: scorer.map(FilterScore::finish),
             sensors: statistics.finish(last.time),
-            sources: self.data.rows.tallies(),
+            sources: self.data.rows.statistics(),
             parameters: if has_started {
                 FinalState::of(&self.assembly.layout, last)
             } else {

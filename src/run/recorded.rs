@@ -5,7 +5,7 @@ use super::{HORIZON, Options, RunData, data_dir, unknown_reference};
 use crate::assembly::Assembly;
 use crate::config::{Diagnostic, Diagnostics, Node};
 use crate::design::{Design, Named, SourceDesign};
-use crate::rows::{Faulted, Feed, Merged, Row, RowStream, SourceError, SourceTally, outage_windows};
+use crate::rows::{Faulted, Feed, Merged, Row, RowStream, SourceError, SourceStatistics, outage_windows};
 use crate::source::OpenContext;
 use core::ops::Range;
 use fusion_core::runner::StreamId;
@@ -17,7 +17,7 @@ struct Recorded {
     /// Of each merged source.
     origins: Vec<Origin>,
     /// What the reference delivered, which was read ahead.
-    reference: Option<SourceTally>,
+    reference: Option<SourceStatistics>,
 }
 
 /// Where the rows of a merged source belong.
@@ -39,12 +39,12 @@ pub(super) fn open(design: &Design, assembly: &Assembly, options: &Options) -> R
     }
     let opened = open_all(design, options)?;
     let (mut sources, mut origins) = (Vec::new(), Vec::new());
-    let (mut reference, mut reference_tally) = (Reference::None, None);
+    let (mut reference, mut reference_statistics) = (Reference::None, None);
     let wanted = design.reference.as_ref();
     for (named, mut source) in opened {
         if let Some(spec) = wanted.filter(|r| r.block.source == named.name) {
             reference = Reference::read(named, source.as_mut(), &spec.block)?;
-            reference_tally = Some(SourceTally::new(&named.name, &source.report()));
+            reference_statistics = Some(SourceStatistics::new(&named.name, &source.report()));
         } else if let Some(stream) = assembly.streams.iter().position(|s| s.name == named.name) {
             sources.push(source);
             origins.push(Origin {
@@ -64,7 +64,7 @@ pub(super) fn open(design: &Design, assembly: &Assembly, options: &Options) -> R
         rows: Box::new(Recorded {
             merged: Merged::new(sources),
             origins,
-            reference: reference_tally,
+            reference: reference_statistics,
         }),
     })
 }
@@ -121,9 +121,9 @@ impl Feed for Recorded {
         columns.collect()
     }
 
-    fn tallies(&self) -> Vec<SourceTally> {
+    fn statistics(&self) -> Vec<SourceStatistics> {
         let named = self.origins.iter().zip(self.merged.sources());
-        let fused = named.map(|(origin, source)| SourceTally::new(&origin.name, &source.report()));
+        let fused = named.map(|(origin, source)| SourceStatistics::new(&origin.name, &source.report()));
         fused.chain(self.reference.clone()).collect()
     }
 }

@@ -1,7 +1,7 @@
 //! What a run results in.
 
 use crate::observe::SensorStatistics;
-use crate::rows::SourceTally;
+use crate::rows::SourceStatistics;
 use crate::score::Score;
 use fusion_core::state::{Belief, Kind, Layout, StateRole};
 use serde::Serialize;
@@ -43,7 +43,7 @@ pub struct Summary {
     /// Per sensor.
     pub sensors: Vec<SensorStatistics>,
     /// Per source.
-    pub sources: Vec<SourceTally>,
+    pub sources: Vec<SourceStatistics>,
     /// Estimated parameters at the end.
     pub parameters: Vec<FinalState>,
     /// Rows that came too late or held no number, by consumer.

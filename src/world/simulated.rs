@@ -5,7 +5,7 @@ use super::check::{declared, faults, no_origin};
 use crate::assembly::{Assembly, imu_stream};
 use crate::config::Diagnostics;
 use crate::design::{Design, Named, SimulationDesign};
-use crate::rows::{FaultChain, Feed, Row, SourceReport, SourceTally, outage_windows};
+use crate::rows::{FaultChain, Feed, Row, SourceReport, SourceStatistics, outage_windows};
 use core::ops::Range;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::runner::StreamId;
@@ -101,16 +101,16 @@ impl Feed for SimulatedRows {
         columns.collect()
     }
 
-    fn tallies(&self) -> Vec<SourceTally> {
+    fn statistics(&self) -> Vec<SourceStatistics> {
         let streams = self.simulator.streams().iter().zip(&self.outlets);
-        let tally = |(stream, outlet): (&SimulatedStream, &Outlet)| {
+        let counts = |(stream, outlet): (&SimulatedStream, &Outlet)| {
             let simulated = SourceReport {
                 rows: outlet.rows,
                 ..SourceReport::default()
             };
-            SourceTally::new(&stream.name, &outlet.faults.report(simulated))
+            SourceStatistics::new(&stream.name, &outlet.faults.report(simulated))
         };
-        streams.map(tally).collect()
+        streams.map(counts).collect()
     }
 }
 

@@ -61,8 +61,8 @@ fn missed(gps: &SensorStatistics) -> u64 {
 
 /// The longest refusal of any run: measurements and seconds.
 fn longest(campaign: &Campaign) -> (u64, f64) {
-    let refusals = campaign.rows.iter().filter_map(|r| gps(r).longest_refusal);
-    refusals.fold((0, 0.0), |(n, t), r| (n.max(r.measurements), t.max(r.seconds)))
+    let streaks = campaign.rows.iter().filter_map(|r| gps(r).longest_rejection_streak);
+    streaks.fold((0, 0.0), |(n, t), r| (n.max(r.measurements), t.max(r.seconds)))
 }
 
 /// At the end, or for longer than an inertial fault may take.
@@ -114,7 +114,7 @@ fn sound_fixes_pass_the_gate() {
 
 #[test]
 fn slow_errors_as_states_make_the_filter_consistent() {
-    let c = campaign("slow-errors", &[]);
+    let c = campaign("correlated-bias", &[]);
     for (i, name) in ["position", "velocity", "attitude"].into_iter().enumerate() {
         let judged = c.judge(|r| r.nees[i]).unwrap();
         println!("slow errors: NEES of {name} {:.2}, band {:.2?}", judged.mean, judged.band);

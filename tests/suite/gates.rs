@@ -41,10 +41,13 @@ fn a_spike_is_caught_by_the_sensor_that_reads_it_and_is_nothing_to_the_other() {
     );
     let refusal = serde_json::json!({ "from": 19.75, "measurements": 3, "seconds": 3.0 });
     assert_eq!(
-        (&position["longest_refusal"], &position["ends_denied"]),
+        (&position["longest_rejection_streak"], &position["ends_denied"]),
         (&refusal, &Value::Bool(false))
     );
-    assert_eq!((&speed["disturbed"], &speed["longest_refusal"]), (&Value::Null, &Value::Null));
+    assert_eq!(
+        (&speed["disturbed"], &speed["longest_rejection_streak"]),
+        (&Value::Null, &Value::Null)
+    );
 }
 
 #[test]
@@ -81,7 +84,7 @@ fn a_gate_that_never_comes_back_ends_denied_with_the_run() {
     // Ten fixes; the last velocity carries the estimate to 59 s.
     let refusal = serde_json::json!({ "from": 49.75, "measurements": 10, "seconds": 9.25 });
     assert_eq!(
-        (&position["longest_refusal"], &position["ends_denied"]),
+        (&position["longest_rejection_streak"], &position["ends_denied"]),
         (&refusal, &Value::Bool(true))
     );
 }
@@ -158,11 +161,11 @@ fn a_campaign_and_a_comparison_show_the_same_counts() {
         ("gnss_rejected", "3"),
         ("gnss_missed", "0"),
         ("gnss_false", "0"),
-        ("gnss_longest_refusal", "3"),
-        ("gnss_longest_refusal_s", "3.000000000e0"),
+        ("gnss_longest_rejection_streak", "3"),
+        ("gnss_longest_rejection_streak_s", "3.000000000e0"),
         ("gnss_ends_denied", "0"),
         ("speed_missed", ""),
-        ("speed_longest_refusal", "0"),
+        ("speed_longest_rejection_streak", "0"),
     ];
     for row in &rows {
         assert_eq!(row.len(), header.len());

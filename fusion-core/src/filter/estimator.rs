@@ -33,7 +33,7 @@ pub enum Verdict {
     /// Its gate rejected it.
     Rejected,
     /// Its gate re-acquired the sensor: the covariance was inflated, then the measurement used.
-    Readopted,
+    Reacquired,
     /// The model has no value at this state.
     Undefined(Undefined),
     /// S was not positive definite, or the correction not finite: nothing was changed.

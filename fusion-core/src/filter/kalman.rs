@@ -450,10 +450,10 @@ impl Estimator for Filter {
                 Some(weight) if self.correct(observed) => (Verdict::Accepted, weight),
                 weight => (Verdict::Unusable, weight.unwrap_or_default()),
             },
-            Decision::Readopt => {
+            Decision::Reacquire => {
                 self.p_before.copy_from(&self.belief.covariance);
                 if self.inflate() && self.correct(observed) {
-                    (Verdict::Readopted, 1.0)
+                    (Verdict::Reacquired, 1.0)
                 } else {
                     self.belief.covariance.copy_from(&self.p_before);
                     self.forget_steps();

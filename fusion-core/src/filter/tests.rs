@@ -396,7 +396,7 @@ struct Credulous;
 impl Gate for Credulous {
     fn judge(&mut self, input: &GateInput<'_>) -> Answer {
         Answer {
-            decision: Decision::Readopt,
+            decision: Decision::Reacquire,
             statistic: input.nis,
             threshold: 0.0,
             mode: Mode::Track,
@@ -408,7 +408,7 @@ impl Gate for Credulous {
 }
 
 #[test]
-fn readopting_first_grows_the_whole_covariance_until_the_residual_is_expected() {
+fn reacquiring_first_grows_the_whole_covariance_until_the_residual_is_expected() {
     let (mut f, x) = four(FormKind::Joseph);
     let h = SMatrix::<f64, 2, 4>::new(1.0, 0.0, 0.5, 0.0, 0.0, 1.0, 0.0, 0.3);
     let model = Linear { x: Param::State(x), h };
@@ -435,19 +435,19 @@ fn readopting_first_grows_the_whole_covariance_until_the_residual_is_expected() 
     assert!((grown - &before * growth).amax() < 1e-9); // rounding of 1e3
     // The state goes most of the way to the measurement.
     let left = nalgebra::Vector2::from(value) - h * x.read(&f.belief().x);
-    assert_eq!(verdict, Verdict::Readopted);
+    assert_eq!(verdict, Verdict::Reacquired);
     // HPHᵀ in the direction of r has grown to rᵀr; of r a share of R/(rᵀr + R) is left.
     assert!(left.norm() < 0.05, "{left}");
 }
 
 #[test]
-fn readopting_bears_rows_that_depend_on_each_other_and_refuses_what_no_growth_explains() {
+fn reacquiring_bears_rows_that_depend_on_each_other_and_refuses_what_no_growth_explains() {
     let (mut f, x) = four(FormKind::Joseph);
     // The third row is the sum of the others: HPHᵀ has rank two.
     let h = SMatrix::<f64, 3, 4>::new(1.0, 0.0, 0.5, 0.0, 0.0, 1.0, 0.0, 0.3, 1.0, 1.0, 0.5, 0.3);
     let model = Linear { x: Param::State(x), h };
     let noise = [0.4, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0, 0.5];
-    let readopted = |f: &mut Filter, value: &[f64]| {
+    let reacquired = |f: &mut Filter, value: &[f64]| {
         let observed = Observed {
             model: &model,
             value,
@@ -456,9 +456,9 @@ fn readopting_bears_rows_that_depend_on_each_other_and_refuses_what_no_growth_ex
         f.update(&observed, &mut Credulous, &[], &Quadratic).verdict
     };
     let before = dense(&f);
-    assert_eq!(readopted(&mut f, &[40.0, -30.0, 1e3]), Verdict::Unusable);
+    assert_eq!(reacquired(&mut f, &[40.0, -30.0, 1e3]), Verdict::Unusable);
     assert_eq!(dense(&f), before);
-    assert_eq!(readopted(&mut f, &[40.0, -30.0, 10.0]), Verdict::Readopted);
+    assert_eq!(reacquired(&mut f, &[40.0, -30.0, 10.0]), Verdict::Reacquired);
     let left = nalgebra::Vector3::new(40.0, -30.0, 10.0) - h * x.read(&f.belief().x);
     assert!(left.norm() < 0.5, "{left}"); // R over the grown HPHᵀ is a hundredth
 }
@@ -492,7 +492,7 @@ fn a_measurement_that_is_no_number_never_reaches_its_gate() {
 }
 
 #[test]
-fn readopting_what_cannot_be_used_leaves_the_belief_as_it_was() {
+fn reacquiring_what_cannot_be_used_leaves_the_belief_as_it_was() {
     let (mut f, x) = four(FormKind::Joseph);
     let (before, p) = (f.belief().x.clone(), dense(&f));
     let blind = SMatrix::<f64, 1, 4>::zeros();

@@ -16,7 +16,7 @@ pub struct Recovery {
     pub resume_after: u32,
     /// Time in denial \[s\] after which five mutually consistent measurements are accepted against
     /// the estimate; infinite: never.
-    pub readopt_after: f64,
+    pub reacquire_after: f64,
     /// A pause of the sensor \[s\] after which consistent measurements are accepted immediately.
     pub gap: f64,
     /// How far the witnesses may lie from the straight line through them, in units of √R_ii.
@@ -29,7 +29,7 @@ impl Default for Recovery {
         Self {
             deny_after: 5,
             resume_after: 3,
-            readopt_after: 30.0,
+            reacquire_after: 30.0,
             gap: 10.0,
             agreement: 3.0 * core::f64::consts::SQRT_2,
         }
@@ -108,13 +108,13 @@ impl Lockout {
             self.mode = Mode::Denied;
         }
         self.remember(input);
-        let waited = input.time.seconds_since(self.since) >= self.recovery.readopt_after;
+        let waited = input.time.seconds_since(self.since) >= self.recovery.reacquire_after;
         if (waited || self.resumed) && self.witnesses_agree(input, floor) {
             *self = Self {
                 last: self.last,
                 ..Self::new(self.recovery)
             };
-            return Decision::Readopt;
+            return Decision::Reacquire;
         }
         Decision::Reject
     }

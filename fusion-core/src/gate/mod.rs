@@ -57,7 +57,7 @@ pub enum Decision {
     Reject,
     /// Re-acquire the sensor: P is scaled up as a whole until the NIS is an expected one, then the
     /// measurement is used.
-    Readopt,
+    Reacquire,
 }
 
 /// Whether a gate trusts its sensor.

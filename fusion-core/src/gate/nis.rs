@@ -69,7 +69,7 @@ mod tests {
     #[test]
     fn the_law_sees_a_gate_that_locks_out() {
         let never = Recovery {
-            readopt_after: f64::INFINITY,
+            reacquire_after: f64::INFINITY,
             gap: f64::INFINITY,
             ..Recovery::default()
         };
@@ -119,11 +119,11 @@ mod tests {
     #[test]
     fn five_agreeing_fixes_are_believed_after_thirty_seconds_of_denial_or_at_once_after_a_gap() {
         let mut gate = Nis::new(0.99, Recovery::default());
-        let first = (0..100).find(|&k| judge(&mut gate, f64::from(k), 50.0).decision == Decision::Readopt);
+        let first = (0..100).find(|&k| judge(&mut gate, f64::from(k), 50.0).decision == Decision::Reacquire);
         assert_eq!(first, Some(30));
         let mut gate = Nis::new(0.99, Recovery::default());
         judge(&mut gate, 0.0, 0.0);
-        let first = (0..100).find(|&k| judge(&mut gate, 20.0 + f64::from(k), 50.0).decision == Decision::Readopt);
+        let first = (0..100).find(|&k| judge(&mut gate, 20.0 + f64::from(k), 50.0).decision == Decision::Reacquire);
         assert_eq!(first, Some(4));
     }
 }

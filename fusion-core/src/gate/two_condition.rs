@@ -209,28 +209,28 @@ mod tests {
             .map(|k| fix(&mut g, 60.0 + f64::from(k), 25.0 + 0.3 * f64::from(k), 0.0, 0.5).0)
             .collect();
         assert_eq!(decisions[..4], [Decision::Reject; 4]);
-        assert_eq!(decisions[4], Decision::Readopt);
+        assert_eq!(decisions[4], Decision::Reacquire);
     }
 
     #[test]
     fn a_constant_disagreement_is_believed_after_thirty_seconds_and_not_before() {
         let mut g = gate();
         fix(&mut g, 0.0, 0.0, 0.0, 0.3);
-        let first = (1..60).find(|k| fix(&mut g, f64::from(*k), 30.0, 1.0, 0.5).0 == Decision::Readopt);
+        let first = (1..60).find(|k| fix(&mut g, f64::from(*k), 30.0, 1.0, 0.5).0 == Decision::Reacquire);
         assert_eq!(first, Some(31));
     }
 
     #[test]
     fn an_estimate_that_runs_away_is_told_from_fixes_that_scatter() {
-        let readopted = |off: fn(i32) -> f64| {
+        let reacquired = |off: fn(i32) -> f64| {
             let mut g = gate();
             fix(&mut g, 0.0, 0.0, 0.0, 0.3);
-            (1..60).find(|&k| fix(&mut g, f64::from(k), off(k), 1.0, 0.5).0 == Decision::Readopt)
+            (1..60).find(|&k| fix(&mut g, f64::from(k), off(k), 1.0, 0.5).0 == Decision::Reacquire)
         };
         // 10 m/s of velocity error, fixes good to 1 m.
-        assert_eq!(readopted(|k| 20.0 + 10.0 * f64::from(k) + f64::from(k % 3 - 1)), Some(31));
+        assert_eq!(reacquired(|k| 20.0 + 10.0 * f64::from(k) + f64::from(k % 3 - 1)), Some(31));
         // 3√2 σ is 4.2 m; every other fix 20 m to the other side.
-        assert_eq!(readopted(|k| 40.0 + f64::from(20 * (k % 2))), None);
+        assert_eq!(reacquired(|k| 40.0 + f64::from(20 * (k % 2))), None);
     }
 
     #[test]

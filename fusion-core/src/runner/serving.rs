@@ -215,7 +215,7 @@ impl Runner {
         }
         self.outcomes[sensor] = Some(Outcome {
             time,
-            is_used: matches!(update.verdict, Verdict::Accepted | Verdict::Readopted),
+            is_used: matches!(update.verdict, Verdict::Accepted | Verdict::Reacquired),
             mode: update.mode,
         });
         observer.on(&Event::Updated {

@@ -7,7 +7,7 @@ use super::plan::Plan;
 use super::raw::RawRows;
 use super::spec::Policy;
 use crate::config::did_you_mean;
-use crate::rows::{DataError, ProvidedChannel, RowStream, SourceError, SourceReport, Stamp, Tally, width};
+use crate::rows::{DataError, ProvidedChannel, RowCounts, RowStream, SourceError, SourceReport, Stamp, width};
 use crate::source::OpenContext;
 use crate::source::file::DataFile;
 use core::fmt;
@@ -19,7 +19,7 @@ struct Decoded<R> {
     raw: R,
     judge: Judge,
     provided: Vec<ProvidedChannel>,
-    tally: Tally,
+    counts: RowCounts,
     has_ended: bool,
 }
 
@@ -59,7 +59,7 @@ impl Plan<'_> {
             judge: Judge::new(self, time_column, cells, valid),
             raw,
             provided,
-            tally: Tally::default(),
+            counts: RowCounts::default(),
             has_ended: false,
         }))
     }
@@ -139,7 +139,7 @@ impl<R: RawRows> RowStream for Decoded<R> {
     }
 
     fn report(&self) -> SourceReport {
-        self.tally.report()
+        self.counts.report()
     }
 }
 
@@ -147,21 +147,21 @@ impl<R: RawRows> Decoded<R> {
     fn advance(&mut self, values: &mut [f64]) -> Result<Option<Stamp>, SourceError> {
         while self.raw.advance()? {
             let place = self.raw.place();
-            match self.judge.decode(self.tally.rows(), &self.raw, values) {
+            match self.judge.decode(self.counts.rows(), &self.raw, values) {
                 Ok(time) => {
-                    self.tally.row();
-                    self.tally.used(time);
+                    self.counts.row();
+                    self.counts.used(time);
                     let number = place as u64;
                     return Ok(Some(Stamp { time, number }));
                 }
                 Err(Unused::Left(reason)) => {
-                    self.tally.row();
-                    self.tally.skipped(reason, None);
+                    self.counts.row();
+                    self.counts.skipped(reason, None);
                 }
                 Err(Unused::Wrong(wrong)) => match wrong.policy {
                     Policy::Skip => {
-                        self.tally.row();
-                        self.tally.skipped(wrong.reason, Some((place, wrong.message)));
+                        self.counts.row();
+                        self.counts.skipped(wrong.reason, Some((place, wrong.message)));
                     }
                     Policy::Stop => {
                         let error = DataError::new(self.file.as_str(), wrong.message);
@@ -176,7 +176,7 @@ impl<R: RawRows> Decoded<R> {
 
     /// The end, which is an error where nothing was delivered.
     fn end(&self) -> Result<Option<Stamp>, SourceError> {
-        let report = self.tally.report();
+        let report = self.counts.report();
         if report.used > 0 {
             return Ok(None);
         }
