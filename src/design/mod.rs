@@ -22,6 +22,7 @@ mod noise;
 mod read;
 mod reference;
 mod run;
+pub mod schema;
 
 pub use blocks::{Fault, Named, ProcessDesign, SensorCommon, SensorDesign, SimulationDesign, SourceDesign};
 pub use filter::{ChartSpec, FilterSpec, FormSpec, PresetSpec, UpdateSpec};

@@ -109,7 +109,7 @@ noise = { from_source = true }
     fn mistakes(design: &str) -> String {
         let (document, errors) = Document::parse("x.toml", design);
         assert!(errors.is_empty(), "{errors:?}");
-        match crate::examine::build(document) {
+        match crate::run::examine::build(document) {
             Ok(_) => String::new(),
             Err(mistakes) => mistakes.to_string(),
         }

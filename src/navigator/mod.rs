@@ -6,7 +6,7 @@ pub use error::FeedError;
 
 use crate::assembly::{Assembly, StreamLayout, assemble, declared_streams};
 use crate::config::{Diagnostics, Document, Files};
-use crate::examine::build;
+use crate::run::examine::build;
 use crate::solution::{Solution, SolutionReader};
 use fusion_core::runner::{Event, Observer, Row, RunError, StreamId};
 use fusion_core::state::{Belief, Layout};

@@ -1,5 +1,6 @@
 //! Running a design over its data.
 
+pub mod examine;
 mod recorded;
 mod reference;
 mod summary;

@@ -1,0 +1,110 @@
+//! Copies and kept steps.
+
+use super::*;
+
+/// An input-driven track with a measurement now and then; `steps` of it from number `from`.
+fn drive(f: &mut dyn Estimator, slots: (Slot<Scalar>, Slot<Scalar>), numbers: core::ops::Range<i64>) {
+    let mut gate = Nis::new(0.99, Recovery::default());
+    for k in numbers {
+        let mut r = Lcg::new(k as u64);
+        f.predict(second(k), &Input::held(&[r.signed()])).unwrap();
+        let model = Direct(if k % 2 == 0 { slots.0 } else { slots.1 });
+        let (value, noise) = ([r.signed()], [0.5]);
+        let observed = Observed {
+            model: &model,
+            value: &value,
+            noise: &noise,
+        };
+        f.update(&observed, &mut gate, &[], &Quadratic);
+    }
+}
+
+fn tracked() -> (Filter, (Slot<Scalar>, Slot<Scalar>)) {
+    let mut b = LayoutBuilder::new();
+    let position = declare::<Scalar>(&mut b, "position", 0.0, &[100.0], Dynamics::Process);
+    let velocity = declare::<Scalar>(&mut b, "velocity", 0.0, &[10.0], Dynamics::Process);
+    let sigma = 0.1;
+    let process = Track { position, velocity, sigma };
+    (filter(b, process, 1), (position, velocity))
+}
+
+#[test]
+fn a_copy_continues_bit_for_bit_and_has_learnt_what_the_original_has() {
+    let (mut f, slots) = tracked();
+    drive(&mut f, slots, 1..20);
+    let mut copy = f.boxed_clone();
+    drive(&mut f, slots, 20..40);
+    drive(copy.as_mut(), slots, 20..40);
+    assert_eq!(
+        (&f.belief().x, &f.belief().covariance),
+        (&copy.belief().x, &copy.belief().covariance)
+    );
+}
+
+#[test]
+fn kept_steps_lead_from_belief_to_belief() {
+    let (mut f, slots) = tracked();
+    let (mut unheard, _) = tracked();
+    f.keep_steps(true);
+    drive(&mut unheard, slots, 1..30);
+    let mut last = f.belief().clone();
+    for k in 1..30 {
+        f.predict(second(k), &Input::held(&[Lcg::new(k as u64).signed()])).unwrap();
+        let [
+            Step::Predicted {
+                prior,
+                transition,
+                posterior,
+            },
+        ] = f.steps()
+        else {
+            panic!("{:?}", f.steps())
+        };
+        assert_eq!((prior.time, &prior.covariance), (last.time, &last.covariance));
+        let phi = DMatrix::from_fn(2, 2, |i, j| transition.phi.get(i, j));
+        let q = |noise: Vec<(usize, usize, f64)>| {
+            let mut q = DMatrix::zeros(2, 2);
+            noise.into_iter().for_each(|(i, j, v)| q[(i, j)] += v);
+            q
+        };
+        let dense = |b: &Belief| DMatrix::from_row_slice(2, 2, &b.covariance.to_dense());
+        let (before, after) = (q(transition.noise_before().collect()), q(transition.noise_after().collect()));
+        let wanted = &phi * (dense(prior) + before) * phi.transpose() + after;
+        // 1e-12: rounding of products of up to 1e4.
+        assert!((dense(posterior) - &wanted).amax() < 1e-12 * wanted.amax());
+        assert_eq!(posterior.time, second(k));
+        let predicted = posterior.clone();
+        let model = Direct(if k % 2 == 0 { slots.0 } else { slots.1 });
+        let mut r = Lcg::new(k as u64);
+        let value = [(r.signed(), r.signed()).1];
+        let update = accept(&mut f, &model, &value, &[0.5]);
+        assert_eq!(update.verdict, Verdict::Accepted);
+        let [
+            Step::Corrected {
+                prior,
+                jacobian,
+                noise,
+                residual,
+                correction,
+                reset: None,
+                posterior,
+            },
+        ] = f.steps()
+        else {
+            panic!("{:?}", f.steps())
+        };
+        assert_eq!((&prior.x, &prior.covariance), (&predicted.x, &predicted.covariance));
+        let h = DMatrix::from_fn(1, 2, |_, j| jacobian.get(0, j));
+        let s = (&h * dense(prior) * h.transpose())[0] + noise[0];
+        let gain = dense(prior) * h.transpose() / s;
+        for i in 0..2 {
+            // Rounding of the gain.
+            assert!((correction[i] - gain[i] * residual[0]).abs() < 1e-14 * (1.0 + correction[i].abs()));
+            assert!((posterior.x[i] - prior.x[i] - correction[i]).abs() < 1e-14 * (1.0 + posterior.x[i].abs()));
+        }
+        last = posterior.clone();
+    }
+    f.keep_steps(false);
+    f.predict(second(40), &Input::held(&[0.0])).unwrap();
+    assert!(f.steps().is_empty() && unheard.steps().is_empty());
+}
