@@ -2,6 +2,9 @@
 
 #![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
+/// A filter inside a stage that finds the attitude: what its blocks do together.
+#[path = "suite/attitude_filter.rs"]
+mod attitude_filter;
 /// The design with outliers over a hundred seeds: its experiments, and its gate under stress.
 #[path = "suite/campaigns.rs"]
 mod campaigns;

@@ -2,7 +2,7 @@
 
 use super::{DesignArgs, Failure, OutputArgs, builtin, print};
 use clap::Args;
-use fusion::assembly::{Assembly, StreamLayout, assemble, declared_streams};
+use fusion::assembly::{Assembly, Inside, StreamLayout, assemble, declared_streams};
 use fusion::config::{Diagnostics, Node, Value};
 use fusion::core::state::{Dynamics, Kind};
 use fusion::design::{Design, SensorDesign};
@@ -71,7 +71,7 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
             Section::new(format!("State, {} dimensions", assembly.layout.dim()), [state(&assembly)]),
             Section::new("Sensors", [sensors(&design, &assembly)]),
             Section::new("Gates and losses", [policies(&design)]),
-            Section::new("Stages", [stages(&design)]),
+            Section::new("Stages", [stages(&design, &assembly)]),
             Section::new("Initialisers", [initialisers(&design)]),
             Section::new("Streams", [streams(&assembly.streams)]),
             Section::new("Sources", [sources(&design, &options)]),
@@ -251,7 +251,7 @@ fn heard(inputs: &[Listen]) -> String {
     }
 }
 
-fn stages(design: &Design) -> Table {
+fn stages(design: &Design, assembly: &Assembly) -> Table {
     let mut t = Table::new(words(["stage", "type", "emits", "listens to"]));
     for stage in &design.stages {
         let emits = stage
@@ -269,7 +269,24 @@ fn stages(design: &Design) -> Table {
             heard(&stage.block.inputs()),
         ]);
     }
+    add_filters(&mut t, "", &assembly.filters);
     t
+}
+
+/// The filters inside stages: their states, and what their sensors read.
+fn add_filters(t: &mut Table, around: &str, filters: &[Inside]) {
+    for filter in filters {
+        let name = format!("{around}{}", filter.name);
+        let states: Vec<&str> = filter.layout.blocks().iter().map(|b| b.name.as_str()).collect();
+        let sensors: Vec<String> = filter.sensors.iter().map(|s| format!("{} ({})", s.name, s.stream)).collect();
+        t.row([
+            name.clone(),
+            format!("filter, {} dimensions", filter.layout.dim()),
+            states.join(", "),
+            sensors.join(", "),
+        ]);
+        add_filters(t, &format!("{name}."), &filter.filters);
+    }
 }
 
 fn initialisers(design: &Design) -> Table {

@@ -6,8 +6,8 @@ use super::text;
 use super::tree::{Cell, Column, Page, Section, Table};
 use super::unit::Unit;
 use crate::observe::SensorStatistics;
-use crate::run::{FinalState, Summary};
-use crate::score::{Axes, Score, Verdict};
+use crate::run::{FinalState, InsideScore, Summary};
+use crate::score::{Axes, Consistency, Score, Verdict};
 use crate::solution::rpy_of;
 use fusion_core::state::{Attitude, Kind, Manifold};
 use nalgebra::Matrix3;
@@ -124,14 +124,20 @@ impl Summary {
             .sensors
             .iter()
             .filter_map(|s| Some((format!("NIS {}", s.name), s.nis.as_ref()?)));
-        let Some(score) = &self.score else {
-            return vec![consistency(nis)];
+        let own = self.score.iter();
+        let of_inside = |inside: &InsideScore| {
+            let section = errors(&inside.score);
+            Section {
+                title: format!("{}, filter `{}`", section.title, inside.filter),
+                ..section
+            }
         };
-        let nees = NEES
-            .into_iter()
-            .zip([&score.nees_position, &score.nees_velocity, &score.nees_attitude]);
-        let nees = nees.filter_map(|(name, c)| Some((name.to_owned(), c.as_ref()?)));
-        vec![errors(score), consistency(nees.chain(nis)), drift(score)]
+        let nees_inside = self.inside.iter().flat_map(|i| nees(&i.score, format!(" {}.", i.filter)));
+        let all_nees = own.clone().flat_map(|score| nees(score, " ".to_owned())).chain(nees_inside);
+        let mut sections: Vec<Section> = own.clone().map(errors).chain(self.inside.iter().map(of_inside)).collect();
+        sections.push(consistency(all_nees.chain(nis)));
+        sections.extend(own.map(drift));
+        sections
     }
 
     /// Estimated parameters at the end.
@@ -238,6 +244,14 @@ fn innovations(sensors: &[SensorStatistics]) -> Table {
         }
     }
     t
+}
+
+/// The NEES of a score, each with its name; `path` stands for the space in it.
+fn nees(score: &Score, path: String) -> impl Iterator<Item = (String, &Consistency)> {
+    let all = NEES
+        .into_iter()
+        .zip([&score.nees_position, &score.nees_velocity, &score.nees_attitude]);
+    all.filter_map(move |(name, c)| Some((name.replacen(' ', &path, 1), c.as_ref()?)))
 }
 
 fn errors(score: &Score) -> Section {

@@ -7,12 +7,12 @@ mod summary;
 
 pub use crate::rows::SourceStatistics;
 pub use recorded::open_one;
-pub use summary::{FinalState, Summary};
+pub use summary::{FinalState, InsideScore, Summary};
 
 use crate::assembly::{Assembly, assemble, declared_streams};
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::{Design, Named, ReferenceSpec};
-use crate::observe::{Counters, EstimateFile, FilterScore, Filters, Hub, RunObserver, Statistics, Timing, UpdateFile};
+use crate::observe::{Counters, EstimateFile, FilterScore, Filters, Finals, Heard, Hub, RunObserver, Statistics, Timing, UpdateFile};
 use crate::output::Unwritable;
 use crate::rows::Feed;
 use crate::world::SimulatedRows;
@@ -96,13 +96,16 @@ impl<'a> Run<'a> {
         let from = from.map(|t| Time::from_seconds(t.si()));
         let mut counters = Counters::default();
         let mut statistics = Statistics::new(&filters, from, &self.data.rows.disturbable());
-        let scored = filters.outermost().filter(|_| !reference.is_empty());
-        let mut scorer = scored.map(|f| FilterScore::new(f, reference.rules(self.design, &self.data.outages)));
+        let mut finals = Finals::new(&filters);
+        let scored = filters.iter().filter(|_| !reference.is_empty());
+        let rules = |_: &Heard| reference.rules(self.design, &self.data.outages);
+        let mut scores: Vec<FilterScore> = scored.map(|f| FilterScore::new(f, rules(f))).collect();
         let mut files = Files::create(self.design, self.options, &filters)?;
         let mut hub = Hub::new(&filters, &reference.comparison(self.design));
         hub.add(&mut counters);
         hub.add(&mut statistics);
-        scorer.iter_mut().for_each(|scorer| hub.add(scorer));
+        hub.add(&mut finals);
+        scores.iter_mut().for_each(|score| hub.add(score));
         files.estimates.iter_mut().for_each(|file| hub.add(file));
         files.updates.iter_mut().for_each(|file| hub.add(file));
         further.iter_mut().for_each(|observer| hub.add(*observer));
@@ -110,20 +113,29 @@ impl<'a> Run<'a> {
         files.finish()?;
         let runner = &self.assembly.runner;
         let (last, has_started) = (runner.belief(), runner.started());
+        let mut parameters = finals.finish();
+        if has_started {
+            parameters.splice(..0, FinalState::of(&self.assembly.layout, last));
+        }
+        let mut scores = scores.into_iter().map(FilterScore::finish);
+        let score = scores.next();
+        let inside = filters.iter().filter(|f| !f.is_outermost()).zip(scores);
         let summary = Summary {
             description: self.design.run.description.clone(),
             backend: self.design.filter.backend_name(),
             started: counters.started,
             waiting: if has_started { Vec::new() } else { runner.waits_for() },
             epochs: counters.epochs,
-            score: scorer.map(FilterScore::finish),
+            score,
+            inside: inside
+                .map(|(f, score)| InsideScore {
+                    filter: f.stages.join("."),
+                    score,
+                })
+                .collect(),
             sensors: statistics.finish(last.time),
             sources: self.data.rows.statistics(),
-            parameters: if has_started {
-                FinalState::of(&self.assembly.layout, last)
-            } else {
-                Vec::new()
-            },
+            parameters,
             unused_rows: counters.unused_rows,
             failures: counters.failures,
             wall_seconds: self.begun.elapsed().as_secs_f64(),

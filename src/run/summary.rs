@@ -25,6 +25,15 @@ pub struct FinalState {
     pub unit: &'static str,
 }
 
+/// The score of a filter inside a stage. Its sensors and parameters stand beside the others.
+#[derive(Clone, Debug, Serialize)]
+pub struct InsideScore {
+    /// The stage's name, after those of the stages around it, with dots.
+    pub filter: String,
+    /// Its score against the reference.
+    pub score: Score,
+}
+
 /// The result of a run.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Summary {
@@ -40,6 +49,8 @@ pub struct Summary {
     pub epochs: u64,
     /// Score against the reference.
     pub score: Option<Score>,
+    /// Scores of the filters inside stages.
+    pub inside: Vec<InsideScore>,
     /// Per sensor.
     pub sensors: Vec<SensorStatistics>,
     /// Per source.
@@ -58,7 +69,7 @@ pub struct Summary {
 
 impl FinalState {
     /// Those of every block of `layout` that the process does not move.
-    pub(super) fn of(layout: &Layout, last: &Belief) -> Vec<Self> {
+    pub(crate) fn of(layout: &Layout, last: &Belief) -> Vec<Self> {
         let parameters = layout.blocks().iter().filter(|b| b.role != StateRole::Kinematic);
         let state = |b: &fusion_core::state::Block| Self {
             name: b.name.clone(),

@@ -155,6 +155,13 @@ impl Stage for Nested {
         }
     }
 
+    fn waits_for(&self) -> Vec<(String, String)> {
+        if self.runner.started() {
+            return Vec::new();
+        }
+        self.runner.waits_for()
+    }
+
     fn finish(&mut self, out: &mut Emitter<'_>) {
         let mut teller = Teller { out, used: false };
         // An observer that stops is kept by the emitter.

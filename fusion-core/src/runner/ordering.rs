@@ -214,13 +214,16 @@ impl Runner {
         self.started
     }
 
-    /// What the filter still waits for before it can start.
+    /// What the filter still waits for before it can start, and those inside its stages.
     #[must_use]
     pub fn waits_for(&self) -> Vec<(String, String)> {
         let pending = self.initialisers.iter();
-        pending
-            .filter_map(|u| u.initialiser.waits_for().map(|why| (u.name.clone(), why)))
-            .collect()
+        let pending = pending.filter_map(|u| u.initialiser.waits_for().map(|why| (u.name.clone(), why)));
+        let inside = self.stages.iter().flat_map(|unit| {
+            let waiting = unit.stage.waits_for().into_iter();
+            waiting.map(|(name, why)| (format!("{}.{name}", unit.name), why))
+        });
+        pending.chain(inside).collect()
     }
 
     /// How long rows are held back \[s\]: the buffer plus the longest declared delay, and what

@@ -88,6 +88,11 @@ pub trait Stage: Debug + Send {
     /// Sees a row of its input number `input`; `view` is the estimate once there is one.
     fn row(&mut self, input: usize, time: Time, row: &[f64], view: Option<&View<'_>>, out: &mut Emitter<'_>);
 
+    /// What a filter inside it still waits for before it can start: names and reasons.
+    fn waits_for(&self) -> Vec<(String, String)> {
+        Vec::new()
+    }
+
     /// Hears that no row follows: the end of the log.
     fn finish(&mut self, out: &mut Emitter<'_>) {
         let _ = out;

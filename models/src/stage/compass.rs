@@ -107,11 +107,14 @@ impl StageSpec for CompassStageSpec {
             period: nanos(1.0 / self.rate.si()),
             begun: None,
             field: Vector3::zeros(),
-            force: Vector3::new(0.0, 0.0, -1.0),
+            force: self.level_source.is_none().then_some(LEVEL),
             next: Time::MIN,
         }))
     }
 }
+
+/// The specific force, of any size, on a level body.
+const LEVEL: Vector3<f64> = Vector3::new(0.0, 0.0, -1.0);
 
 #[derive(Clone, Debug)]
 struct CompassStage {
@@ -126,7 +129,7 @@ struct CompassStage {
     /// The mean field while learning.
     field: Vector3<f64>,
     /// The last specific force, for the tilt before there is an estimate.
-    force: Vector3<f64>,
+    force: Option<Vector3<f64>>,
     next: Time,
 }
 
@@ -137,13 +140,14 @@ impl Stage for CompassStage {
             return;
         }
         if input == 1 {
-            self.force = read;
+            self.force = Some(read);
             return;
         }
         let m = field::calibrated(&read, &self.soft_iron, &self.hard_iron);
-        let q = match view {
-            Some(view) => view.get(&self.attitude),
-            None => field::levelled(&UnitQuaternion::identity(), &self.force),
+        let q = match (view, &self.force) {
+            (Some(view), _) => view.get(&self.attitude),
+            (None, Some(force)) => field::levelled(&UnitQuaternion::identity(), force),
+            (None, None) => return,
         };
         let seen = field::field(&m, &q, self.declination);
         let (since, count) = self.begun.get_or_insert((time, 0.0));
@@ -188,7 +192,7 @@ mod tests {
             period: 0,
             begun: None,
             field: Vector3::zeros(),
-            force: Vector3::new(0.0, 0.0, -1.0),
+            force: None,
             next: Time::MIN,
         }
     }
@@ -206,6 +210,7 @@ mod tests {
         let m = q.inverse() * m_n;
         let mut stage = stage(false);
         let view = View::new(&[], &[]);
+        assert_eq!(heading(&mut stage, 0.0, &m, None), None, "its tilt is not known");
         // 1e-14: trigonometric functions.
         assert!((heading(&mut stage, 0.0, &m, Some(&view)).unwrap() - 2.5).abs() < 1e-14);
         stage.row(
