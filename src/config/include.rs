@@ -4,7 +4,8 @@
 //! merge entry by entry, everything else is replaced; a block of another `type` replaces the
 //! included one as a whole. Entries keep their order, included ones first. Every value keeps its place.
 //!
-//! A variant may include too: its parts are laid under the variant's own values.
+//! A variant may include too: its parts are laid under the variant's own values. So may a stage: the
+//! filter inside a stage is a design, which may lie in a file of its own.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -13,7 +14,7 @@ use super::diagnostic::{Diagnostic, Diagnostics};
 use super::document::{Document, Entry, Node, Value};
 use super::edit::is_retyped;
 
-/// The key under which a file, or a variant, lists its parts.
+/// The key under which a file, a variant or a stage lists its parts.
 pub(crate) const INCLUDE: &str = "include";
 
 /// Where included files are.
@@ -132,10 +133,22 @@ impl Composer {
     fn compose(&mut self, root: &mut Node, folder: &Path) {
         if let Some(variants) = root.get_mut("variant") {
             for variant in variants.entries_mut() {
+                self.compose_stages(&mut variant.node, folder);
                 self.include(&mut variant.node, folder);
             }
         }
+        self.compose_stages(root, folder);
         self.include(root, folder);
+    }
+
+    /// The stages of a design, those of the filters inside them first.
+    fn compose_stages(&mut self, design: &mut Node, folder: &Path) {
+        if let Some(stages) = design.get_mut("stage") {
+            for stage in stages.entries_mut() {
+                self.compose_stages(&mut stage.node, folder);
+                self.include(&mut stage.node, folder);
+            }
+        }
     }
 
     fn include(&mut self, node: &mut Node, folder: &Path) {

@@ -67,6 +67,7 @@ pub fn design() -> Value {
         "type": "array",
         "items": { "type": "string" },
     });
+    s.set(&definition(Role::Stage, "filter"), INCLUDE, &include);
     let mut partial = over.clone();
     partial.insert(INCLUDE.to_owned(), include.clone());
     let mut properties = over.clone();

@@ -153,3 +153,64 @@ fn shipped_designs_of_parts_are_the_same_when_flat() {
         assert_eq!(without_comments(again.flat()), without_comments(flat), "{name}");
     }
 }
+
+/// A filter that follows the attitude of another inside a stage, whose tables are `inside`.
+fn cascade(inside: &str) -> String {
+    format!(
+        "[process]
+type = \"attitude_only\"
+source = \"attitude\"
+gyro_noise = 1e-2
+[sensor.attitude]
+type = \"attitude\"
+source = \"attitude\"
+noise = {{ from_source = true }}
+[initial.start]
+type = \"explicit\"
+attitude_sigma = 1
+[stage.attitude]
+type = \"filter\"
+{inside}
+"
+    )
+}
+
+#[test]
+fn a_filter_inside_a_stage_may_lie_in_a_file_of_its_own() {
+    let w = Workspace::new("include-nested");
+    let own = "[process]
+type = \"attitude_only\"
+source = \"imu\"
+gyro_noise = 1e-3
+[initial.level]
+type = \"levelling\"
+source = \"imu\"
+duration = 1
+tilt_sigma = 0.03
+";
+    w.write("attitude.toml", own);
+    w.write("apart.toml", cascade("include = [\"attitude.toml\"]"));
+    w.write(
+        "whole.toml",
+        cascade(
+            &own.replace("[process]", "[stage.attitude.process]")
+                .replace("[initial", "[stage.attitude.initial"),
+        ),
+    );
+    let flat = |file: &str| Document::load(&w.path(file)).unwrap().flat();
+    let values = |file: &str| {
+        let text = flat(file);
+        let lines = text
+            .lines()
+            .map(|line| line.split(" #").next().unwrap_or_default().trim().to_owned());
+        let mut lines: Vec<String> = lines.filter(|line| !line.is_empty()).collect();
+        lines.sort();
+        lines
+    };
+    assert_eq!(values("apart.toml"), values("whole.toml"));
+    assert!(Navigator::from_file(&w.path("apart.toml")).is_ok());
+    // A mistake in it is shown in it.
+    w.write("attitude.toml", own.replace("gyro_noise", "gyro_nose"));
+    let mistakes = Navigator::from_file(&w.path("apart.toml")).unwrap_err().to_string();
+    assert!(mistakes.contains("attitude.toml:4:1"), "{mistakes}");
+}
