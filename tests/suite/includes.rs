@@ -208,9 +208,9 @@ tilt_sigma = 0.03
         lines
     };
     assert_eq!(values("apart.toml"), values("whole.toml"));
-    assert!(Navigator::from_file(&w.path("apart.toml")).is_ok());
+    assert!(Navigator::from_file(w.path("apart.toml")).is_ok());
     // A mistake in it is shown in it.
     w.write("attitude.toml", own.replace("gyro_noise", "gyro_nose"));
-    let mistakes = Navigator::from_file(&w.path("apart.toml")).unwrap_err().to_string();
+    let mistakes = Navigator::from_file(w.path("apart.toml")).unwrap_err().to_string();
     assert!(mistakes.contains("attitude.toml:4:1"), "{mistakes}");
 }
