@@ -17,6 +17,8 @@ pub struct Counters {
     pub unused_rows: Vec<(String, u64)>,
     /// Why a filter could not go on: the first ten.
     pub failures: Vec<String>,
+    /// How many more there were.
+    pub further_failures: u64,
 }
 
 impl Counters {
@@ -35,7 +37,8 @@ impl RunObserver for Counters {
             RunEvent::Filter { filter, event } => match event {
                 Event::Started { belief } if filter.is_outermost() => self.started = Some(belief.time.seconds()),
                 Event::Late { consumer, .. } | Event::NotFinite { consumer, .. } => self.not_used(filter.named(consumer)),
-                Event::Failed { error } if self.failures.len() < REASONS => {
+                Event::Failed { .. } if self.failures.len() >= REASONS => self.further_failures += 1,
+                Event::Failed { error } => {
                     let why = error.to_string();
                     let stage = filter.stages.join(".");
                     self.failures.push(if stage.is_empty() { why } else { format!("{stage}: {why}") });

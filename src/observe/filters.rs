@@ -233,5 +233,13 @@ mod tests {
         let counted = [("outer.inner.height".to_owned(), 1), ("height".to_owned(), 1)];
         assert_eq!(counters.unused_rows, counted);
         assert_eq!(counters.failures, [format!("outer.inner: {why}"), why.to_string()]);
+        assert_eq!(counters.further_failures, 0);
+        // Those beyond the tenth are counted.
+        let mut hub = Hub::new(&filters, &Comparison::new(Vector3::zeros(), []));
+        hub.add(&mut counters);
+        for _ in 0..11 {
+            hub.on(&failed).unwrap();
+        }
+        assert_eq!((counters.failures.len(), counters.further_failures), (10, 3));
     }
 }

@@ -190,6 +190,9 @@ impl Summary {
             ));
         }
         all.extend(self.failures.iter().map(|f| format!("the estimator failed: {f}")));
+        if self.further_failures > 0 {
+            all.push(format!("the estimator failed {} times more", self.further_failures));
+        }
         all
     }
 }

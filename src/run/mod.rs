@@ -138,6 +138,7 @@ impl<'a> Run<'a> {
             parameters,
             unused_rows: counters.unused_rows,
             failures: counters.failures,
+            further_failures: counters.further_failures,
             wall_seconds: self.begun.elapsed().as_secs_f64(),
             filter_ns_per_epoch: timing.ns_per_epoch(counters.epochs),
         };

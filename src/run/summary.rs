@@ -59,8 +59,10 @@ pub struct Summary {
     pub parameters: Vec<FinalState>,
     /// Rows that came too late or held no number, by consumer.
     pub unused_rows: Vec<(String, u64)>,
-    /// What the estimator could not do, with the first few reasons.
+    /// What the estimator could not do: the first ten reasons.
     pub failures: Vec<String>,
+    /// How many more failures there were.
+    pub further_failures: u64,
     /// Wall time of the whole run \[s\].
     pub wall_seconds: f64,
     /// Time in the filter alone, per estimate \[ns\].
