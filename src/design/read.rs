@@ -284,7 +284,7 @@ fn read_process(root: &Node, d: &mut Diagnostics) -> Option<Named<ProcessDesign>
         source: Option<String>,
     }
     let Some(node) = root.get("process") else {
-        let help = "add a [process] table, e.g. type = \"strapdown\"; `fusion blocks` lists the process models";
+        let help = "add a [process] table, or [stage.NAME.process] for a filter inside a stage, e.g. type = \"strapdown\"; `fusion blocks` lists the process models";
         d.push(Diagnostic::error("this design has no process model").at(root.place()).help(help));
         return None;
     };
