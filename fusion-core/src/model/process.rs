@@ -96,6 +96,12 @@ pub trait Process: Debug + Send + Sync {
         f64::INFINITY
     }
 
+    /// The order in Δt to which Φ is the series of exp(FΔt), F at the start of the step: 1 for
+    /// I + FΔt. The law of processes holds it to this.
+    fn order(&self) -> u8 {
+        1
+    }
+
     /// Moves the process's blocks of `x` by `dt` seconds.
     fn propagate(&self, x: &mut [f64], input: &Input<'_>, dt: f64);
 

@@ -14,6 +14,8 @@ use nalgebra::DMatrix;
 /// the generator F falls to a quarter only. Give an `input` whose neighbour equals its sample:
 /// what coning and sculling corrections make of a changing input may be left out of Φ.
 ///
+/// A process of [`Process::order`] 2 has besides all of ½F²Δt².
+///
 /// # Errors
 /// A sentence naming the blocks.
 pub fn check_process(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>, dt: f64) -> Result<(), String> {
@@ -21,6 +23,7 @@ pub fn check_process(layout: &Layout, process: &dyn Process, x: &[f64], input: &
     check_steps(layout, process, x, input, dt)?;
     check_noise(layout, process, x, input, dt)?;
     check_transition(layout, process, x, input, dt)?;
+    check_second_order(layout, process, x, input, dt)?;
     check_signals(layout, process, x, input)
 }
 
@@ -176,6 +179,57 @@ fn check_transition(layout: &Layout, process: &dyn Process, x: &[f64], input: &I
     Ok(())
 }
 
+/// Φ − I and F Δt of the same Φ: 4 (Φ(Δt/2) − I) − (Φ(Δt) − I), free of the series' second order.
+fn series(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>, dt: f64) -> (DMatrix<f64>, DMatrix<f64>) {
+    let n = layout.dim();
+    let gain = |dt: f64| {
+        let t = linearised(layout, process, x, input, dt);
+        DMatrix::from_fn(n, n, |i, j| t.phi.get(i, j) - f64::from(u8::from(i == j)))
+    };
+    let whole = gain(dt);
+    let first = 4.0 * gain(0.5 * dt) - &whole;
+    (whole, first)
+}
+
+/// Φ is I + FΔt + ½F²Δt² up to terms that fall as Δt³: over a quarter of the step to less than 1/32.
+/// F is taken from Φ itself, whose first order [`check_transition`] compares with the process.
+fn check_second_order(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>, dt: f64) -> Result<(), String> {
+    if process.order() < 2 {
+        return Ok(());
+    }
+    let gaps = |dt: f64| {
+        let (whole, first) = series(layout, process, x, input, dt);
+        let gap = &whole - &first - 0.5 * &first * &first;
+        let size = first.abs();
+        // 1e-9 of the second-order term; 32 ε: rounding of the differences that F is made of.
+        let floor = 1e-9 * &size * &size
+            + (size + whole.abs()).map(|v| 32.0 * f64::EPSILON * v)
+            + DMatrix::identity(gap.nrows(), gap.ncols()) * (32.0 * f64::EPSILON);
+        (gap, floor)
+    };
+    let ((whole, floor), (quarter, low)) = (gaps(dt), gaps(0.25 * dt));
+    for (row, col) in layout.blocks().iter().flat_map(|r| layout.blocks().iter().map(move |c| (r, c))) {
+        let worst = row
+            .tangent_range()
+            .flat_map(|i| col.tangent_range().map(move |j| (i, j)))
+            .fold(0.0, |m: f64, at| m.max(whole[at].abs()));
+        for at in row.tangent_range().flat_map(|i| col.tangent_range().map(move |j| (i, j))) {
+            if !within(whole[at], floor[at]) && !within(quarter[at], low[at]) && !within(quarter[at], worst / 32.0) {
+                return Err(format!(
+                    "Φ of `{}` by `{}` lacks second order at ({}, {}): it is {:e} off I + FΔt + ½F²Δt², and {:e} over a quarter of the step",
+                    row.name,
+                    col.name,
+                    at.0 - row.tangent,
+                    at.1 - col.tangent,
+                    whole[at],
+                    quarter[at]
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
 fn check_signals(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>) -> Result<(), String> {
     let mut at = SignalBuffer::new(layout);
     at.evaluate(process, x, input, true);
@@ -228,11 +282,13 @@ mod tests {
         Signal,
         Foreign,
         Restless,
+        SecondOrder,
     }
 
-    /// A pendulum by Euler's step, with Φ = I + FΔt of its middle: true to first order only.
+    /// A pendulum by Euler's step, with Φ = I + FΔt of its start, or + ½F²Δt².
     #[derive(Debug)]
     struct Pendulum {
+        order: u8,
         angle: Slot<Scalar>,
         rate: Slot<Scalar>,
         foreign: Slot<Scalar>,
@@ -243,6 +299,9 @@ mod tests {
     impl Process for Pendulum {
         fn input_dim(&self) -> usize {
             0
+        }
+        fn order(&self) -> u8 {
+            self.order
         }
         fn propagate(&self, x: &mut [f64], _: &Input<'_>, dt: f64) {
             let (a, w) = (self.angle.read(x), self.rate.read(x));
@@ -256,8 +315,16 @@ mod tests {
         }
         fn linearise(&self, x: &[f64], _: &Input<'_>, dt: f64, out: &mut Transition) {
             let wrong = if self.fault == Fault::Generator { 1.01 } else { 1.0 };
+            let stiffness = wrong * self.angle.read(x).cos();
             out.set(self.angle, self.rate, &Matrix1::new(dt));
-            out.set(self.rate, self.angle, &Matrix1::new(-dt * wrong * self.angle.read(x).cos()));
+            out.set(self.rate, self.angle, &Matrix1::new(-dt * stiffness));
+            if self.order == 2 {
+                // ½F²Δt² is −½Δt² cos a on the diagonal.
+                let half = 0.5 * dt * dt * stiffness;
+                out.set(self.angle, self.angle, &Matrix1::new(1.0 - half));
+                let lost = if self.fault == Fault::SecondOrder { 0.9 } else { 1.0 };
+                out.set(self.rate, self.rate, &Matrix1::new(1.0 - lost * half));
+            }
             out.noise(self.rate, self.rate, &Matrix1::new(dt));
             out.noise(self.angle, self.angle, &Matrix1::new(dt));
             let cross = if self.fault == Fault::Noise { 1.1 } else { 0.9 };
@@ -271,6 +338,10 @@ mod tests {
     }
 
     fn law(fault: Fault) -> Result<(), String> {
+        law_of_order(1, fault)
+    }
+
+    fn law_of_order(order: u8, fault: Fault) -> Result<(), String> {
         let mut b = LayoutBuilder::new();
         let mut declare = |name: &str, initial: f64, dynamics: Dynamics| {
             let (name, owner) = (name.to_owned(), String::new());
@@ -293,6 +364,7 @@ mod tests {
         check_process(
             &layout,
             &Pendulum {
+                order,
                 angle,
                 rate,
                 foreign,
@@ -308,6 +380,13 @@ mod tests {
     #[test]
     fn a_process_true_to_first_order_passes() {
         law(Fault::None).unwrap();
+    }
+
+    #[test]
+    fn second_order_is_asked_of_the_process_that_promises_it() {
+        law_of_order(2, Fault::None).unwrap();
+        let message = law_of_order(2, Fault::SecondOrder).unwrap_err();
+        assert!(message.contains("Φ of `rate` by `rate` lacks second order"), "{message}");
     }
 
     #[test]

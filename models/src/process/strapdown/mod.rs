@@ -248,6 +248,13 @@ impl Process for Strapdown {
         IMU
     }
 
+    fn order(&self) -> u8 {
+        match self.discretisation {
+            Discretisation::FirstOrder => 1,
+            Discretisation::SecondOrder => 2,
+        }
+    }
+
     fn preparation(&self) -> Option<Box<dyn Preparation>> {
         let mode = match self.integrator {
             Integrator::FirstOrder => return None,
@@ -391,3 +398,6 @@ fn discretise(b: &Blocks, dt: f64, order: Discretisation) -> Discrete {
         by_rate: [f[1][2] * rate * half, rate * dt + f[2][2] * rate * half],
     }
 }
+
+#[cfg(test)]
+mod tests;
