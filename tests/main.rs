@@ -8,6 +8,9 @@ mod attitude_filter;
 /// The design with outliers over a hundred seeds: its experiments, and its gate under stress.
 #[path = "suite/campaigns.rs"]
 mod campaigns;
+/// Charts of the attitude through loops that pass the vertical.
+#[path = "suite/charts.rs"]
+mod charts;
 /// The built command: help, results, exit codes, files.
 #[path = "suite/command.rs"]
 mod command;

@@ -65,28 +65,33 @@ pub struct AdditiveQuaternion;
 trait AttitudeChart: Debug + Send + Sync {
     /// T(q) of one attitude block; `None` where the chart is singular.
     fn matrix(q: &UnitQuaternion<f64>) -> Option<Matrix3<f64>>;
-    /// q moved by the chart's own error coordinates.
-    fn retract(q: &UnitQuaternion<f64>, delta: &Vector3<f64>) -> UnitQuaternion<f64>;
+    /// q moved by the chart's own error coordinates; `None` where that leads out of the chart.
+    fn retract(q: &UnitQuaternion<f64>, delta: &Vector3<f64>) -> Option<UnitQuaternion<f64>>;
 }
+
+/// The least cos(pitch) of the Euler chart: it ends 2.9° short of where roll and yaw become one
+/// rotation. Nearer to it a correction by 1° turns roll and yaw by more than 20°: the addition of
+/// angles is no longer that of small rotations, and P is carried to an attitude it is not of.
+const EULER_EDGE: f64 = 0.05;
 
 impl AttitudeChart for Navigation {
     fn matrix(q: &UnitQuaternion<f64>) -> Option<Matrix3<f64>> {
         Some(q.to_rotation_matrix().into_inner().transpose())
     }
-    fn retract(q: &UnitQuaternion<f64>, delta: &Vector3<f64>) -> UnitQuaternion<f64> {
-        so3::exp(delta) * q
+    fn retract(q: &UnitQuaternion<f64>, delta: &Vector3<f64>) -> Option<UnitQuaternion<f64>> {
+        Some(so3::exp(delta) * q)
     }
 }
 
 impl AttitudeChart for AdditiveEuler {
     fn matrix(q: &UnitQuaternion<f64>) -> Option<Matrix3<f64>> {
         let rpy = so3::to_rpy(q);
-        // The chart ends where roll and yaw become one rotation.
-        (rpy.y.cos() > 1e-3).then(|| so3::body_rate_of_euler(rpy.x, rpy.y))
+        (rpy.y.cos() > EULER_EDGE).then(|| so3::body_rate_of_euler(rpy.x, rpy.y))
     }
-    fn retract(q: &UnitQuaternion<f64>, delta: &Vector3<f64>) -> UnitQuaternion<f64> {
+    fn retract(q: &UnitQuaternion<f64>, delta: &Vector3<f64>) -> Option<UnitQuaternion<f64>> {
         let rpy = so3::to_rpy(q) + delta;
-        so3::from_rpy(rpy.x, rpy.y, rpy.z)
+        // Beyond ±90° the angles of the same attitude are others.
+        (rpy.y.cos() > EULER_EDGE).then(|| so3::from_rpy(rpy.x, rpy.y, rpy.z))
     }
 }
 
@@ -96,9 +101,9 @@ impl AttitudeChart for AdditiveQuaternion {
     fn matrix(_: &UnitQuaternion<f64>) -> Option<Matrix3<f64>> {
         Some(Matrix3::identity())
     }
-    fn retract(q: &UnitQuaternion<f64>, delta: &Vector3<f64>) -> UnitQuaternion<f64> {
+    fn retract(q: &UnitQuaternion<f64>, delta: &Vector3<f64>) -> Option<UnitQuaternion<f64>> {
         // q + ½ Ξ(q) δ = q ⊗ (1 + ½ δ)
-        q * UnitQuaternion::new_normalize(Quaternion::new(1.0, 0.5 * delta.x, 0.5 * delta.y, 0.5 * delta.z))
+        Some(q * UnitQuaternion::new_normalize(Quaternion::new(1.0, 0.5 * delta.x, 0.5 * delta.y, 0.5 * delta.z)))
     }
 }
 
@@ -128,12 +133,11 @@ fn correct_blocks<C: AttitudeChart>(
         let before = Attitude::read(s);
         let canonical = Vector3::new(d[0], d[1], d[2]);
         let own = C::matrix(&before).and_then(|t| t.try_inverse()).map(|inverse| inverse * canonical);
-        let Some(own) = own else {
-            // Outside the chart: the canonical correction, which is defined everywhere.
+        let Some(mut after) = own.and_then(|own| C::retract(&before, &own)) else {
+            // From outside the chart or out of it: the canonical correction, defined everywhere.
             b.kind.plus(s, d);
             continue;
         };
-        let mut after = C::retract(&before, &own);
         after.renormalize();
         Attitude::write(&after, s);
         if let Some(j) = carry(&before, &after) {
@@ -247,6 +251,19 @@ mod tests {
         assert!(!AdditiveEuler.correct(&layout, &mut x, &delta, &mut reset));
         layout.plus(&mut body, &delta);
         assert_eq!(x, body);
+    }
+
+    #[test]
+    fn a_correction_that_leads_out_of_the_euler_chart_or_across_the_vertical_is_canonical() {
+        // To 88° of pitch, and to 100°, whose angles are those of 80° and half a turn of roll and yaw.
+        for rise in [0.06, 0.27] {
+            let layout = layout(so3::from_rpy(0.0, 85_f64.to_radians(), 0.0));
+            let delta = [0.0, 0.0, 0.0, 0.0, rise, 0.0, 0.0];
+            let (mut x, mut body, mut reset) = (layout.initial().to_vec(), layout.initial().to_vec(), BlockMatrix::identity(7));
+            assert!(!AdditiveEuler.correct(&layout, &mut x, &delta, &mut reset), "{rise}");
+            layout.plus(&mut body, &delta);
+            assert_eq!(x, body);
+        }
     }
 
     #[test]
