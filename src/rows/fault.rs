@@ -5,16 +5,43 @@ use core::ops::Range;
 use fusion_core::time::Time;
 use fusion_models::block::BuildError;
 use fusion_models::fault::{Fault, FaultContext, FaultSpec, Outcome, Windows};
+use std::collections::VecDeque;
 
 /// Faults as declared, by name.
 type Declared = [(String, Box<dyn FaultSpec>)];
 
 /// The faults at work on one stream, recorded or simulated, and what they did to it.
+///
+/// A row that does not arrive at once, or not alone, waits in it. The chain hears how far the log
+/// has come ([`reach`](Self::reach)) and hands out what is due ([`due`](Self::due)), by arrival.
 #[derive(Debug, Default)]
 pub(crate) struct FaultChain {
     faults: Vec<(String, Box<dyn Fault>)>,
+    /// Of the last row delivered.
     disturbed: Vec<Range<usize>>,
+    /// By arrival; of equal arrivals in order of the source.
+    waiting: VecDeque<Waiting>,
+    reached: Option<Time>,
     counts: RowCounts,
+}
+
+/// A row that is on its way.
+#[derive(Debug)]
+struct Waiting {
+    stamp: Stamp,
+    values: Vec<f64>,
+    disturbed: Vec<Range<usize>>,
+}
+
+/// What the faults make of a row together.
+#[derive(Debug, Default)]
+struct Fate {
+    /// Added to its stamp \[ns\].
+    restamped: i64,
+    /// Added to its arrival \[ns\].
+    delayed: i64,
+    /// How often it comes again.
+    copies: u32,
 }
 
 impl FaultChain {
@@ -34,28 +61,88 @@ impl FaultChain {
         if errors.is_empty() { Ok(chain) } else { Err(errors) }
     }
 
-    /// Sends a row through the faults; returns whether it arrives. Those after the one that
-    /// withholds it do not see it.
-    pub(crate) fn pass(&mut self, time: Time, values: &mut [f64]) -> bool {
-        self.disturbed.clear();
-        for (name, fault) in &mut self.faults {
-            match fault.apply(time, values) {
-                Outcome::Untouched => {}
-                Outcome::Disturbed => {
-                    self.disturbed.push(fault.columns());
-                    self.counts.disturbed(name);
-                }
-                Outcome::Withheld => {
-                    self.counts.skipped(&format!("withheld by fault {name}"), None);
-                    return false;
-                }
-            }
+    /// Sends a row through the faults; returns its stamp where it arrives now. Where it does not, it
+    /// is lost or waits; so it does where it `queues` behind one that is due before it.
+    pub(crate) fn pass(&mut self, stamp: Stamp, values: &mut [f64], queues: bool) -> Option<Stamp> {
+        let fate = self.fate(stamp.time, values)?;
+        let stamp = Stamp {
+            time: stamp.time.shifted(fate.restamped),
+            arrival: stamp.arrival.shifted(fate.delayed),
+            ..stamp
+        };
+        let arrives_now = fate.delayed == 0 && !queues;
+        for _ in u32::from(arrives_now)..=fate.copies {
+            self.wait(stamp, values);
         }
-        self.counts.used(time);
-        true
+        arrives_now.then(|| {
+            self.counts.used(stamp.time);
+            stamp
+        })
     }
 
-    /// The numbers of the last row that were disturbed.
+    /// What the faults make of a row; `None` where one withholds it: those after it do not see it.
+    fn fate(&mut self, time: Time, values: &mut [f64]) -> Option<Fate> {
+        self.disturbed.clear();
+        let mut fate = Fate::default();
+        for (name, fault) in &mut self.faults {
+            let outcome = fault.apply(time, values);
+            match outcome {
+                Outcome::Untouched => continue,
+                Outcome::Withheld => {
+                    self.counts.skipped(&format!("withheld by fault {name}"), None);
+                    return None;
+                }
+                Outcome::Disturbed => {}
+                Outcome::Restamped { by } => fate.restamped = fate.restamped.saturating_add(by),
+                Outcome::Delayed { by } => fate.delayed = fate.delayed.saturating_add(by),
+                Outcome::Repeated { copies } => fate.copies = fate.copies.saturating_add(copies),
+            }
+            if matches!(outcome, Outcome::Disturbed | Outcome::Restamped { .. }) {
+                self.disturbed.push(fault.columns());
+            }
+            self.counts.disturbed(name);
+        }
+        Some(fate)
+    }
+
+    fn wait(&mut self, stamp: Stamp, values: &[f64]) {
+        let after = self.waiting.partition_point(|w| w.stamp.arrival <= stamp.arrival);
+        let row = Waiting {
+            stamp,
+            values: values.to_vec(),
+            disturbed: self.disturbed.clone(),
+        };
+        self.waiting.insert(after, row);
+    }
+
+    /// The log has come to `time`.
+    pub(crate) fn reach(&mut self, time: Time) {
+        self.reached = self.reached.max(Some(time));
+    }
+
+    /// When the next of the waiting rows arrives, if the log has come as far.
+    pub(crate) fn due(&self) -> Option<Time> {
+        let arrival = self.waiting.front()?.stamp.arrival;
+        (Some(arrival) <= self.reached).then_some(arrival)
+    }
+
+    /// Whether no row waits.
+    pub(crate) fn is_idle(&self) -> bool {
+        self.waiting.is_empty()
+    }
+
+    /// Delivers the waiting row that is due.
+    pub(crate) fn deliver(&mut self, values: &mut Vec<f64>) -> Option<Stamp> {
+        self.due()?;
+        let row = self.waiting.pop_front()?;
+        values.clear();
+        values.extend_from_slice(&row.values);
+        self.disturbed = row.disturbed;
+        self.counts.used(row.stamp.time);
+        Some(row.stamp)
+    }
+
+    /// The numbers of the last row delivered that were disturbed.
     pub(crate) fn disturbed(&self) -> &[Range<usize>] {
         &self.disturbed
     }
@@ -102,12 +189,23 @@ impl RowStream for Faulted {
     }
 
     fn next(&mut self, values: &mut Vec<f64>) -> Result<Option<Stamp>, SourceError> {
-        while let Some(stamp) = self.inner.next(values)? {
-            if self.faults.pass(stamp.time, values) {
+        loop {
+            if let Some(stamp) = self.faults.deliver(values) {
                 return Ok(Some(stamp));
             }
+            match self.inner.next(values)? {
+                Some(stamp) => {
+                    self.faults.reach(stamp.arrival);
+                    let queues = self.faults.due().is_some();
+                    if let Some(stamp) = self.faults.pass(stamp, values, queues) {
+                        return Ok(Some(stamp));
+                    }
+                }
+                // After the end of the log what is still on its way arrives.
+                None if self.faults.is_idle() => return Ok(None),
+                None => self.faults.reach(Time::MAX),
+            }
         }
-        Ok(None)
     }
 
     fn disturbed(&self) -> &[Range<usize>] {
@@ -150,7 +248,7 @@ mod tests {
         let (document, _) = Document::parse("filter.toml", text);
         let read = |entry: &crate::config::Entry| {
             let mut diagnostics = Diagnostics::new();
-            let known = ["outage", "noise", "bias_step", "outliers", "drop", "frozen", "spike"];
+            let known = fusion_models::registry::names(fusion_models::registry::Role::Fault);
             let spec = entry.node.read_block::<dyn FaultSpec>("fault", &known, &mut diagnostics);
             (entry.key.clone(), spec.unwrap_or_else(|| panic!("{diagnostics}")))
         };
@@ -183,6 +281,60 @@ mod tests {
   left out 5: withheld by fault tunnel
   disturbed 2: fault step";
         assert_eq!(report.to_string(), expected);
+    }
+
+    #[test]
+    fn a_late_row_comes_after_newer_ones_and_at_the_end_of_the_log_at_the_latest() {
+        let (rows, report) = run(
+            "slow = { type = 'late', by = '2.5 s', window = [{ from = 3, to = 5 }, { from = 9 }] }",
+            "wheel",
+            1,
+        );
+        let stamps: Vec<f64> = rows.iter().map(|r| r.0).collect();
+        assert_eq!(stamps, [0.0, 1.0, 2.0, 5.0, 3.0, 6.0, 4.0, 7.0, 8.0, 9.0]);
+        assert_eq!((report.used, report.disturbed), (10, vec![("slow".to_owned(), 3)]));
+    }
+
+    #[test]
+    fn copies_follow_their_row_and_carry_what_earlier_faults_did_to_it() {
+        let text = "
+            step = { type = 'bias_step', at = 2, value = [1] }
+            twice = { type = 'duplicate', copies = 2, window = { from = 1, to = 3 } }
+            slow = { type = 'late', by = 1, window = { from = 2, to = 3 } }";
+        let (rows, report) = run(text, "wheel", 1);
+        let expected = [
+            (0.0, 1.0),
+            (1.0, 1.0),
+            (1.0, 1.0),
+            (1.0, 1.0),
+            (2.0, 2.0),
+            (2.0, 2.0),
+            (2.0, 2.0),
+            (3.0, 2.0),
+        ];
+        assert_eq!(rows[..8], expected);
+        // What is delivered may be more than what was read.
+        assert_eq!((report.rows, report.used), (10, 14));
+    }
+
+    #[test]
+    fn a_wrong_clock_changes_the_stamp_and_not_the_arrival() {
+        let faults = faults("clock = { type = 'clock_jump', by = '1 h', window = { from = 2, to = 4 } }");
+        let mut source = Faulted::new(ten(), &faults, |_| 0).unwrap();
+        let (mut row, mut seen) = (Vec::new(), Vec::new());
+        while let Some(stamp) = source.next(&mut row).unwrap() {
+            assert_eq!(source.disturbed().is_empty(), stamp.time == stamp.arrival);
+            seen.push((stamp.time.seconds(), stamp.arrival.seconds()));
+        }
+        assert_eq!(seen[1..5], [(1.0, 1.0), (3602.0, 2.0), (3603.0, 3.0), (4.0, 4.0)]);
+        // Other sources go on meanwhile, as they would live.
+        let jumping = Faulted::new(ten(), &faults, |_| 0).unwrap();
+        let mut merged = super::super::Merged::new(vec![Box::new(jumping), ten()]);
+        let mut order = Vec::new();
+        while let Some(row) = merged.next().unwrap() {
+            order.push((row.stream, row.time.seconds()));
+        }
+        assert_eq!(order[4..8], [(0, 3602.0), (1, 2.0), (0, 3603.0), (1, 3.0)]);
     }
 
     #[test]

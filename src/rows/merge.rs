@@ -64,8 +64,12 @@ impl Merged {
         }
         // Few sources: a scan is faster than a heap, and keeps their order at equal stamps.
         let heads = self.heads.iter().enumerate();
-        let first = heads.filter_map(|(i, head)| Some((head.stamp?.time, i, head.stamp?.number))).min();
-        let Some((time, source, number)) = first else { return Ok(None) };
+        let first = heads
+            .filter_map(|(i, head)| Some((head.stamp?, i)))
+            .min_by_key(|(stamp, i)| (stamp.arrival, *i));
+        let Some((Stamp { time, number, .. }, source)) = first else {
+            return Ok(None);
+        };
         self.stale = source..source + 1;
         let head = &self.heads[source];
         Ok(Some(Row {

@@ -11,8 +11,23 @@ use fusion_models::block::Channel;
 pub struct Stamp {
     /// Its time.
     pub time: Time,
+    /// When it is there, in the time of the log: rows of several sources are merged by it. A fault
+    /// of the clock or of the order makes it differ from `time`.
+    pub arrival: Time,
     /// Where it stands: of a text file the line, of simulated rows the count, from 1.
     pub number: u64,
+}
+
+impl Stamp {
+    /// Of a row that arrives at its own time.
+    #[must_use]
+    pub const fn new(time: Time, number: u64) -> Self {
+        Self {
+            time,
+            arrival: time,
+            number,
+        }
+    }
 }
 
 /// A stream of rows.
@@ -95,7 +110,7 @@ pub(super) mod testing {
             self.counts.row();
             self.counts.used(time);
             let number = self.counts.rows();
-            Ok(Some(Stamp { time, number }))
+            Ok(Some(Stamp::new(time, number)))
         }
 
         fn report(&self) -> SourceReport {

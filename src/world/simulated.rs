@@ -5,7 +5,7 @@ use super::check::{declared, faults, no_origin};
 use crate::assembly::{Assembly, imu_stream};
 use crate::config::Diagnostics;
 use crate::design::{Design, Named, SimulationDesign};
-use crate::rows::{FaultChain, Feed, Row, SourceReport, SourceStatistics, outage_windows};
+use crate::rows::{FaultChain, Feed, Row, SourceReport, SourceStatistics, Stamp, outage_windows};
 use core::ops::Range;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::runner::StreamId;
@@ -73,18 +73,43 @@ impl SimulatedRows {
     #[expect(clippy::should_implement_trait, reason = "a row is lent, which an iterator cannot do")]
     pub fn next(&mut self) -> Option<Row<'_>> {
         loop {
-            let (from, time) = self.simulator.next_row(&mut self.values)?;
-            let outlet = &mut self.outlets[from];
-            outlet.rows += 1;
-            let arrives = outlet.faults.pass(time, &mut self.values);
-            if let Some(stream) = outlet.stream.filter(|_| arrives) {
+            let (from, stamp) = self.advance()?;
+            if let Some(stream) = self.outlets[from].stream {
                 return Some(Row {
                     stream,
-                    time,
-                    number: self.outlets[from].rows,
+                    time: stamp.time,
+                    number: stamp.number,
                     values: &self.values,
                     disturbed: self.outlets[from].faults.disturbed(),
                 });
+            }
+        }
+    }
+
+    /// The outlet and the stamp of the next row that arrives; its numbers are in `values`.
+    fn advance(&mut self) -> Option<(usize, Stamp)> {
+        loop {
+            let outlets = self.outlets.iter().enumerate();
+            let due = outlets.filter_map(|(i, outlet)| Some((outlet.faults.due()?, i))).min();
+            if let Some((_, from)) = due {
+                let stamp = self.outlets[from].faults.deliver(&mut self.values)?;
+                return Some((from, stamp));
+            }
+            let Some((from, time)) = self.simulator.next_row(&mut self.values) else {
+                // After the end of the log what is still on its way arrives.
+                if self.outlets.iter().all(|outlet| outlet.faults.is_idle()) {
+                    return None;
+                }
+                self.outlets.iter_mut().for_each(|outlet| outlet.faults.reach(Time::MAX));
+                continue;
+            };
+            self.outlets.iter_mut().for_each(|outlet| outlet.faults.reach(time));
+            let queues = self.outlets.iter().any(|outlet| outlet.faults.due().is_some());
+            let outlet = &mut self.outlets[from];
+            outlet.rows += 1;
+            let stamp = Stamp::new(time, outlet.rows);
+            if let Some(stamp) = outlet.faults.pass(stamp, &mut self.values, queues) {
+                return Some((from, stamp));
             }
         }
     }

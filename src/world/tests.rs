@@ -122,3 +122,16 @@ fn outages_that_repeat_are_listed_to_the_end_of_the_run() {
     let world = SimulatedRows::new(&design, design.simulation.as_ref().unwrap(), &assembly, None).unwrap_or_else(|d| panic!("{d}"));
     assert_eq!(world.outages().len(), 4000);
 }
+
+#[test]
+fn simulated_rows_arrive_late_and_twice_as_recorded_ones_do() {
+    let slow = "fault.slow = { type = 'late', by = '0.25 s', window = { from = 4, duration = '1 ms' } }";
+    let (sound, faulty) = (rows(&design(STRAPDOWN, ""), "unit"), rows(&design(STRAPDOWN, slow), "unit"));
+    let mut expected = sound.clone();
+    // 4.0 s, due at 4.25 s, comes between 4.2 s and 4.3 s.
+    expected[40..43].rotate_left(1);
+    assert_eq!(faulty, expected);
+    let twice = "fault.twice = { type = 'duplicate', window = { from = 10 } }";
+    let faulty = rows(&design(STRAPDOWN, twice), "unit");
+    assert_eq!((faulty.len(), &faulty[101]), (102, &sound[100]));
+}

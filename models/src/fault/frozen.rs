@@ -30,12 +30,8 @@ window = { from = "200 s", to = "210 s" }
 #[typetag::deserialize(name = "frozen")]
 impl FaultSpec for FrozenSpec {
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
-        let columns = match self.channel.as_deref() {
-            Some(name) => Target::find(context, Some(name))?.columns(),
-            None => 0..context.channels.iter().map(|c| c.offset + c.channel.width).max().unwrap_or(0),
-        };
         Ok(Box::new(Frozen {
-            columns,
+            columns: Target::columns_of(context, self.channel.as_deref())?,
             window: self.window.clone(),
             last: None,
         }))

@@ -1,28 +1,41 @@
 //! What goes wrong with a source: declared disturbances of its rows, recorded or simulated.
 //!
-//! A fault sees the rows of one source in order and leaves a row as it is, changes it, or
-//! withholds it. Windows are in the time of the log, against the stamp of the row.
+//! A fault sees the rows of one source in order and leaves a row as it is, changes its numbers or
+//! its stamp, withholds it, lets it come late or more than once. Windows are in the time of the log,
+//! against the stamp that the source gave the row, whatever another fault makes of it.
 //!
 //! Seeds    what a random fault does to a row depends on its seed and the stamp of the row alone:
 //!          another outage, a later start or a thinned source leave all other disturbances as
 //!          they were. Rows of one stamp are disturbed alike
 //! Metres   positions are disturbed in metres north, east, down; attitudes by a rotation vector in
 //!          body axes; everything else in its own unit
-//! Not here late or reordered rows, faults that depend on the truth
+//! Not here faults that depend on the truth
 
+mod clock_jump;
+mod duplicate;
 mod frozen;
+mod late;
 mod noise;
+mod not_a_number;
 mod outage;
 mod outliers;
+mod ramp;
 mod random;
+mod scale;
 mod shift;
 mod target;
 mod window;
 
+pub use clock_jump::ClockJumpSpec;
+pub use duplicate::DuplicateSpec;
 pub use frozen::FrozenSpec;
+pub use late::LateSpec;
 pub use noise::NoiseSpec;
+pub use not_a_number::NotANumberSpec;
 pub use outage::{DropSpec, OutageSpec};
 pub use outliers::OutliersSpec;
+pub use ramp::RampSpec;
+pub use scale::ScaleSpec;
 pub use shift::{BiasStepSpec, SpikeSpec};
 pub use window::{Window, Windows};
 
@@ -53,15 +66,36 @@ pub enum Outcome {
     Disturbed,
     /// It never arrives.
     Withheld,
+    /// It says another time than its own.
+    Restamped {
+        /// What is added to its stamp \[ns\]; not zero.
+        by: i64,
+    },
+    /// It arrives later, with its own stamp.
+    Delayed {
+        /// How much later \[ns\]; above zero.
+        by: i64,
+    },
+    /// It arrives more than once.
+    Repeated {
+        /// How many times more; above zero.
+        copies: u32,
+    },
 }
 
 /// A fault at work on one source.
 pub trait Fault: Debug + Send {
-    /// The numbers of a row that it may change; empty for one that only withholds rows.
+    /// The numbers of a row that it makes wrong: those that it may change, or all of them where it
+    /// changes the stamp. Empty for one that changes neither.
     fn columns(&self) -> Range<usize>;
 
-    /// Sees the next row.
+    /// Sees the next row; `time` is the stamp that the source gave it.
     fn apply(&mut self, time: Time, row: &mut [f64]) -> Outcome;
+}
+
+/// All numbers of a row.
+fn all_columns(channels: &[ProvidedChannel]) -> Range<usize> {
+    0..channels.iter().map(|c| c.offset + c.channel.width).max().unwrap_or(0)
 }
 
 /// What a fault is built for.

@@ -1,12 +1,11 @@
 //! Rows that never arrive: for a stretch of time, or at random.
 
-use super::random::generator;
+use super::random::strikes;
 use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
 use crate::block::BuildError;
 use crate::units::Probability;
 use core::ops::Range;
 use fusion_core::time::Time;
-use rand::RngExt;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -103,7 +102,7 @@ impl Fault for Drop {
     }
 
     fn apply(&mut self, time: Time, _: &mut [f64]) -> Outcome {
-        let is_lost = self.window.contains(time) && generator(self.seed, time).random::<f64>() < self.rate;
+        let is_lost = self.window.contains(time) && strikes(self.seed, time, self.rate);
         if is_lost { Outcome::Withheld } else { Outcome::Untouched }
     }
 }

@@ -1,6 +1,6 @@
 //! The channel that a fault disturbs, and how a displacement is added to it.
 
-use super::{FaultContext, ProvidedChannel};
+use super::{FaultContext, ProvidedChannel, all_columns};
 use crate::block::{BuildError, Shape};
 use crate::units::{Dimension, Dimensional, dim};
 use core::ops::Range;
@@ -43,6 +43,14 @@ impl Target {
         Ok(Self::of(found))
     }
 
+    /// The numbers of the channel `name`; without a name, those of the whole row.
+    pub(super) fn columns_of(context: &FaultContext<'_>, name: Option<&str>) -> Result<Range<usize>, BuildError> {
+        match name {
+            Some(name) => Ok(Self::find(context, Some(name))?.columns()),
+            None => Ok(all_columns(context.channels)),
+        }
+    }
+
     fn of(provided: &ProvidedChannel) -> Self {
         let c = &provided.channel;
         Self {
@@ -79,6 +87,26 @@ impl Target {
     /// Its numbers in a row.
     pub(super) const fn columns(&self) -> Range<usize> {
         self.offset..self.offset + self.width
+    }
+
+    /// Whether its numbers can be multiplied: those of a position or an attitude cannot.
+    pub(super) const fn has_scale(&self) -> bool {
+        matches!(self.shape, Shape::Vector | Shape::Angle)
+    }
+
+    /// Multiplies its numbers, which [have a scale](Self::has_scale), by a factor per axis; says
+    /// whether one has changed.
+    pub(super) fn stretch(&self, row: &mut [f64], factors: &[f64]) -> bool {
+        let mut is_other = false;
+        for (z, factor) in row[self.columns()].iter_mut().zip(factors) {
+            let product = match self.shape {
+                Shape::Angle => so3::wrap_angle(*z * factor),
+                _ => *z * factor,
+            };
+            is_other |= product != *z;
+            *z = product;
+        }
+        is_other
     }
 
     /// Adds a displacement; axes that it does not reach stay.

@@ -49,6 +49,13 @@ impl Windows {
         self.0.iter().any(|r| r.contains(time))
     }
 
+    /// The one that `time` lies in; of several, the one that began last.
+    #[must_use]
+    pub fn containing(&self, time: Time) -> Option<Window> {
+        let found = self.0.iter().filter_map(|r| r.containing(time));
+        found.max_by_key(|w| w.from)
+    }
+
     /// Those that begin before `to` and end after `from`, uncut but for the open end, in order
     /// of time; of a repeated one the first ten thousand.
     #[must_use]
@@ -77,6 +84,20 @@ impl Repeated {
             Some(_) if time < self.first.from || time >= self.until => false,
             Some(every) => time.nanos().saturating_sub(self.first.from.nanos()) % every < self.length(),
         }
+    }
+
+    fn containing(&self, time: Time) -> Option<Window> {
+        let skipped = self.every.map_or(0, |every| {
+            let since = time.nanos().saturating_sub(self.first.from.nanos());
+            since / every * every
+        });
+        self.contains(time).then(|| Window {
+            from: self.first.from.shifted(skipped),
+            to: match self.first.to {
+                Time::MAX => self.until,
+                to => to.shifted(skipped).min(self.until),
+            },
+        })
     }
 
     fn length(&self) -> i64 {
@@ -241,8 +262,10 @@ mod tests {
         assert_eq!(seconds(&w.within(t(0.0), t(1e4))), [(100, 115), (150, 165), (200, 215), (250, 260)]);
         assert_eq!(seconds(&w.within(t(160.0), t(200.0))), [(150, 165)]);
         for s in 0..300 {
-            let listed = w.within(t(0.0), t(1e4)).iter().any(|w| (w.from..w.to).contains(&t(f64::from(s))));
-            assert_eq!(w.contains(t(f64::from(s))), listed, "{s} s");
+            let mut listed = w.within(t(0.0), t(1e4)).into_iter();
+            let listed = listed.find(|w| (w.from..w.to).contains(&t(f64::from(s))));
+            assert_eq!(w.containing(t(f64::from(s))), listed, "{s} s");
+            assert_eq!(w.contains(t(f64::from(s))), listed.is_some(), "{s} s");
         }
     }
 

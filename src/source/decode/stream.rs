@@ -152,7 +152,7 @@ impl<R: RawRows> Decoded<R> {
                     self.counts.row();
                     self.counts.used(time);
                     let number = place as u64;
-                    return Ok(Some(Stamp { time, number }));
+                    return Ok(Some(Stamp::new(time, number)));
                 }
                 Err(Unused::Left(reason)) => {
                     self.counts.row();

@@ -1,0 +1,90 @@
+//! A wrong clock.
+
+use super::{Fault, FaultContext, FaultSpec, Outcome, Windows, all_columns};
+use crate::block::BuildError;
+use crate::units::Duration;
+use core::ops::Range;
+use fusion_core::time::{Time, nanos};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// During a window, the stamps of a source are wrong by a constant; its rows arrive when they did.
+///
+/// An hour ahead for one row is a glitch, a leap second for good is a misconfigured receiver.
+/// Gate statistics count such a row as disturbed: it describes another instant than it says.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ClockJumpSpec {
+    /// What is added to the stamps; negative for a clock that falls behind.
+    by: Duration,
+    /// When, in the time of the log; without `to`, for good.
+    window: Windows,
+}
+
+crate::register!(
+    Fault,
+    "clock_jump",
+    ClockJumpSpec,
+    r#"
+by = "1 h"
+window = { from = "200 s", to = "201 s" }
+"#
+);
+
+#[typetag::deserialize(name = "clock_jump")]
+impl FaultSpec for ClockJumpSpec {
+    fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
+        let by = nanos(self.by.si());
+        if by == 0 {
+            return Err(BuildError::at("by", "a jump by less than a nanosecond is none"));
+        }
+        Ok(Box::new(ClockJump {
+            columns: all_columns(context.channels),
+            by,
+            window: self.window.clone(),
+        }))
+    }
+}
+
+#[derive(Debug)]
+struct ClockJump {
+    columns: Range<usize>,
+    by: i64,
+    window: Windows,
+}
+
+impl Fault for ClockJump {
+    fn columns(&self) -> Range<usize> {
+        self.columns.clone()
+    }
+
+    fn apply(&mut self, time: Time, _: &mut [f64]) -> Outcome {
+        if self.window.contains(time) {
+            Outcome::Restamped { by: self.by }
+        } else {
+            Outcome::Untouched
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::{ROW, build};
+    use super::*;
+
+    #[test]
+    fn stamps_are_wrong_during_the_window_and_numbers_are_right() {
+        let mut fault = build::<ClockJumpSpec>("by = '-1 min'\nwindow = { from = 3, to = 5 }", 1).unwrap();
+        let mut row = ROW;
+        let seen: Vec<Outcome> = (2..6).map(|k| fault.apply(Time::from_seconds(f64::from(k)), &mut row)).collect();
+        let back = Outcome::Restamped { by: -60_000_000_000 };
+        assert_eq!(seen, [Outcome::Untouched, back, back, Outcome::Untouched]);
+        assert_eq!((row, fault.columns()), (ROW, 0..ROW.len()));
+    }
+
+    #[test]
+    fn no_jump_is_refused() {
+        let said = build::<ClockJumpSpec>("by = 0\nwindow = { from = 3 }", 1).unwrap_err();
+        assert_eq!(said, "by: a jump by less than a nanosecond is none");
+    }
+}
