@@ -14,6 +14,10 @@ mod charts;
 /// The built command: help, results, exit codes, files.
 #[path = "suite/command.rs"]
 mod command;
+/// Stopped and killed runs, full disks, pipes, long names: what lies in the folder afterwards.
+#[cfg(unix)]
+#[path = "suite/files.rs"]
+mod files;
 /// What gates did to rows that are known to be wrong, and the innovations.
 #[path = "suite/gates.rs"]
 mod gates;

@@ -6,7 +6,7 @@ use fusion::assembly::{Assembly, Inside, StreamLayout, assemble, declared_stream
 use fusion::config::{Diagnostics, Node, Value};
 use fusion::core::state::{Dynamics, Kind};
 use fusion::design::{Design, SensorDesign};
-use fusion::examine::{Missing, opening, variants};
+use fusion::examine::{Missing, is_pipe, opening, variants};
 use fusion::models::block::Listen;
 use fusion::present::{Cell, Column, Page, Section, Table, Unit, short};
 use fusion::run::{Options, data_dir};
@@ -336,6 +336,7 @@ fn sources(design: &Design, options: &Options) -> Table {
 fn size(path: &Path) -> String {
     match std::fs::metadata(path).map(|m| m.len()) {
         Err(_) => "not found".to_owned(),
+        Ok(_) if is_pipe(path) => "a pipe".to_owned(),
         Ok(bytes) if bytes < 10_000 => format!("{bytes} B"),
         Ok(bytes) if bytes < 10_000_000 => format!("{} kB", bytes / 1000),
         Ok(bytes) => format!("{} MB", bytes / 1_000_000),

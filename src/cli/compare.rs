@@ -1,12 +1,13 @@
 //! `fusion compare`.
 
-use super::run::{write_report, written};
+use super::run::written;
 use super::{BASE, DesignArgs, Failure, OutputArgs, as_warnings, report};
 use clap::Args;
 use fusion::config::{Diagnostic, Diagnostics};
 use fusion::examine::{Missing, variants};
+use fusion::output::FileSet;
 use fusion::present::{Page, comparison};
-use fusion::report::{Run, record};
+use fusion::report::{Run, record, write};
 use fusion::run::{Options, Summary};
 use std::path::PathBuf;
 
@@ -40,6 +41,8 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     } else {
         args.configs.iter().cloned().map(Some).collect()
     };
+    // What cannot be written is told before the runs.
+    let files = args.out.as_deref().map(FileSet::begin).transpose()?;
     let (mut results, mut recordings, mut title) = (Vec::<(String, Summary)>::new(), Vec::new(), String::new());
     for config in &configs {
         let all = DesignArgs {
@@ -62,14 +65,14 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
                 seed: args.seed,
             };
             let design = named.design(&file, Missing::Told)?;
-            let (summary, recording) = record(&design, &options, &mut |_| {})?;
+            let (finished, recording) = record(&design, &options, &mut |_| {})?;
             title.clone_from(&design.run.description);
             recordings.push(recording);
             let name = match config {
                 Some(path) if configs.len() > 1 => format!("{} {variant}", path.display()),
                 _ => variant.clone(),
             };
-            results.push((name, summary));
+            results.push((name, finished.summary));
         }
     }
     let named: Vec<(&str, &Summary)> = results.iter().map(|(name, summary)| (name.as_str(), summary)).collect();
@@ -81,11 +84,11 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         warnings: told.collect(),
         sections: comparison::sections(&named),
     };
-    if let Some(out) = &args.out {
-        std::fs::create_dir_all(out).map_err(|e| Diagnostics::from(Diagnostic::error(format!("cannot make {}: {e}", out.display()))))?;
+    if let (Some(out), Some(mut files)) = (&args.out, files) {
         let runs = named.iter().zip(&recordings);
         let runs: Vec<Run<'_>> = runs.map(|(&(name, summary), recording)| Run { name, recording, summary }).collect();
-        write_report(out, &title, &runs)?;
+        write(&mut files, &title, &runs)?;
+        files.commit()?;
         page.sections.push(written([out.join("report.html")]));
     }
     args.output.print(&page)?;

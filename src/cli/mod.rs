@@ -2,7 +2,7 @@
 //!
 //! Results go to stdout, everything else to stderr: diagnostics, progress, and only on a terminal
 //! colour. Exit codes: 0 done, 1 standard output could not be written, 2 a mistake in the command
-//! line, the design, the data or the folder to write to.
+//! line, the design, the data or the folder to write to, 130 and 143 stopped by SIGINT or SIGTERM.
 
 mod blocks;
 mod builtin;
@@ -11,11 +11,14 @@ mod compare;
 mod montecarlo;
 mod progress;
 mod run;
+#[cfg(unix)]
+mod stop;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use fusion::config::{Diagnostic, Diagnostics, Document, Files, Severity};
 use fusion::design::Design;
 use fusion::examine::{Missing, examine, variants};
+use fusion::output::Unwritable;
 use fusion::present::{Page, json, text};
 use fusion::run::Options;
 use std::io::{IsTerminal, Write};
@@ -32,7 +35,8 @@ const BASE: &str = "base";
     max_term_width = 100,
     after_help = "Without a command it runs a built-in simulated design, as `fusion run` does.\n\
                   Exit codes: 0 done, 1 standard output cannot be written, 2 a mistake in the command line, the\n\
-                  design, the data or the folder to write to."
+                  design, the data or the folder to write to, 130 and 143 stopped by SIGINT or SIGTERM: no\n\
+                  file is changed then."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -318,6 +322,12 @@ impl From<Diagnostics> for Failure {
     }
 }
 
+impl From<Unwritable> for Failure {
+    fn from(unwritable: Unwritable) -> Self {
+        Self::Mistakes(unwritable.into())
+    }
+}
+
 impl From<std::io::Error> for Failure {
     fn from(error: std::io::Error) -> Self {
         Self::Output(error)
@@ -326,6 +336,10 @@ impl From<std::io::Error> for Failure {
 
 /// Runs the command.
 pub fn main() -> ExitCode {
+    #[cfg(unix)]
+    if let Err(error) = stop::watch() {
+        report(&Diagnostic::warning(format!("a stop may leave unfinished files: {error}")).into());
+    }
     let command = Cli::parse().command.unwrap_or_else(|| Command::Run(run::RunArgs::default()));
     let done = match command {
         Command::Run(args) => run::run(&args),

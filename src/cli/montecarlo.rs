@@ -4,11 +4,10 @@ use super::run::written;
 use super::{DesignArgs, Failure, OutputArgs};
 use clap::Args;
 use fusion::campaign::monte_carlo;
-use fusion::config::{Diagnostic, Diagnostics};
+use fusion::output::FileSet;
 use fusion::run::Options;
 use indicatif::{ProgressBar, ProgressDrawTarget};
-use std::fs::File;
-use std::io::{BufWriter, IsTerminal};
+use std::io::IsTerminal;
 use std::path::PathBuf;
 
 #[derive(Debug, Args)]
@@ -39,6 +38,8 @@ pub(super) fn montecarlo(args: &MonteCarloArgs) -> Result<(), Failure> {
         out: None,
         seed: None,
     };
+    // What cannot be written is told before the runs.
+    let files = args.out.as_deref().map(FileSet::begin).transpose()?;
     let bar = if std::io::stderr().is_terminal() {
         ProgressBar::with_draw_target(Some(args.n), ProgressDrawTarget::stderr())
     } else {
@@ -50,13 +51,10 @@ pub(super) fn montecarlo(args: &MonteCarloArgs) -> Result<(), Failure> {
     bar.finish_and_clear();
     let campaign = campaign?;
     let mut page = campaign.page();
-    if let Some(out) = &args.out {
-        let path = out.join("runs.csv");
-        let unwritable = |e: std::io::Error| -> Diagnostics { Diagnostic::error(format!("cannot write {}: {e}", path.display())).into() };
-        std::fs::create_dir_all(out).map_err(unwritable)?;
-        let file = File::create(&path).map_err(unwritable)?;
-        campaign.write(BufWriter::new(file)).map_err(unwritable)?;
-        page.sections.push(written([path]));
+    if let (Some(out), Some(mut files)) = (&args.out, files) {
+        files.write("runs.csv", |file| campaign.write(file))?;
+        files.commit()?;
+        page.sections.push(written([out.join("runs.csv")]));
     }
     args.output.print(&page)
 }

@@ -4,10 +4,12 @@ use super::progress::Progress;
 use super::{DesignArgs, Failure, OutputArgs, report as tell};
 use clap::Args;
 use fusion::config::{Diagnostic, Diagnostics};
+use fusion::core::time::Time;
+use fusion::design::Design;
 use fusion::present::{Section, Table};
 use fusion::report;
-use fusion::run::{Options, run as run_design};
-use std::path::{Path, PathBuf};
+use fusion::run::{Options, Summary, run as run_design};
+use std::path::PathBuf;
 
 #[derive(Debug, Default, Args)]
 pub(super) struct RunArgs {
@@ -34,23 +36,12 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     };
     let mut progress = Progress::new(&design);
     let mut at = |time| progress.at(time);
-    let result = match args.out {
-        Some(_) => report::record(&design, &options, &mut at).map(|(summary, recording)| (summary, Some(recording))),
-        None => run_design(&design, &options, &mut at).map(|summary| (summary, None)),
+    let summary = match args.out {
+        Some(_) => reported(&design, &options, &mut at),
+        None => run_design(&design, &options, &mut at),
     };
     progress.finish();
-    let (summary, recording) = result?;
-    if let (Some(out), Some(recording)) = (&args.out, &recording) {
-        write_report(
-            out,
-            &design.run.description,
-            &[report::Run {
-                name: "estimate",
-                recording,
-                summary: &summary,
-            }],
-        )?;
-    }
+    let summary = summary?;
     let mut page = summary.page();
     page.sections.push(match &args.out {
         Some(out) => written(["estimates.csv", "updates.csv", "summary.json", "report.html"].map(|f| out.join(f))),
@@ -70,9 +61,16 @@ pub(super) fn written(files: impl IntoIterator<Item = PathBuf>) -> Section {
     Section::new("Written", [list])
 }
 
-/// Writes report.html into the folder `out`.
-pub(super) fn write_report(out: &Path, title: &str, runs: &[report::Run<'_>]) -> Result<(), Diagnostics> {
-    let path = out.join("report.html");
-    let title = if title.is_empty() { "fusion" } else { title };
-    report::write(&path, title, runs).map_err(|e| Diagnostic::error(format!("cannot write {}: {e}", path.display())).into())
+/// Runs a design and writes its files, report.html among them.
+fn reported(design: &Design, options: &Options, progress: &mut dyn FnMut(Time)) -> Result<Summary, Diagnostics> {
+    let (mut finished, recording) = report::record(design, options, progress)?;
+    if let Some(files) = &mut finished.files {
+        let run = report::Run {
+            name: "estimate",
+            recording: &recording,
+            summary: &finished.summary,
+        };
+        report::write(files, &design.run.description, &[run])?;
+    }
+    Ok(finished.keep()?)
 }

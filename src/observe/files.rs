@@ -1,13 +1,12 @@
 //! Files that are written while a run goes on.
 
 use super::{Filters, Heard, RunEvent, RunObserver};
-use crate::output::{EstimateWriter, Unwritable, UpdateWriter};
+use crate::output::{EstimateWriter, FileSet, OutputFile, Unwritable, UpdateWriter};
 use fusion_core::runner::{Event, Halt};
 use fusion_core::time::Time;
 use fusion_models::earth::LocalFrame;
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::io::{self, Write};
+use std::path::PathBuf;
 
 /// A file that is being written, by what writes it.
 #[derive(Debug)]
@@ -17,10 +16,11 @@ struct Written<T> {
 }
 
 impl<T> Written<T> {
-    /// `name` in the folder `out`; `begin` writes its header.
-    fn create(out: &Path, name: &str, begin: impl FnOnce(BufWriter<File>) -> io::Result<T>) -> Result<Self, Unwritable> {
-        let path = out.join(name);
-        match File::create(&path).map(BufWriter::new).and_then(begin) {
+    /// `name` among the files of `set`; `begin` writes its header.
+    fn create(set: &FileSet, name: &str, begin: impl FnOnce(OutputFile) -> io::Result<T>) -> Result<Self, Unwritable> {
+        let file = set.create(name)?;
+        let path = file.path().to_owned();
+        match begin(file) {
             Ok(writer) => Ok(Self { path, writer }),
             Err(error) => Err(Unwritable { path, error }),
         }
@@ -33,7 +33,7 @@ impl<T> Written<T> {
         })
     }
 
-    fn finish(self, finish: impl FnOnce(T) -> io::Result<()>) -> Result<(), Unwritable> {
+    fn finish<W>(self, finish: impl FnOnce(T) -> io::Result<W>) -> Result<W, Unwritable> {
         let Self { path, writer } = self;
         finish(writer).map_err(|error| Unwritable { path, error })
     }
@@ -41,7 +41,7 @@ impl<T> Written<T> {
 
 /// Writes the estimates of one filter: estimates.csv, or `estimates.STAGE.csv` of one inside a stage.
 #[derive(Debug)]
-pub struct EstimateFile<W: Write = BufWriter<File>> {
+pub struct EstimateFile<W: Write = OutputFile> {
     file: Written<EstimateWriter<W>>,
     /// The filter's number.
     filter: usize,
@@ -51,12 +51,12 @@ pub struct EstimateFile<W: Write = BufWriter<File>> {
 }
 
 impl EstimateFile {
-    /// In the folder `out`. Local coordinates start at `origin`, or at the first position.
+    /// Among the files of `set`. Local coordinates start at `origin`, or at the first position.
     ///
     /// # Errors
     /// Where it cannot be written.
-    pub fn create(out: &Path, filter: &Heard, origin: Option<LocalFrame>, period: i64) -> Result<Self, Unwritable> {
-        let file = Written::create(out, &estimates_name(filter), |file| {
+    pub fn create(set: &FileSet, filter: &Heard, origin: Option<LocalFrame>, period: i64) -> Result<Self, Unwritable> {
+        let file = Written::create(set, &estimates_name(filter), |file| {
             EstimateWriter::new(file, &filter.layout, origin)
         })?;
         Ok(Self {
@@ -69,11 +69,11 @@ impl EstimateFile {
 }
 
 impl<W: Write> EstimateFile<W> {
-    /// Writes what is held back.
+    /// Writes what is held back, and returns the file.
     ///
     /// # Errors
     /// Where it cannot be written.
-    pub fn finish(self) -> Result<(), Unwritable> {
+    pub fn finish(self) -> Result<W, Unwritable> {
         self.file.finish(EstimateWriter::finish)
     }
 }
@@ -113,25 +113,25 @@ fn estimates_name(filter: &Heard) -> String {
 
 /// Writes updates.csv: the measurements of every filter.
 #[derive(Debug)]
-pub struct UpdateFile<W: Write = BufWriter<File>>(Written<UpdateWriter<W>>);
+pub struct UpdateFile<W: Write = OutputFile>(Written<UpdateWriter<W>>);
 
 impl UpdateFile {
-    /// In the folder `out`.
+    /// Among the files of `set`.
     ///
     /// # Errors
     /// Where it cannot be written.
-    pub fn create(out: &Path, filters: &Filters) -> Result<Self, Unwritable> {
+    pub fn create(set: &FileSet, filters: &Filters) -> Result<Self, Unwritable> {
         let rows = filters.sensors().map(|s| s.residual).max().unwrap_or(0);
-        Ok(Self(Written::create(out, "updates.csv", |file| UpdateWriter::new(file, rows))?))
+        Ok(Self(Written::create(set, "updates.csv", |file| UpdateWriter::new(file, rows))?))
     }
 }
 
 impl<W: Write> UpdateFile<W> {
-    /// Writes what is held back.
+    /// Writes what is held back, and returns the file.
     ///
     /// # Errors
     /// Where it cannot be written.
-    pub fn finish(self) -> Result<(), Unwritable> {
+    pub fn finish(self) -> Result<W, Unwritable> {
         self.0.finish(UpdateWriter::finish)
     }
 }

@@ -53,6 +53,12 @@ impl<W: Write> Cells<W> {
     pub(crate) fn flush(&mut self) -> io::Result<()> {
         self.out.flush()
     }
+
+    /// Writes what is held back, and returns what was written to.
+    pub(crate) fn finish(mut self) -> io::Result<W> {
+        self.flush()?;
+        self.out.into_inner().map_err(|error| io::Error::other(error.to_string()))
+    }
 }
 
 #[cfg(test)]

@@ -156,11 +156,11 @@ impl<W: Write> EstimateWriter<W> {
         Ok(())
     }
 
-    /// Flushes.
+    /// Writes what is held back, and returns what was written to.
     ///
     /// # Errors
     /// What the writer reports.
-    pub fn finish(mut self) -> io::Result<()> {
-        self.cells.flush()
+    pub fn finish(self) -> io::Result<W> {
+        self.cells.finish()
     }
 }

@@ -1,6 +1,8 @@
 //! The tables that a run writes. All are CSV (RFC 4180) with a header; a name that holds a comma
 //! or a quotation mark stands in quotation marks. A cell is empty where there is nothing to say.
 //!
+//! A [`FileSet`] gives the files of one result their names together, when all are whole.
+//!
 //! | file | a row per | columns |
 //! |---|---|---|
 //! | estimates.csv | epoch: the estimate after every measurement valid at that time was used, thinned to `output_rate` | `t_s`; the solution ([`SOLUTION`]); its 1σ, `sigma_` before the name; then the axes of every further state and their 1σ, in SI |
@@ -10,10 +12,12 @@
 
 mod cells;
 mod estimates;
+mod set;
 mod unwritable;
 mod updates;
 
 pub(crate) use cells::Cells;
 pub use estimates::{EstimateWriter, SOLUTION};
+pub use set::{Abandoned, FileSet, OutputFile, abandon};
 pub use unwritable::Unwritable;
 pub use updates::{UpdateWriter, verdict_name};

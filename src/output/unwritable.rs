@@ -2,7 +2,7 @@
 
 use crate::config::{Diagnostic, Diagnostics};
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 /// A file, or a folder, that cannot be written.
@@ -13,6 +13,15 @@ pub struct Unwritable {
     pub path: PathBuf,
     /// Why.
     pub error: io::Error,
+}
+
+impl Unwritable {
+    /// The file at `path`.
+    #[must_use]
+    pub fn new(path: &Path, error: io::Error) -> Self {
+        let path = path.to_owned();
+        Self { path, error }
+    }
 }
 
 impl From<Unwritable> for Diagnostics {

@@ -56,12 +56,12 @@ impl<W: Write> UpdateWriter<W> {
         self.cells.put(format_args!("{value:.6e}"))
     }
 
-    /// Flushes.
+    /// Writes what is held back, and returns what was written to.
     ///
     /// # Errors
     /// What the writer reports.
-    pub fn finish(mut self) -> io::Result<()> {
-        self.cells.flush()
+    pub fn finish(self) -> io::Result<W> {
+        self.cells.finish()
     }
 }
 

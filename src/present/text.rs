@@ -2,6 +2,7 @@
 
 use super::tree::{Page, Section, Table};
 use comfy_table::{CellAlignment, ColumnConstraint, ContentArrangement, Width, presets};
+use std::borrow::Cow;
 use std::fmt::{self, Write};
 
 /// Characters in a line where the width of the terminal is not known.
@@ -60,26 +61,35 @@ fn write_table(out: &mut String, table: &Table, width: usize) -> fmt::Result {
         .set_content_arrangement(ContentArrangement::Dynamic)
         .set_width(u16::try_from(width - INDENT.len()).unwrap_or(u16::MAX));
     if !table.is_list() {
-        drawn.set_header(table.columns().map(|(_, c)| c.heading()));
+        drawn.set_header(table.columns().map(|(_, c)| short(&c.heading()).into_owned()));
     }
     for row in table.rows() {
-        drawn.add_row(table.columns().map(|(k, _)| table.shown(row, k)));
+        drawn.add_row(table.columns().map(|(k, _)| short(&table.shown(row, k)).into_owned()));
     }
     for ((k, column), drawn) in table.columns().zip(drawn.column_iter_mut()) {
         drawn.set_padding((0, 2));
         if !column.is_text {
             drawn.set_cell_alignment(CellAlignment::Right);
-            // A heading may be wrapped, a number never.
+            // A heading may be wrapped, a number never; where a name stands in its place, neither fits.
             let widest = table.rows().iter().map(|r| table.shown(r, k).chars().count() + 2).max();
-            drawn.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(
-                widest.and_then(|w| u16::try_from(w).ok()).unwrap_or(u16::MAX),
-            )));
+            let widest = u16::try_from(widest.unwrap_or(0).min(width)).unwrap_or(u16::MAX);
+            drawn.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(widest)));
         }
     }
     for line in drawn.lines() {
         writeln!(out, "{}", format!("{INDENT}{line}").trim_end())?;
     }
     Ok(())
+}
+
+/// A name of any length, shortened to what a table can draw; JSON and the report have all of it.
+fn short(text: &str) -> Cow<'_, str> {
+    /// Ten lines of a terminal.
+    const LONGEST: usize = 1000;
+    match text.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{}…", &text[..end]).into(),
+        None => text.into(),
+    }
 }
 
 /// `text` in lines of at most `width` characters, broken at blanks; its own line breaks and the
@@ -164,5 +174,18 @@ Data
     #[test]
     fn sections_without_content_are_left_out() {
         assert_eq!(of(Section::new("Nothing", [Table::list()])), "A title\n");
+    }
+
+    #[test]
+    fn a_name_of_any_length_is_shown() {
+        for length in [100, 10_000, 70_000] {
+            let long = "n".repeat(length);
+            let mut t = Table::new([Column::text("name"), Column::number(long.as_str()), Column::number("b")]);
+            t.row([Cell::text(&long), Cell::text(&long), Cell::text(&long)]);
+            t.row([Cell::text(&long), Cell::Count(1), Cell::Count(7)]);
+            let text = of(Section::new(long.as_str(), [t]).note(long.as_str()));
+            assert!(text.matches('n').count() >= 5 * length.min(1000) && text.contains('7'), "{length}");
+            assert_eq!(text.contains('…'), length > 1000);
+        }
     }
 }

@@ -19,16 +19,17 @@ pub use recording::{Frame, Recording};
 
 use crate::config::Diagnostics;
 use crate::design::Design;
-use crate::run::{Options, Run as OpenRun, Summary};
+use crate::run::{Finished, Options, Run as OpenRun};
 use fusion_core::time::Time;
 
-/// Runs `design` as [`run`](crate::run::run) does, and records what a report draws.
+/// Runs `design` as [`run`](crate::run::run) does, and records what a report draws. Its files have
+/// no names yet.
 ///
 /// # Errors
 /// As [`run`](crate::run::run).
-pub fn record(design: &Design, options: &Options, progress: &mut dyn FnMut(Time)) -> Result<(Summary, Recording), Diagnostics> {
+pub fn record(design: &Design, options: &Options, progress: &mut dyn FnMut(Time)) -> Result<(Finished, Recording), Diagnostics> {
     let run = OpenRun::open(design, options)?;
     let mut recording = Recording::of(design, run.assembly());
-    let summary = run.go(&mut [&mut recording], progress)?;
-    Ok((summary, recording))
+    let finished = run.go(&mut [&mut recording], progress)?;
+    Ok((finished, recording))
 }

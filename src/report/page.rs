@@ -2,11 +2,11 @@
 
 use super::data::data;
 use super::recording::Recording;
+use crate::output::{FileSet, Unwritable};
 use crate::present::{Section, comparison, html::sections};
 use crate::run::Summary;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
-use std::io;
-use std::path::Path;
+use std::io::Write;
 
 /// Loads nothing, from nowhere.
 const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:";
@@ -28,12 +28,13 @@ pub struct Run<'a> {
     pub summary: &'a Summary,
 }
 
-/// Writes the report of `runs` on the same data to `path`.
+/// Writes the report of `runs` on the same data as report.html among the files of `set`.
 ///
 /// # Errors
-/// What the file system reports.
-pub fn write(path: &Path, title: &str, runs: &[Run<'_>]) -> io::Result<()> {
-    std::fs::write(path, render(title, runs))
+/// Where it cannot be written.
+pub fn write(set: &mut FileSet, title: &str, runs: &[Run<'_>]) -> Result<(), Unwritable> {
+    let title = if title.is_empty() { "fusion" } else { title };
+    set.write("report.html", |file| file.write_all(render(title, runs).as_bytes()))
 }
 
 /// The page as text.

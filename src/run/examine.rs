@@ -8,6 +8,7 @@ use crate::rows::FaultChain;
 use crate::run::{Options, data_dir, open_one, unknown_reference};
 use crate::source::OpenContext;
 use crate::world;
+use std::path::{Path, PathBuf};
 
 /// What is said of a data file that is not there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,6 +55,7 @@ fn draft(document: Document) -> (Draft, Diagnostics) {
 }
 
 /// Opens the data files of a design: mistakes in their headers, and in the faults declared on them.
+/// A pipe is left to the run.
 #[must_use]
 pub fn opening<P>(design: &Design<P>, options: &Options, missing: Missing) -> Diagnostics {
     let mut d = Diagnostics::new();
@@ -67,8 +69,16 @@ pub fn opening<P>(design: &Design<P>, options: &Options, missing: Missing) -> Di
         };
         // A wrong declaration has been told.
         let Ok(channels) = named.block.source.channels() else { continue };
-        let mut files = named.block.source.files().into_iter();
-        if missing == Missing::Excused && files.any(|f| !context.resolve(&f).exists()) {
+        let files = named.block.source.files();
+        let mut files = files.iter().map(|f| context.resolve(f));
+        let is_left = |file: PathBuf| {
+            if file.exists() {
+                is_pipe(&file)
+            } else {
+                missing == Missing::Excused
+            }
+        };
+        if files.any(is_left) {
             // What can be said of the faults without the file.
             let faults = FaultChain::new(&named.block.faults, &channels, |fault| context.fault_seed(fault));
             let mistakes = faults.err().unwrap_or_default();
@@ -85,6 +95,12 @@ pub fn opening<P>(design: &Design<P>, options: &Options, missing: Missing) -> Di
         d.push(unknown_reference(design, r));
     }
     d
+}
+
+/// Whether a file can be read only once, by the run itself: neither a regular file nor a folder.
+#[must_use]
+pub fn is_pipe(file: &Path) -> bool {
+    std::fs::metadata(file).is_ok_and(|m| !m.is_file() && !m.is_dir())
 }
 
 /// The mistakes of the variants of `file` besides those in `selected`, each laid over the base

@@ -1,28 +1,27 @@
 //! Running a design over its data.
 
 pub mod examine;
+mod files;
 mod recorded;
 mod reference;
 mod summary;
 
 pub use crate::rows::SourceStatistics;
+pub use files::Finished;
 pub use recorded::open_one;
 pub use summary::{FinalState, InsideScore, Summary};
 
 use crate::assembly::{Assembly, assemble, declared_streams};
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::{Design, Named, ReferenceSpec};
-use crate::observe::{Counters, EstimateFile, FilterScore, Filters, Finals, Heard, Hub, RunObserver, Statistics, Timing, UpdateFile};
-use crate::output::Unwritable;
+use crate::observe::{Counters, FilterScore, Filters, Finals, Heard, Hub, RunObserver, Statistics, Timing};
 use crate::rows::Feed;
 use crate::world::SimulatedRows;
+use files::Files;
 use fusion_core::runner::Runner;
-use fusion_core::time::{Time, nanos};
-use fusion_models::earth::LocalFrame;
+use fusion_core::time::Time;
 use reference::Reference;
-use std::fs::File;
-use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 /// Repeated outages are listed up to here: longer than any log.
@@ -46,7 +45,7 @@ pub struct Options {
 /// # Errors
 /// Mistakes of the design, or what is wrong with the data.
 pub fn run(design: &Design, options: &Options, progress: &mut dyn FnMut(Time)) -> Result<Summary, Diagnostics> {
-    Run::open(design, options)?.go(&mut [], progress)
+    Ok(Run::open(design, options)?.go(&mut [], progress)?.keep()?)
 }
 
 /// A run whose data are open.
@@ -85,11 +84,11 @@ impl<'a> Run<'a> {
     }
 
     /// Runs to the end of the data. The observers `further` hear it besides those that the result
-    /// and its files are made by.
+    /// and its files are made by. The files have no names before [`Finished::keep`].
     ///
     /// # Errors
     /// What is wrong with the data, a file that cannot be written, or the first of an observer.
-    pub fn go(mut self, further: &mut [&mut dyn RunObserver], progress: &mut dyn FnMut(Time)) -> Result<Summary, Diagnostics> {
+    pub fn go(mut self, further: &mut [&mut dyn RunObserver], progress: &mut dyn FnMut(Time)) -> Result<Finished, Diagnostics> {
         let filters = Filters::of(&self.assembly);
         let reference = &mut self.data.reference;
         let from = self.design.reference.as_ref().and_then(|r| r.block.from);
@@ -110,7 +109,7 @@ impl<'a> Run<'a> {
         files.updates.iter_mut().for_each(|file| hub.add(file));
         further.iter_mut().for_each(|observer| hub.add(*observer));
         let timing = feed(self.design, &mut self.assembly.runner, &mut self.data, &mut hub, progress)?;
-        files.finish()?;
+        let files = files.finish()?;
         let runner = &self.assembly.runner;
         let (last, has_started) = (runner.belief(), runner.started());
         let mut parameters = finals.finish();
@@ -142,8 +141,7 @@ impl<'a> Run<'a> {
             wall_seconds: self.begun.elapsed().as_secs_f64(),
             filter_ns_per_epoch: timing.ns_per_epoch(counters.epochs),
         };
-        write_summary(self.options, &summary)?;
-        Ok(summary)
+        Ok(Finished { summary, files })
     }
 }
 
@@ -176,52 +174,6 @@ fn feed(
     runner.finish(hub).map_err(stopped)?;
     hub.finish().map_err(stopped)?;
     Ok(timing)
-}
-
-/// The files that are written while a design is run.
-#[derive(Debug, Default)]
-struct Files {
-    /// By filter.
-    estimates: Vec<EstimateFile>,
-    updates: Option<UpdateFile>,
-}
-
-impl Files {
-    /// None without a folder to write to.
-    fn create(design: &Design, options: &Options, filters: &Filters) -> Result<Self, Unwritable> {
-        let Some(out) = &options.out else {
-            return Ok(Self::default());
-        };
-        std::fs::create_dir_all(out).map_err(|error| unwritable(out, error))?;
-        let origin = design.run.origin.map(Into::into);
-        let period = design.run.output_rate.map_or(0, |rate| nanos(1.0 / rate.si()));
-        let estimates = filters
-            .iter()
-            .map(|filter| EstimateFile::create(out, filter, origin.map(LocalFrame::new), period));
-        Ok(Self {
-            estimates: estimates.collect::<Result<_, _>>()?,
-            updates: Some(UpdateFile::create(out, filters)?),
-        })
-    }
-
-    fn finish(self) -> Result<(), Unwritable> {
-        self.estimates.into_iter().try_for_each(EstimateFile::finish)?;
-        self.updates.map_or(Ok(()), UpdateFile::finish)
-    }
-}
-
-/// summary.json, where there is a folder to write to.
-fn write_summary(options: &Options, summary: &Summary) -> Result<(), Unwritable> {
-    let Some(out) = &options.out else { return Ok(()) };
-    let path = out.join("summary.json");
-    let mut file = BufWriter::new(File::create(&path).map_err(|error| unwritable(&path, error))?);
-    serde_json::to_writer_pretty(&mut file, summary).map_err(|error| unwritable(&path, error.into()))?;
-    file.flush().map_err(|error| unwritable(&path, error))
-}
-
-fn unwritable(path: &Path, error: std::io::Error) -> Unwritable {
-    let path = path.to_owned();
-    Unwritable { path, error }
 }
 
 /// The reference names a source that is not there.

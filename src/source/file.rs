@@ -6,7 +6,7 @@ use crate::rows::{DataError, SourceError};
 use flate2::bufread::MultiGzDecoder;
 use fusion_models::block::BuildError;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Error, ErrorKind, Read};
+use std::io::{BufReader, Cursor, Error, ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 /// What a gzip file begins with (RFC 1952).
@@ -42,13 +42,17 @@ impl DataFile {
             let message = format!("`{}` cannot be read: {}", self.declared.display(), in_words(&error));
             BuildError::at("path", message).help(self.whereabouts(context))
         };
-        let file = File::open(&self.opened).map_err(unreadable)?;
+        let mut file = File::open(&self.opened).map_err(unreadable)?;
         if file.metadata().is_ok_and(|m| m.is_dir()) {
             let message = format!("`{}` is a directory, not a file", self.declared.display());
             return Err(BuildError::at("path", message).into());
         }
-        let mut file = BufReader::with_capacity(BUFFER, file);
-        if file.fill_buf().map_err(unreadable)?.starts_with(&GZIP) {
+        // A pipe may deliver byte by byte.
+        let mut start = Vec::with_capacity(GZIP.len());
+        file.by_ref().take(GZIP.len() as u64).read_to_end(&mut start).map_err(unreadable)?;
+        let is_packed = start == GZIP;
+        let file = BufReader::with_capacity(BUFFER, Cursor::new(start).chain(file));
+        if is_packed {
             return Ok(Box::new(MultiGzDecoder::new(file)));
         }
         if self.opened.extension().is_some_and(|e| e == "gz") {

@@ -371,21 +371,3 @@ fn the_estimate_at_a_fix_is_the_one_after_it_in_file_and_score() {
     let three_sigma = summary["score"]["position"]["three_sigma"][0].as_f64().unwrap();
     assert!(three_sigma < 3.0 * 0.21, "{three_sigma}");
 }
-
-/// /dev/full takes no byte: the run ends before it begins, and says which file it was.
-#[cfg(target_os = "linux")]
-#[test]
-fn a_file_that_cannot_be_written_stops_the_run_with_its_name() {
-    for file in ["estimates.csv", "updates.csv", "summary.json"] {
-        let w = Workspace::new(&format!("command-full-{file}"));
-        std::fs::create_dir(w.path("out")).unwrap();
-        std::os::unix::fs::symlink("/dev/full", w.path("out").join(file)).unwrap();
-        let ran = w.fusion(&["run", "design.toml", "--out", "out"]).failure();
-        let told = stderr(&ran);
-        assert!(
-            told.contains(&format!("cannot write out/{file}: No space left on device")),
-            "{told}"
-        );
-        assert!(file == "summary.json" || !w.path("out/summary.json").exists(), "the run went on");
-    }
-}

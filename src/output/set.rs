@@ -1,0 +1,294 @@
+//! Files that get their names together, when all of them are whole.
+//!
+//! ```text
+//! FileSet::begin ─▶ create ─▶ OutputFile, written as .fusion-partial/NAME ─▶ close ─▶ commit ─▶ NAME
+//! ```
+//!
+//! A file that is not closed never gets its name. So a run that fails, is stopped or is killed
+//! leaves the files of an earlier one as they were. At [`commit`](FileSet::commit) the file that
+//! was closed last, the summary, is removed first and put back last: where it stands, every other
+//! file is of the same run.
+
+use super::Unwritable;
+use std::fs::{self, File, TryLockError};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// The folder of unfinished files, inside that of the finished ones: on the same file system.
+const PARTIAL: &str = ".fusion-partial";
+
+/// The folders of unfinished files of this process; locked while one is made, emptied or renamed.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
+    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// No file of this process can be begun or get its name while this is held.
+#[derive(Debug)]
+pub struct Abandoned {
+    _held: MutexGuard<'static, Vec<PathBuf>>,
+    /// The folders whose new files were given up.
+    pub folders: Vec<PathBuf>,
+}
+
+/// Removes every unfinished file of this process, for a process that is about to end at any point
+/// of its work. A set that is being renamed is finished first.
+#[must_use = "files can be begun again as soon as it is dropped"]
+pub fn abandon() -> Abandoned {
+    let mut held = unfinished();
+    let mut folders: Vec<PathBuf> = held.drain(..).collect();
+    for partial in &mut folders {
+        // What cannot be removed has no final name.
+        let _ = fs::remove_dir_all(&partial);
+        partial.pop();
+    }
+    Abandoned { _held: held, folders }
+}
+
+/// The files of one result in one folder.
+#[derive(Debug)]
+pub struct FileSet {
+    folder: PathBuf,
+    partial: PathBuf,
+    /// Held as long as the set: no other process writes into the folder.
+    lock: Option<File>,
+    /// Names of files that are whole, in the order in which they were closed.
+    closed: Vec<String>,
+}
+
+/// A file that is being written.
+#[derive(Debug)]
+pub struct OutputFile {
+    /// Its final path.
+    path: PathBuf,
+    name: String,
+    /// Whether it gets its name at the end; a pipe or a device is written where it is.
+    is_staged: bool,
+    out: BufWriter<File>,
+}
+
+impl FileSet {
+    /// In `folder`, which is made if need be.
+    ///
+    /// # Errors
+    /// Where nothing can be written there, or another process is at it.
+    pub fn begin(folder: &Path) -> Result<Self, Unwritable> {
+        let failed = |error| Unwritable::new(folder, error);
+        if folder.exists() && !folder.is_dir() {
+            return Err(failed(io::Error::other("it is a file, not a folder")));
+        }
+        fs::create_dir_all(folder).map_err(failed)?;
+        let lock = lock(folder).map_err(failed)?;
+        let partial = folder.join(PARTIAL);
+        let mut unfinished = unfinished();
+        // Left by a process that was killed: the folder is locked by nobody else.
+        let _ = fs::remove_dir_all(&partial);
+        fs::create_dir(&partial).map_err(failed)?;
+        unfinished.push(partial.clone());
+        Ok(Self {
+            folder: folder.to_owned(),
+            partial,
+            lock,
+            closed: Vec::new(),
+        })
+    }
+
+    /// Begins a file.
+    ///
+    /// # Errors
+    /// Where it cannot be written.
+    pub fn create(&self, name: &str) -> Result<OutputFile, Unwritable> {
+        let path = self.folder.join(name);
+        let found = fs::metadata(&path).map(|m| m.file_type()).ok();
+        if found.is_some_and(|f| f.is_dir()) {
+            return Err(Unwritable::new(&path, io::Error::other("it is a folder")));
+        }
+        let is_staged = found.is_none_or(|f| f.is_file());
+        let file = if is_staged {
+            let _unfinished = unfinished();
+            File::create(self.partial.join(name))
+        } else {
+            // Waits for the reader of a pipe.
+            File::options().write(true).open(&path)
+        };
+        match file {
+            Ok(file) => Ok(OutputFile {
+                path,
+                name: name.to_owned(),
+                is_staged,
+                out: BufWriter::new(file),
+            }),
+            Err(error) => Err(Unwritable { path, error }),
+        }
+    }
+
+    /// Ends a file that is whole.
+    ///
+    /// # Errors
+    /// Where what was held back cannot be written.
+    pub fn close(&mut self, mut file: OutputFile) -> Result<(), Unwritable> {
+        let mut end = || {
+            file.out.flush()?;
+            // A full disk may show only when the data reach it.
+            if file.is_staged { file.out.get_ref().sync_all() } else { Ok(()) }
+        };
+        end().map_err(|error| Unwritable::new(&file.path, error))?;
+        if file.is_staged {
+            self.closed.push(file.name);
+        }
+        Ok(())
+    }
+
+    /// Writes a whole file.
+    ///
+    /// # Errors
+    /// Where it cannot be written.
+    pub fn write(&mut self, name: &str, write: impl FnOnce(&mut OutputFile) -> io::Result<()>) -> Result<(), Unwritable> {
+        let mut file = self.create(name)?;
+        write(&mut file).map_err(|error| Unwritable::new(&file.path, error))?;
+        self.close(file)
+    }
+
+    /// Gives all closed files their names.
+    ///
+    /// # Errors
+    /// Where one cannot be renamed.
+    pub fn commit(mut self) -> Result<(), Unwritable> {
+        let mut unfinished = unfinished();
+        let names = core::mem::take(&mut self.closed);
+        if let [_, .., last] = &names[..] {
+            let path = self.folder.join(last);
+            match fs::remove_file(&path) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(Unwritable { path, error }),
+                _ => {}
+            }
+        }
+        for name in &names {
+            let path = self.folder.join(name);
+            fs::rename(self.partial.join(name), &path).map_err(|error| Unwritable { path, error })?;
+        }
+        unfinished.retain(|partial| *partial != self.partial);
+        Ok(())
+    }
+}
+
+/// Locks a folder against other processes; `None` where the system cannot.
+fn lock(folder: &Path) -> io::Result<Option<File>> {
+    let Ok(handle) = File::open(folder) else { return Ok(None) };
+    match handle.try_lock() {
+        Ok(()) => Ok(Some(handle)),
+        Err(TryLockError::WouldBlock) => Err(io::Error::other("another run is writing there")),
+        Err(TryLockError::Error(_)) => Ok(None),
+    }
+}
+
+impl Drop for FileSet {
+    fn drop(&mut self) {
+        let mut unfinished = unfinished();
+        unfinished.retain(|partial| *partial != self.partial);
+        let _ = fs::remove_dir_all(&self.partial);
+        // Unlocked after that, so that no other process finds the folder of unfinished files.
+        self.lock = None;
+    }
+}
+
+impl OutputFile {
+    /// Its final path.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+impl Write for OutputFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.out.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn folder(test: &str) -> PathBuf {
+        let folder = std::env::temp_dir().join(format!("fusion-set-{test}-{}", std::process::id()));
+        let _ = fs::remove_dir_all(&folder);
+        folder
+    }
+
+    fn read(folder: &Path, name: &str) -> Option<String> {
+        fs::read_to_string(folder.join(name)).ok()
+    }
+
+    #[test]
+    fn files_get_their_names_together() {
+        let folder = folder("together");
+        let set = |text: &'static str| {
+            let mut set = FileSet::begin(&folder).unwrap();
+            for name in ["rows", "summary"] {
+                set.write(name, |f| f.write_all(text.as_bytes())).unwrap();
+            }
+            set
+        };
+        set("old").commit().unwrap();
+        let new = set("new");
+        assert_eq!(
+            ["rows", "summary"].map(|n| read(&folder, n)),
+            [(); 2].map(|()| Some("old".to_owned()))
+        );
+        new.commit().unwrap();
+        assert_eq!(
+            ["rows", "summary"].map(|n| read(&folder, n)),
+            [(); 2].map(|()| Some("new".to_owned()))
+        );
+        drop(set("never"));
+        assert_eq!(
+            ["rows", "summary"].map(|n| read(&folder, n)),
+            [(); 2].map(|()| Some("new".to_owned()))
+        );
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 2);
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn a_file_that_was_not_closed_gets_no_name() {
+        let folder = folder("unclosed");
+        let mut set = FileSet::begin(&folder).unwrap();
+        set.write("whole", |f| f.write_all(b"all of it")).unwrap();
+        let mut half = set.create("half").unwrap();
+        half.write_all(b"half of").unwrap();
+        drop(half);
+        set.commit().unwrap();
+        assert_eq!(read(&folder, "whole").as_deref(), Some("all of it"));
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 1);
+        fs::remove_dir_all(&folder).unwrap();
+    }
+
+    /// As a process that is killed between two names would leave them.
+    #[test]
+    fn a_set_that_got_half_of_its_names_has_no_summary() {
+        let folder = folder("half");
+        let write = || {
+            let mut set = FileSet::begin(&folder).unwrap();
+            for name in ["a", "b", "summary"] {
+                set.write(name, |f| f.write_all(b"x")).unwrap();
+            }
+            set
+        };
+        write().commit().unwrap();
+        let set = write();
+        // A folder in the place of a file cannot be replaced.
+        fs::remove_file(folder.join("b")).unwrap();
+        fs::create_dir(folder.join("b")).unwrap();
+        let error = set.commit().unwrap_err();
+        assert_eq!(error.path, folder.join("b"));
+        assert_eq!(read(&folder, "summary"), None);
+        fs::remove_dir_all(&folder).unwrap();
+    }
+}
