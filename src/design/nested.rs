@@ -78,7 +78,7 @@ mod tests {
     use crate::assembly::{assemble, declared_streams};
     use crate::config::Document;
     use crate::design::Design;
-    use fusion_core::runner::{Event, Row};
+    use fusion_core::runner::{Discard, Event, Row};
     use fusion_core::time::Time;
 
     const CASCADE: &str = r#"
@@ -133,7 +133,12 @@ noise = { from_source = true }
                     event: Event::Updated { .. },
                 } => inside += 1,
                 Event::Updated { update, .. } => outside.push(update.noise[0].sqrt()),
-                Event::Late { consumer, time, .. } => panic!("{consumer} at {time} is late"),
+                Event::Discarded {
+                    consumer,
+                    time,
+                    why: Discard::Late { .. },
+                    ..
+                } => panic!("{consumer} at {time} is late"),
                 _ => {}
             };
             runner

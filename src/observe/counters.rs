@@ -1,7 +1,7 @@
 //! Counts of a run: its start, its epochs, what was not used, what failed.
 
 use super::{RunEvent, RunObserver};
-use fusion_core::runner::{Event, Halt};
+use fusion_core::runner::{Discard, Event, Halt};
 
 /// Failures that are told with their reason.
 const REASONS: usize = 10;
@@ -36,7 +36,10 @@ impl RunObserver for Counters {
             RunEvent::Estimate { filter, .. } => self.epochs += u64::from(filter.is_outermost()),
             RunEvent::Filter { filter, event } => match event {
                 Event::Started { belief } if filter.is_outermost() => self.started = Some(belief.time.seconds()),
-                Event::Late { consumer, .. } | Event::NotFinite { consumer, .. } => self.not_used(filter.named(consumer)),
+                Event::Discarded {
+                    why: Discard::BeforeStart, ..
+                } => {}
+                Event::Discarded { consumer, .. } => self.not_used(filter.named(consumer)),
                 Event::Failed { .. } if self.failures.len() >= REASONS => self.further_failures += 1,
                 Event::Failed { error } => {
                     let why = error.to_string();

@@ -170,7 +170,7 @@ mod tests {
     use crate::observe::{Counters, Hub};
     use crate::score::Comparison;
     use fusion_core::filter::FilterError;
-    use fusion_core::runner::Observer;
+    use fusion_core::runner::{Discard, Observer, RowId};
     use fusion_core::time::Time;
     use nalgebra::Vector3;
 
@@ -208,9 +208,18 @@ mod tests {
         let mut counters = Counters::default();
         let mut hub = Hub::new(&filters, &Comparison::new(Vector3::zeros(), []));
         hub.add(&mut counters);
-        let late = Event::NotFinite {
+        let row = RowId {
+            stream: 0,
+            number: 0,
+            stamp: Time::default(),
+            arrival: Time::default(),
+            disturbed: false,
+        };
+        let late = Event::Discarded {
             consumer: "height",
             time: Time::default(),
+            row,
+            why: Discard::NotFinite,
         };
         let failed = Event::Failed {
             error: FilterError::Diverged(Time::default()),

@@ -4,7 +4,7 @@
 use fusion::Navigator;
 use fusion::assembly::{assemble, declared_streams};
 use fusion::config::Document;
-use fusion::core::runner::Event;
+use fusion::core::runner::{Discard, Event};
 use fusion::core::state::Belief;
 use fusion::core::time::{Time, nanos};
 use fusion::design::Design;
@@ -105,7 +105,9 @@ fn fed(rows: &[(usize, Time, Vec<f64>)]) -> (Belief, usize, usize) {
     let (mut updates, mut late) = (0, 0);
     let mut count = |event: &Event<'_>| match event {
         Event::Updated { .. } => updates += 1,
-        Event::Late { .. } => late += 1,
+        Event::Discarded {
+            why: Discard::Late { .. }, ..
+        } => late += 1,
         _ => {}
     };
     for (stream, time, row) in rows {

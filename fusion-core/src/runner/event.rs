@@ -26,6 +26,36 @@ pub struct RowId {
     pub disturbed: bool,
 }
 
+/// Why a row was not used.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Discard {
+    /// It came too late for the buffer.
+    Late {
+        /// The time up to which rows had been processed.
+        now: Time,
+    },
+    /// It held a number that is not finite.
+    NotFinite,
+    /// It is not later than what started the filter, or the filter has not started.
+    BeforeStart,
+    /// A number lies outside what its instrument can measure.
+    OutOfRange {
+        /// Which of the consumer's numbers.
+        column: usize,
+    },
+    /// A number differs from its neighbours by more than the vehicle can change.
+    Spike {
+        /// Which of the consumer's numbers.
+        column: usize,
+    },
+    /// Its stamp is far ahead of all others, and no second row has confirmed it.
+    TimeJump {
+        /// The latest stamp of the others.
+        now: Time,
+    },
+}
+
 /// What the runner reports to its observers.
 #[derive(Debug)]
 #[non_exhaustive]
@@ -57,20 +87,39 @@ pub enum Event<'a> {
     /// A step of the estimator, for smoothers and ledgers; reported only if an observer
     /// [wants](Observer::wants_steps) steps.
     Step(&'a Step),
-    /// A row came too late for the buffer and was not used.
-    Late {
+    /// A row was not used by one of its consumers. Rows that a consumer takes have no event of
+    /// their own, those of a sensor but [`Event::Updated`].
+    Discarded {
         /// The consumer's name.
         consumer: &'a str,
         /// Its time of validity.
         time: Time,
-        /// The estimate's time.
-        now: Time,
+        /// Which row it was.
+        row: RowId,
+        /// Why.
+        why: Discard,
     },
-    /// A row held a number that is not finite and was not used.
-    NotFinite {
-        /// The consumer's name.
-        consumer: &'a str,
-        /// Its time of validity.
+    /// There has been no usable input since `since`: the belief was moved to `time` without it, the
+    /// vehicle's agility being the process noise.
+    Coasting {
+        /// Where the latest input ends.
+        since: Time,
+        /// The belief's time.
+        time: Time,
+    },
+    /// The input is back.
+    Resumed {
+        /// Where the input before the gap ends.
+        since: Time,
+        /// Where the first sample after it begins.
+        time: Time,
+    },
+    /// The input has been missing for longer than the process can coast: the filter has stopped and
+    /// waits for its initialisers. A new [`Event::Started`] follows when they are ready.
+    Stopped {
+        /// Where the latest input ends.
+        since: Time,
+        /// When the filter stopped.
         time: Time,
     },
     /// The estimator could not go on; the belief is the last sound one.

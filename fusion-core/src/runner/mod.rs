@@ -18,7 +18,7 @@ mod rows;
 mod serving;
 mod stages;
 
-pub use event::{Event, Halt, Observer, Observers, RowId};
+pub use event::{Discard, Event, Halt, Observer, Observers, RowId};
 pub use nested::{Nested, Outlet};
 pub use ordering::Runner;
 pub use parts::{Emitter, Initialiser, InitialiserUnit, Noise, Port, Sensor, Stage, StageUnit};

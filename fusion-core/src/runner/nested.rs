@@ -182,7 +182,7 @@ mod tests {
     use crate::linear::Transition;
     use crate::loss::Quadratic;
     use crate::model::{Input, Process, SignalsOut, Size};
-    use crate::runner::{Noise, Port, Sensor, StageUnit};
+    use crate::runner::{Discard, Noise, Port, Sensor, StageUnit};
     use crate::state::{Dynamics, LayoutBuilder, Scalar, Signal, Slot};
     use crate::time::nanos;
     use nalgebra::Matrix1;
@@ -332,7 +332,12 @@ mod tests {
                     nested_events.extend(told(event));
                 }
                 Event::Updated { update, time, .. } => emitted.push((*time, update.value[0], update.noise[0])),
-                Event::Late { consumer, time, .. } => panic!("{consumer} at {time} is late"),
+                Event::Discarded {
+                    consumer,
+                    time,
+                    why: Discard::Late { .. },
+                    ..
+                } => panic!("{consumer} at {time} is late"),
                 _ => {}
             };
             feed(&mut outer, &rows(), &mut observer);

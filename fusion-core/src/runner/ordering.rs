@@ -3,7 +3,7 @@
 use super::intake::Intake;
 use super::parts::Emitted;
 use super::rows::{Consumer, Entry, Queue, Row, Rows};
-use super::{Event, Halt, InitialiserUnit, Observer, Port, RunError, Sensor, StageUnit, StreamId, WrongWidth};
+use super::{Discard, Event, Halt, InitialiserUnit, Observer, Port, RunError, Sensor, StageUnit, StreamId, WrongWidth};
 use crate::filter::Estimator;
 use crate::gate::Outcome;
 use crate::model::Process;
@@ -279,8 +279,13 @@ impl Runner {
             }
             let time = row.time.shifted(-port.delay);
             if time < self.released {
-                let (consumer, now) = (name, self.released);
-                return observer.on(&Event::Late { consumer, time, now });
+                let (row, why) = (self.rows.get(at).id(&port.columns), Discard::Late { now: self.released });
+                return observer.on(&Event::Discarded {
+                    consumer: name,
+                    time,
+                    row,
+                    why,
+                });
             }
             self.rows.hold(at);
             self.queue.put(Entry { time, consumer, row: at });

@@ -3,7 +3,7 @@
 use super::intake::{Sample, Taken};
 use super::ordering::{Runner, Waiting};
 use super::rows::{Consumer, Entry};
-use super::{Event, Halt, Observer, RowId};
+use super::{Discard, Event, Halt, Observer, RowId};
 use crate::filter::{Observed, Verdict};
 use crate::gate::Outcome;
 use crate::model::Input;
@@ -76,20 +76,24 @@ impl Runner {
         let Some(input) = &mut self.input else { return Ok(()) };
         input.port.gather(&self.rows.get(row).values, &mut self.value);
         if !self.value.iter().all(|v| v.is_finite()) {
-            return observer.on(&Event::NotFinite { consumer: "process", time });
+            return self.discard_input(time, row, Discard::NotFinite, observer);
         }
         match input.take(time, &self.value) {
             Taken::First => {}
             Taken::Sample => self.run_ready(observer)?,
-            Taken::After(now) => {
-                return observer.on(&Event::Late {
-                    consumer: "process",
-                    time,
-                    now,
-                });
-            }
+            Taken::After(now) => return self.discard_input(time, row, Discard::Late { now }, observer),
         }
         self.start_if_ready(time, observer)
+    }
+
+    fn discard_input(&self, time: Time, row: usize, why: Discard, observer: &mut dyn Observer) -> Result<(), Halt> {
+        let columns = self.input.as_ref().map_or(&[][..], |input| &input.port.columns);
+        observer.on(&Event::Discarded {
+            consumer: "process",
+            time,
+            row: self.rows.get(row).id(columns),
+            why,
+        })
     }
 
     /// Runs over the samples that are ready.
@@ -170,8 +174,15 @@ impl Runner {
         }
         // What started the filter is not used a second time.
         if !self.started || time <= self.start_after {
+            let s = &self.sensors[sensor];
+            let (id, why) = (self.rows.get(row).id(&s.port.columns), Discard::BeforeStart);
             self.rows.release(row);
-            return Ok(());
+            return observer.on(&Event::Discarded {
+                consumer: &s.name,
+                time,
+                row: id,
+                why,
+            });
         }
         let waiting = Waiting { time, sensor, row };
         if !self.is_driven() {
@@ -193,14 +204,21 @@ impl Runner {
         let foreseen = leader.and_then(|leader| self.foresee(leader, row, during));
         self.rows.release(row);
         let (s, now) = (&mut self.sensors[sensor], self.estimator.belief().time);
-        if time < now {
-            let consumer = &s.name;
-            return observer.on(&Event::Late { consumer, time, now });
-        }
         let m = s.model.size().residual;
         let noise = &self.noise[..m * m];
-        if !self.value.iter().chain(noise).all(|v| v.is_finite()) {
-            return observer.on(&Event::NotFinite { consumer: &s.name, time });
+        let why = if time < now {
+            Some(Discard::Late { now })
+        } else {
+            let is_finite = self.value.iter().chain(noise).all(|v| v.is_finite());
+            (!is_finite).then_some(Discard::NotFinite)
+        };
+        if let Some(why) = why {
+            return observer.on(&Event::Discarded {
+                consumer: &s.name,
+                time,
+                row: id,
+                why,
+            });
         }
         let observed = Observed {
             model: s.model.as_ref(),

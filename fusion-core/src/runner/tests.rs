@@ -86,7 +86,12 @@ fn fed(runner: &mut Runner, rows: &[(StreamId, Time, Vec<f64>)]) -> (Vec<Outcome
             statistic: update.statistic,
             threshold: update.threshold,
         }),
-        Event::Late { consumer, time, .. } => panic!("{consumer} at {time} is late"),
+        Event::Discarded {
+            consumer,
+            time,
+            why: Discard::Late { .. },
+            ..
+        } => panic!("{consumer} at {time} is late"),
         _ => {}
     };
     for (stream, time, row) in rows {
