@@ -6,7 +6,7 @@ use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
 use crate::observe::SensorStatistics;
 use crate::run::{Options, Summary, run};
-use crate::score::{Axes, Consistency};
+use crate::score::{Axes, BlockScore, Consistency};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -29,6 +29,8 @@ pub struct RunRow {
     pub attitude_rms: [f64; 3],
     /// NEES of position, velocity, attitude.
     pub nees: [Option<Consistency>; 3],
+    /// Each block of the state against its drawn truth.
+    pub blocks: Vec<BlockScore>,
     /// What became of the measurements of each sensor.
     pub sensors: Vec<SensorStatistics>,
 }
@@ -46,6 +48,7 @@ impl RunRow {
             velocity_rms: axes(score.velocity).rms,
             attitude_rms: axes(score.attitude_deg).rms,
             nees: [score.nees_position, score.nees_velocity, score.nees_attitude],
+            blocks: score.blocks,
             sensors: summary.sensors.clone(),
         }
     }
@@ -54,8 +57,40 @@ impl RunRow {
 /// The result of a Monte Carlo campaign.
 #[derive(Clone, Debug)]
 pub struct Campaign {
-    /// One row per run, in order of their numbers; all of them have the same sensors.
+    /// One row per run, in order of their numbers; all of them have the same sensors and blocks.
     pub rows: Vec<RunRow>,
+    /// How far the runs are independent of each other.
+    pub independence: Independence,
+}
+
+/// How far the runs of a campaign are independent of each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Independence {
+    /// Each run is a world of its own.
+    Full,
+    /// The runs share a recorded log: its motion and its errors are the same in all of them.
+    SharedLog,
+    /// All runs are the same: nothing in the design is random. They count as one.
+    Identical,
+}
+
+impl Independence {
+    fn of(design: &Design, rows: &[RunRow]) -> Self {
+        let is_same = |row: &RunRow| {
+            let compared = RunRow {
+                run: rows[0].run,
+                seed: rows[0].seed,
+                ..row.clone()
+            };
+            // By what is printed: NaN is not equal to itself.
+            format!("{compared:?}") == format!("{:?}", rows[0])
+        };
+        match rows {
+            [_, others @ ..] if !others.is_empty() && others.iter().all(is_same) => Self::Identical,
+            _ if design.simulation.is_none() => Self::SharedLog,
+            _ => Self::Full,
+        }
+    }
 }
 
 /// The seed of run number `run`: it depends on nothing else.
@@ -93,7 +128,9 @@ pub fn monte_carlo(
         Ok(RunRow::new(number, seed, &summary))
     };
     let rows: Result<Vec<RunRow>, Diagnostics> = pool.install(|| (0..count).into_par_iter().map(one).collect());
-    Ok(Campaign { rows: rows? })
+    let rows = rows?;
+    let independence = Independence::of(design, &rows);
+    Ok(Campaign { rows, independence })
 }
 
 /// Mean, standard deviation, smallest and largest over the runs.
@@ -129,10 +166,21 @@ impl Campaign {
         })
     }
 
-    /// Judges the mean over the runs of a statistic that each run averages over time.
+    /// Judges the mean over the runs of a statistic that each run averages over time. Runs that are
+    /// not independent have together no more independent samples than one of them.
     #[must_use]
     pub fn judge(&self, figure: impl Fn(&RunRow) -> Option<Consistency>) -> Option<Consistency> {
-        Consistency::of_runs(self.rows.iter().filter_map(figure))
+        let runs = self.rows.iter().filter_map(figure);
+        match self.independence {
+            Independence::Full => Consistency::of_runs(runs),
+            Independence::SharedLog | Independence::Identical => Consistency::of_repeats(runs),
+        }
+    }
+
+    /// The blocks of every run, as the first one has them.
+    #[must_use]
+    pub fn blocks(&self) -> &[BlockScore] {
+        self.rows.first().map_or(&[], |row| &row.blocks)
     }
 
     /// The sensors of every run, as the first one has them.

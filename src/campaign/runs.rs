@@ -3,6 +3,7 @@
 use super::Campaign;
 use crate::observe::SensorStatistics;
 use crate::output::Cells;
+use crate::score::BlockScore;
 use std::io::{self, Write};
 
 impl Campaign {
@@ -25,6 +26,7 @@ impl Campaign {
             "rms_yaw_deg",
         ])?;
         cells.texts(["nees_position", "nees_velocity", "nees_attitude"])?;
+        self.blocks().iter().try_for_each(|block| block_header(&mut cells, block))?;
         self.sensors().iter().try_for_each(|sensor| sensor_header(&mut cells, sensor))?;
         cells.end()?;
         for row in &self.rows {
@@ -33,6 +35,11 @@ impl Campaign {
             let nees = row.nees.map(|c| c.map_or(f64::NAN, |c| c.mean));
             for values in [row.rms, row.max, row.velocity_rms, row.attitude_rms, nees] {
                 values.into_iter().try_for_each(|value| real(&mut cells, value))?;
+            }
+            for block in &row.blocks {
+                let nees = block.nees.map_or(f64::NAN, |c| c.mean);
+                let ends = block.error.iter().zip(&block.sigma).flat_map(|(error, sigma)| [*error, *sigma]);
+                [nees].into_iter().chain(ends).try_for_each(|value| real(&mut cells, value))?;
             }
             row.sensors.iter().try_for_each(|sensor| sensor_cells(&mut cells, sensor))?;
             cells.end()?;
@@ -48,6 +55,16 @@ fn real(cells: &mut Cells<impl Write>, value: f64) -> io::Result<()> {
     } else {
         cells.text("")
     }
+}
+
+/// The columns of a block of the state in runs.csv: its NEES, and per axis from 1 its last error and
+/// the filter's 1σ of it, SI.
+fn block_header(cells: &mut Cells<impl Write>, block: &BlockScore) -> io::Result<()> {
+    cells.put(format_args!("{}_nees", block.name))?;
+    (1..=block.error.len()).try_for_each(|k| {
+        cells.put(format_args!("{}_error_{k}", block.name))?;
+        cells.put(format_args!("{}_sigma_{k}", block.name))
+    })
 }
 
 /// The columns of a sensor in runs.csv.

@@ -3,7 +3,6 @@
 use super::run::written;
 use super::{BASE, DesignArgs, Failure, OutputArgs, as_warnings, report};
 use clap::Args;
-use fusion::config::{Diagnostic, Diagnostics};
 use fusion::examine::{Missing, variants};
 use fusion::output::FileSet;
 use fusion::present::{Page, comparison};
@@ -91,9 +90,5 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         files.commit()?;
         page.sections.push(written([out.join("report.html")]));
     }
-    args.output.print(&page)?;
-    let mut warnings = Diagnostics::new();
-    warnings.extend(page.warnings.iter().map(Diagnostic::warning));
-    report(&warnings);
-    Ok(())
+    args.output.print(&page)
 }

@@ -53,8 +53,8 @@ enum Command {
     ///
     /// If a declared fault disturbs the data of a sensor, `missed` counts the disturbed measurements
     /// that were used, and `false` the undisturbed ones that were rejected. Innovations are sensor
-    /// minus navigation, before the update; their statistics are those of accepted measurements
-    /// from `[reference] from` on. All other counts are of the whole run.
+    /// minus navigation, before the update; their statistics, and NIS, are those of accepted
+    /// measurements from `[reference] from` on. All other counts are of the whole run.
     #[command(after_long_help = "\
 Examples:
   fusion run                                     the built-in design, simulated
@@ -143,12 +143,16 @@ struct OutputArgs {
 }
 
 impl OutputArgs {
-    /// Writes a result to stdout.
+    /// Writes a result to stdout, and what must not be overlooked of it to stderr.
     fn print(&self, page: &Page) -> Result<(), Failure> {
         match self.format {
             Format::Text => print(&text::page(page, width())),
             Format::Json => print(&format!("{:#}\n", json::page(page))),
-        }
+        }?;
+        let mut warnings = Diagnostics::new();
+        warnings.extend(page.warnings.iter().map(Diagnostic::warning));
+        report(&warnings);
+        Ok(())
     }
 }
 

@@ -1,9 +1,9 @@
 //! `fusion run`.
 
 use super::progress::Progress;
-use super::{DesignArgs, Failure, OutputArgs, report as tell};
+use super::{DesignArgs, Failure, OutputArgs};
 use clap::Args;
-use fusion::config::{Diagnostic, Diagnostics};
+use fusion::config::Diagnostics;
 use fusion::core::time::Time;
 use fusion::design::Design;
 use fusion::present::{Section, Table};
@@ -47,11 +47,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
         Some(out) => written(["estimates.csv", "updates.csv", "summary.json", "report.html"].map(|f| out.join(f))),
         None => Section::new("", []).note("Nothing written; `--out DIR` keeps estimates, updates, summary and report."),
     });
-    args.output.print(&page)?;
-    let mut warnings = Diagnostics::new();
-    warnings.extend(page.warnings.iter().map(Diagnostic::warning));
-    tell(&warnings);
-    Ok(())
+    args.output.print(&page)
 }
 
 /// Files that were written.

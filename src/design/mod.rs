@@ -31,5 +31,5 @@ pub(crate) use nested::TABLES as FILTER_TABLES;
 pub use noise::NoiseSpec;
 pub use read::Design;
 pub(crate) use read::Draft;
-pub use reference::{DifferentiateSpec, ReferenceSpec};
+pub use reference::{DifferentiateSpec, ReferenceSpec, SigmaOf, SigmaSpec};
 pub use run::RunSpec;

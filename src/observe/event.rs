@@ -38,6 +38,15 @@ pub enum RunEvent<'a> {
         /// Its error there; none before the first estimate and after the last.
         error: Option<&'a EpochError>,
     },
+    /// The estimate of an epoch whose true state is known.
+    Truth {
+        /// Whose estimate it is.
+        filter: &'a Heard,
+        /// The estimate.
+        belief: &'a Belief,
+        /// The true state, in the layout of the filter.
+        truth: &'a [f64],
+    },
 }
 
 /// Hears what is told of a run; it knows nothing of the others who hear it.

@@ -5,6 +5,8 @@ use crate::rows::Row;
 use crate::score::{Comparison, ReferenceEpoch};
 use crate::solution::SolutionReader;
 use fusion_core::runner::{Event, Halt, Observer};
+use fusion_core::time::Time;
+use std::collections::VecDeque;
 
 /// Hears a runner and tells the observers of a run, one after the other. It reads the solution of
 /// an estimate and computes its error, each once, for all of them.
@@ -14,6 +16,8 @@ pub struct Hub<'a> {
     readers: Vec<SolutionReader>,
     /// By filter.
     comparisons: Vec<Comparison>,
+    /// True states of the outermost filter that its estimates have not reached.
+    truths: VecDeque<(Time, Vec<f64>)>,
     observers: Vec<&'a mut dyn RunObserver>,
 }
 
@@ -32,6 +36,7 @@ impl<'a> Hub<'a> {
             filters,
             readers: readers.collect(),
             comparisons: filters.iter().map(|_| comparison.clone()).collect(),
+            truths: VecDeque::new(),
             observers: Vec::new(),
         }
     }
@@ -52,6 +57,11 @@ impl<'a> Hub<'a> {
     /// An epoch of a reference that comes along with the data.
     pub fn reference(&mut self, epoch: ReferenceEpoch) {
         self.comparisons.iter_mut().for_each(|c| c.push(epoch));
+    }
+
+    /// The true state of the outermost filter at `time`, in its layout.
+    pub fn truth(&mut self, time: Time, state: &[f64]) {
+        self.truths.push_back((time, state.to_vec()));
     }
 
     /// Tells the epochs of the reference that no estimate has reached.
@@ -84,6 +94,19 @@ impl Observer for Hub<'_> {
         let solution = &self.readers[filter.number].read(belief);
         let estimate = RunEvent::Estimate { filter, solution, belief };
         tell(&mut self.observers, &estimate)?;
+        if filter.is_outermost() {
+            // Between two estimates a state is not estimated: only one at the same time is compared.
+            while let Some((time, truth)) = self.truths.pop_front_if(|(time, _)| *time <= belief.time) {
+                if time == belief.time {
+                    let known = RunEvent::Truth {
+                        filter,
+                        belief,
+                        truth: &truth,
+                    };
+                    tell(&mut self.observers, &known)?;
+                }
+            }
+        }
         let observers = &mut self.observers;
         self.comparisons[filter.number].reach(solution, |epoch, error| {
             tell(observers, &RunEvent::Reference { filter, epoch, error })

@@ -1,8 +1,9 @@
 //! The score of a filter, made of the errors that are told.
 
 use super::{Heard, RunEvent, RunObserver};
-use crate::score::{Rules, Score, Scorer};
-use fusion_core::runner::Halt;
+use crate::score::{BlockScorer, Rules, Score, Scorer};
+use fusion_core::filter::Verdict;
+use fusion_core::runner::{Event, Halt};
 
 /// Scores one filter.
 #[derive(Debug)]
@@ -10,14 +11,16 @@ pub struct FilterScore {
     /// The filter's number.
     filter: usize,
     scorer: Scorer,
+    blocks: BlockScorer,
 }
 
 impl FilterScore {
-    /// Without an error yet.
+    /// Without an error yet; the truth of the blocks that `is_drawn` will be told.
     #[must_use]
-    pub fn new(filter: &Heard, rules: Rules) -> Self {
+    pub fn new(filter: &Heard, rules: Rules, is_drawn: impl Fn(&str) -> bool) -> Self {
         Self {
             filter: filter.number,
+            blocks: BlockScorer::new(&filter.layout, rules.from, is_drawn),
             scorer: Scorer::new(rules),
         }
     }
@@ -25,20 +28,31 @@ impl FilterScore {
     /// The score.
     #[must_use]
     pub fn finish(self) -> Score {
-        self.scorer.finish()
+        Score {
+            blocks: self.blocks.finish(),
+            ..self.scorer.finish()
+        }
     }
 }
 
 impl RunObserver for FilterScore {
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
-        if let RunEvent::Reference {
-            filter,
-            error: Some(error),
-            ..
-        } = event
-            && filter.number == self.filter
-        {
-            self.scorer.add(error);
+        match event {
+            RunEvent::Reference {
+                filter,
+                error: Some(error),
+                ..
+            } if filter.number == self.filter => self.scorer.add(error),
+            RunEvent::Truth { filter, belief, truth } if filter.number == self.filter => self.blocks.add(belief, truth),
+            RunEvent::Filter {
+                filter,
+                event: Event::Updated { sensor, update, time, row },
+            } if filter.number == self.filter => {
+                if matches!(update.verdict, Verdict::Accepted | Verdict::Reacquired) {
+                    self.scorer.used(*sensor, row.stamp, *time);
+                }
+            }
+            _ => {}
         }
         Ok(())
     }

@@ -69,7 +69,8 @@ pub struct SensorStatistics {
     pub longest_rejection_streak: Option<RejectionStreak>,
     /// Whether its gate was in denial at the end.
     pub ends_denied: bool,
-    /// Mean NIS of those accepted, with its band; a gate that cuts into the good ones lowers it.
+    /// Mean NIS of those accepted that [`Innovations`] counts, with its band; a gate that cuts into
+    /// the good ones lowers it.
     pub nis: Option<Consistency>,
     /// Innovations of those accepted.
     pub innovations: Innovations,
@@ -157,7 +158,6 @@ impl Follower {
         let is_used = match update.verdict {
             Verdict::Accepted => {
                 statistics.accepted += 1;
-                self.nis.push(update.nis);
                 true
             }
             Verdict::Reacquired => {
@@ -185,6 +185,7 @@ impl Follower {
             self.streak.get_or_insert((time, 0)).1 += 1;
         }
         if update.verdict == Verdict::Accepted && self.from.is_none_or(|from| time >= from) {
+            self.nis.push(update.nis);
             self.statistics.innovations.count += 1;
             let sums = self.squares.iter_mut().zip(&mut self.statistics.innovations.max);
             for (r, (square, max)) in update.residual.iter().zip(sums) {

@@ -1,11 +1,11 @@
 //! The result of a Monte Carlo campaign.
 
-use super::judged::{NEES, consistency};
+use super::judged::{NEES, axis_name, consistency, is_judged_as_block};
 use super::run::{NED, RPY};
 use super::sensors::{count_columns, counts, residual_rows, row_name, sum};
 use super::tree::{Cell, Column, Page, Section, Table};
 use super::unit::Unit;
-use crate::campaign::{Campaign, RunRow};
+use crate::campaign::{Campaign, Independence, RunRow};
 use crate::observe::Innovations;
 
 impl Campaign {
@@ -14,14 +14,50 @@ impl Campaign {
     pub fn page(&self) -> Page {
         Page {
             title: format!("{} runs", self.rows.len()),
-            warnings: Vec::new(),
+            warnings: self.warnings(),
             sections: vec![
                 Section::new("Errors over the runs", [self.errors()]),
+                Section::new(
+                    "Estimated parameters against the truth, at the end of the runs",
+                    [self.parameters()],
+                ),
                 self.consistency(),
                 Section::new("Sensors, counts over all runs", [self.gates()]),
                 Section::new("Innovations of accepted measurements, over the runs", [self.innovations()]),
             ],
         }
+    }
+
+    /// What a reader must not overlook of the runs together.
+    fn warnings(&self) -> Vec<String> {
+        let warning = match self.independence {
+            Independence::Full => return Vec::new(),
+            Independence::SharedLog => {
+                "the runs share one recorded log and differ by their random faults alone: bands are those of one run".to_owned()
+            }
+            Independence::Identical => format!(
+                "nothing in this design is random: all {} runs are the same, and count as one",
+                self.rows.len()
+            ),
+        };
+        vec![warning]
+    }
+
+    /// The last errors of each parameter with a drawn truth, and what the filter says of them.
+    fn parameters(&self) -> Table {
+        let numbers = ["RMS", "mean 1σ", "inside 3σ"].map(Column::number);
+        let mut t = Table::new([Column::text("parameter")].into_iter().chain(numbers));
+        for (i, block) in self.blocks().iter().enumerate().filter(|(_, b)| b.is_parameter) {
+            for k in 0..block.error.len() {
+                let ends = || self.rows.iter().map(|row| (row.blocks[i].error[k], row.blocks[i].sigma[k]));
+                let mean = |value: &dyn Fn((f64, f64)) -> f64| ends().map(value).sum::<f64>() / self.rows.len() as f64;
+                let rms = mean(&|(error, _)| error * error).sqrt();
+                let inside = mean(&|(error, sigma)| f64::from(error.abs() <= 3.0 * sigma));
+                let cells = [Cell::Real(rms), Cell::Real(mean(&|(_, sigma)| sigma)), Cell::Share(inside)];
+                t.row_in(Unit::of_si(block.unit), [Cell::text(axis_name(block, k))].into_iter().chain(cells));
+            }
+        }
+        t
     }
 
     fn errors(&self) -> Table {
@@ -49,9 +85,11 @@ impl Campaign {
     fn consistency(&self) -> Section {
         let nees = NEES.into_iter().enumerate();
         let nees = nees.map(|(i, name)| (name.to_owned(), self.judge(|r| r.nees[i])));
+        let blocks = self.blocks().iter().enumerate().filter(|(_, b)| is_judged_as_block(b));
+        let blocks = blocks.map(|(i, b)| (format!("NEES {}", b.name), self.judge(|r| r.blocks[i].nees)));
         let nis = self.sensors().iter().enumerate();
         let nis = nis.map(|(i, s)| (format!("NIS {}", s.name), self.judge(|r| r.sensors[i].nis)));
-        let judged: Vec<_> = nees.chain(nis).filter_map(|(name, c)| Some((name, c?))).collect();
+        let judged: Vec<_> = nees.chain(blocks).chain(nis).filter_map(|(name, c)| Some((name, c?))).collect();
         consistency(judged.iter().map(|(name, c)| (name.clone(), c)))
     }
 

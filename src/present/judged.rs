@@ -1,7 +1,8 @@
 //! Consistency, one table for runs and campaigns.
 
 use super::tree::{Cell, Column, Section, Table};
-use crate::score::Consistency;
+use crate::score::{BlockScore, Consistency};
+use fusion_models::vocabulary::state;
 
 /// Each mean NEES or NIS with its band and verdict.
 pub(super) fn consistency<'a>(statistics: impl IntoIterator<Item = (String, &'a Consistency)>) -> Section {
@@ -35,3 +36,18 @@ pub(super) fn consistency<'a>(statistics: impl IntoIterator<Item = (String, &'a 
 
 /// The names of the three NEES of a score.
 pub(super) const NEES: [&str; 3] = ["NEES position", "NEES velocity", "NEES attitude"];
+
+/// Whether the NEES of a block stands beside those of position, velocity and attitude.
+pub(super) fn is_judged_as_block(block: &BlockScore) -> bool {
+    let solution = [state::POSITION.as_str(), state::VELOCITY.as_str(), state::ATTITUDE.as_str()];
+    !solution.contains(&block.name.as_str())
+}
+
+/// `gyro_bias x`, or the block alone where it has one axis.
+pub(super) fn axis_name(block: &BlockScore, axis: usize) -> String {
+    match block.error.len() {
+        1 => block.name.clone(),
+        3 => format!("{} {}", block.name, ["x", "y", "z"][axis]),
+        _ => format!("{} {}", block.name, axis + 1),
+    }
+}

@@ -1,6 +1,6 @@
 //! The result of one run.
 
-use super::judged::{NEES, consistency};
+use super::judged::{NEES, axis_name, consistency, is_judged_as_block};
 use super::sensors::{count_columns, counts, residual_rows, row_name};
 use super::text;
 use super::tree::{Cell, Column, Page, Section, Table};
@@ -133,9 +133,12 @@ impl Summary {
             }
         };
         let nees_inside = self.inside.iter().flat_map(|i| nees(&i.score, format!(" {}.", i.filter)));
+        let blocks = own.clone().flat_map(|score| &score.blocks).filter(|b| is_judged_as_block(b));
+        let of_blocks = blocks.filter_map(|b| Some((format!("NEES {}", b.name), b.nees.as_ref()?)));
         let all_nees = own.clone().flat_map(|score| nees(score, " ".to_owned())).chain(nees_inside);
         let mut sections: Vec<Section> = own.clone().map(errors).chain(self.inside.iter().map(of_inside)).collect();
-        sections.push(consistency(all_nees.chain(nis)));
+        sections.extend(own.clone().map(parameters));
+        sections.push(consistency(all_nees.chain(of_blocks).chain(nis)));
         sections.extend(own.map(drift));
         sections
     }
@@ -183,6 +186,7 @@ impl Summary {
                 all.push(format!("sensor `{}`: {bad} of {} measurements were not used", s.name, good + bad));
             }
         }
+        all.extend(self.score.iter().flat_map(undefined));
         for (consumer, count) in &self.unused_rows {
             let rows = if *count == 1 { "1 row was" } else { &format!("{count} rows were") };
             all.push(format!(
@@ -306,6 +310,36 @@ fn errors(score: &Score) -> Section {
         },
         None => section,
     }
+}
+
+/// Epochs without a NEES, a sentence for each of position, velocity, attitude.
+fn undefined(score: &Score) -> impl Iterator<Item = String> {
+    let counts = NEES.into_iter().zip(score.nees_undefined);
+    let blocks = score.blocks.iter().filter(|b| is_judged_as_block(b));
+    let all = counts.map(|(name, n)| (name.to_owned(), n));
+    let all = all.chain(blocks.map(|b| (format!("NEES {}", b.name), b.nees_undefined)));
+    all.filter(|(_, count)| *count > 0).map(|(name, count)| {
+        format!("{name}: left out {count} epochs: no sound covariance, no finite error, or fewer directions estimated than at others")
+    })
+}
+
+/// Parameters against the truth that a simulation drew.
+fn parameters(score: &Score) -> Section {
+    let numbers = ["RMS", "mean 3σ", "inside 3σ", "at the end", "1σ there"].map(Column::number);
+    let mut t = Table::new([Column::text("error")].into_iter().chain(numbers));
+    for block in score.blocks.iter().filter(|b| b.is_parameter) {
+        for k in 0..block.error.len() {
+            let name = Cell::text(axis_name(block, k));
+            let over = [
+                Cell::Real(block.rms[k]),
+                Cell::Real(block.three_sigma[k]),
+                Cell::Share(block.inside[k]),
+            ];
+            let end = [block.error[k], block.sigma[k]].map(Cell::Real);
+            t.row_in(Unit::of_si(block.unit), [name].into_iter().chain(over).chain(end));
+        }
+    }
+    Section::new("Errors of the estimated parameters", [t])
 }
 
 fn mounting(score: &Score) -> Option<Table> {

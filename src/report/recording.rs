@@ -284,20 +284,20 @@ impl Recording {
     }
 
     fn error(&mut self, t: f64, error: &EpochError) {
-        if let Some((e, p)) = &error.position {
-            self.position.error.push(t, &six(e, &sigmas(p)));
+        if let Some(d) = &error.position {
+            self.position.error.push(t, &six(&d.error, &d.sigma()));
         }
-        if let Some((e, p)) = &error.velocity {
-            self.velocity.error.push(t, &six(e, &sigmas(p)));
+        if let Some(d) = &error.velocity {
+            self.velocity.error.push(t, &six(&d.error, &d.sigma()));
         }
         let Some(a) = &error.attitude else { return };
-        let sigma = a.sigma.map(f64::to_degrees);
+        let sigma = a.rpy.sigma().map(f64::to_degrees);
         if self.frame.remove_mean_mounting {
             let (q, truth) = (a.estimate.coords, a.truth.coords);
             let row: Vec<f64> = q.iter().chain(truth.iter()).chain(sigma.iter()).copied().collect();
             self.mounted.push(t, std::array::from_fn(|i| row[i]));
         } else {
-            self.attitude.error.push(t, &six(&a.rpy.map(f64::to_degrees), &sigma));
+            self.attitude.error.push(t, &six(&a.rpy.error.map(f64::to_degrees), &sigma));
         }
         if let (None, Some(estimate), Some(truth)) = (self.attitude.turns, self.angles.last, self.true_angles.last) {
             let apart = Vector3::from(truth) - Vector3::from(estimate);

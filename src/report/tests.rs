@@ -67,6 +67,7 @@ fn recording_at(rate: i64, seconds: f64, offset: f64) -> Recording {
             position: Some(ORIGIN.offset(&ned)),
             velocity: Some(v),
             attitude: Some(q),
+            ..ReferenceEpoch::default()
         });
         r.recording
             .input("angular rate", "deg/s", time, &[wobble, -wobble, 2.9 + 0.2 * wobble]);
@@ -78,6 +79,7 @@ fn recording_at(rate: i64, seconds: f64, offset: f64) -> Recording {
             position: Some((ORIGIN.offset(&(ned + error)), Matrix3::identity() * (0.25 + offset))),
             velocity: Some((v + 0.1 * error, Matrix3::identity() * 0.01)),
             attitude: Some((q * so3::exp(&(0.01 * error)), Matrix3::identity() * 1e-4)),
+            ..Solution::default()
         });
         if i % 3 == 0 {
             let heading = angle.to_degrees() + wobble;
@@ -241,13 +243,12 @@ fn the_error_is_that_at_the_reference_epoch() {
         time: Time::from_seconds(t),
         position: Some((at(north), Matrix3::identity())),
         velocity: Some((Vector3::new(1.0, 0.0, 0.0), Matrix3::identity())),
-        attitude: None,
+        ..Solution::default()
     };
     r.comparison.push(ReferenceEpoch {
         time: Time::from_seconds(0.5),
         position: Some(at(0.0)),
-        velocity: None,
-        attitude: None,
+        ..ReferenceEpoch::default()
     });
     r.estimate(&estimate(0.0, 2.0));
     r.estimate(&estimate(1.0, 9.0));
@@ -339,17 +340,15 @@ fn yaw_is_drawn_without_jumps_and_error_turns_agree() {
         let yaw = 3.1 + 0.05 * f64::from(i);
         r.comparison.push(ReferenceEpoch {
             time,
-            position: None,
-            velocity: None,
             attitude: Some(so3::from_rpy(0.0, 0.0, yaw)),
+            ..ReferenceEpoch::default()
         });
         // The estimate starts on the other side of ±180°.
         let attitude = Some((so3::from_rpy(0.0, 0.0, yaw + 0.1), Matrix3::identity() * 1e-4));
         r.estimate(&Solution {
             time,
-            position: None,
-            velocity: None,
             attitude,
+            ..Solution::default()
         });
     }
     for trace in [&r.recording.attitude.estimate, &r.recording.attitude.truth] {

@@ -14,6 +14,17 @@ pub trait Feed: Debug {
     /// What is wrong with the data.
     fn next(&mut self) -> Result<Option<Row<'_>>, Diagnostics>;
 
+    /// The true state at the last row of the reference, in the layout of the filter; only a simulated
+    /// world knows it.
+    fn truth(&self) -> Option<&[f64]> {
+        None
+    }
+
+    /// Whether a block of that state was drawn, and may be scored.
+    fn is_drawn(&self, _block: &str) -> bool {
+        false
+    }
+
     /// Which numbers of which streams declared faults may change.
     fn disturbable(&self) -> Vec<(usize, Range<usize>)>;
 

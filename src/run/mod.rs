@@ -11,21 +11,19 @@ pub use files::Finished;
 pub use recorded::open_one;
 pub use summary::{FinalState, InsideScore, Summary};
 
-use crate::assembly::{Assembly, assemble, declared_streams};
+use crate::assembly::{Assembly, assemble, declared_streams, imu_stream};
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::{Design, Named, ReferenceSpec};
 use crate::observe::{Counters, FilterScore, Filters, Finals, Heard, Hub, RunObserver, Statistics, Timing};
-use crate::rows::Feed;
-use crate::world::SimulatedRows;
+use crate::rows::{Feed, outages as silences};
+use crate::score::Outage;
+use crate::world::{IMU, SimulatedRows};
 use files::Files;
 use fusion_core::runner::Runner;
 use fusion_core::time::Time;
 use reference::Reference;
 use std::path::PathBuf;
 use std::time::Instant;
-
-/// Repeated outages are listed up to here: longer than any log.
-pub(crate) const HORIZON: Time = Time::from_nanos(10_000_000 * 1_000_000_000);
 
 /// How a design is run.
 #[derive(Debug, Default)]
@@ -97,8 +95,11 @@ impl<'a> Run<'a> {
         let mut statistics = Statistics::new(&filters, from, &self.data.rows.disturbable());
         let mut finals = Finals::new(&filters);
         let scored = filters.iter().filter(|_| !reference.is_empty());
-        let rules = |_: &Heard| reference.rules(self.design, &self.data.outages);
-        let mut scores: Vec<FilterScore> = scored.map(|f| FilterScore::new(f, rules(f))).collect();
+        let outages = outages(self.design, &self.assembly);
+        let rules = |filter: &Heard| reference.rules(self.design, if filter.is_outermost() { &outages } else { &[] });
+        let rows = &self.data.rows;
+        let score = |f: &Heard| FilterScore::new(f, rules(f), |block| f.is_outermost() && rows.is_drawn(block));
+        let mut scores: Vec<FilterScore> = scored.map(score).collect();
         let mut files = Files::create(self.design, self.options, &filters)?;
         let mut hub = Hub::new(&filters, &reference.comparison(self.design));
         hub.add(&mut counters);
@@ -165,7 +166,9 @@ fn feed(
             progress(row.time);
         }
         if let Some(epochs) = data.reference.epochs(&row) {
+            let time = row.time;
             epochs.into_iter().for_each(|epoch| hub.reference(epoch));
+            data.rows.truth().into_iter().for_each(|state| hub.truth(time, state));
             continue;
         }
         hub.row(&row).map_err(stopped)?;
@@ -194,8 +197,6 @@ struct RunData {
     /// Its rows.
     rows: Box<dyn Feed>,
     reference: Reference,
-    /// The declared outages, for the drift over each.
-    outages: Vec<(Time, Time)>,
 }
 
 impl RunData {
@@ -206,11 +207,40 @@ impl RunData {
         };
         let rows = SimulatedRows::new(design, simulation, assembly, options.seed)?;
         Ok(Self {
-            outages: rows.outages(),
             reference: Reference::simulated(assembly),
             rows: Box::new(rows),
         })
     }
+}
+
+/// The declared outages, each with the sensors of the outermost filter that read the silent stream.
+fn outages(design: &Design, assembly: &Assembly) -> Vec<Outage> {
+    let recorded = design
+        .sources
+        .iter()
+        .map(|named| (named.name.as_str(), named.block.faults.as_slice()));
+    let simulated = design.simulation.iter().flat_map(|s| &s.block.faults);
+    let simulated = simulated.map(|(stream, faults)| (if stream == IMU { imu_stream(design) } else { stream }, faults.as_slice()));
+    let streams: Vec<(&str, &[_])> = if design.simulation.is_some() {
+        simulated.collect()
+    } else {
+        recorded.collect()
+    };
+    let reads = |name: &str| {
+        let stream = assembly.streams.iter().position(|s| s.name == name);
+        let sensors = assembly.runner.sensors().iter().enumerate();
+        let readers = sensors.filter(move |(_, sensor)| Some(sensor.port.stream) == stream);
+        readers.map(|(number, _)| number).collect()
+    };
+    let silent = streams
+        .into_iter()
+        .flat_map(|(name, faults)| silences(faults).map(move |w| (name, w)));
+    silent
+        .map(|(name, windows)| Outage {
+            windows: windows.clone(),
+            sensors: reads(name),
+        })
+        .collect()
 }
 
 /// Where relative source paths start.

@@ -1,11 +1,11 @@
 //! The recorded sources of a design, opened as the feed of a run.
 
 use super::reference::Reference;
-use super::{HORIZON, Options, RunData, data_dir, unknown_reference};
+use super::{Options, RunData, data_dir, unknown_reference};
 use crate::assembly::Assembly;
 use crate::config::{Diagnostic, Diagnostics, Node};
 use crate::design::{Design, Named, SourceDesign};
-use crate::rows::{Faulted, Feed, Merged, Row, RowStream, SourceError, SourceStatistics, outage_windows};
+use crate::rows::{Faulted, Feed, Merged, Row, RowStream, SourceError, SourceStatistics};
 use crate::source::OpenContext;
 use core::ops::Range;
 use fusion_core::runner::StreamId;
@@ -43,7 +43,7 @@ pub(super) fn open(design: &Design, assembly: &Assembly, options: &Options) -> R
     let wanted = design.reference.as_ref();
     for (named, mut source) in opened {
         if let Some(spec) = wanted.filter(|r| r.block.source == named.name) {
-            reference = Reference::read(named, source.as_mut(), &spec.block)?;
+            reference = Reference::read(named, source.as_mut(), spec)?;
             reference_statistics = Some(SourceStatistics::new(&named.name, &source.report()));
         } else if let Some(stream) = assembly.streams.iter().position(|s| s.name == named.name) {
             sources.push(source);
@@ -57,9 +57,7 @@ pub(super) fn open(design: &Design, assembly: &Assembly, options: &Options) -> R
     if let Some(r) = wanted.filter(|r| !design.sources.iter().any(|s| s.name == r.block.source)) {
         return Err(unknown_reference(design, r).into());
     }
-    let faults = design.sources.iter().map(|named| named.block.faults.as_slice());
     Ok(RunData {
-        outages: outage_windows(faults, HORIZON),
         reference,
         rows: Box::new(Recorded {
             merged: Merged::new(sources),

@@ -2,17 +2,20 @@
 
 use crate::assembly::{Assembly, StreamLayout};
 use crate::config::{Diagnostic, Diagnostics};
-use crate::design::{Design, Named, ReferenceSpec, SourceDesign};
+use crate::design::{Design, Named, ReferenceSpec, SigmaOf, SourceDesign};
 use crate::rows::{Row, RowStream};
-use crate::score::{Comparison, ReferenceEpoch, Rules, differentiate};
+use crate::score::{Comparison, Outage, ReferenceEpoch, Rules, differentiate};
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::runner::StreamId;
 use fusion_core::state::{Attitude, Manifold};
 use fusion_core::time::Time;
+use fusion_models::units::{Dimension, Dimensional, dim};
 use nalgebra::Vector3;
 
 /// Channels that a run can be scored against.
 const SCORED: [&str; 3] = ["position", "velocity", "attitude"];
+/// Dimension of the 1σ of each.
+const DIMENSIONS: [Dimension; 3] = [dim::Length::KIND.dimension, dim::Speed::KIND.dimension, dim::Angle::KIND.dimension];
 
 /// Where the reference epochs of a run come from.
 #[derive(Debug)]
@@ -34,17 +37,22 @@ impl Reference {
     }
 
     /// Reads a recorded source to its end.
-    pub(super) fn read(named: &Named<SourceDesign>, source: &mut dyn RowStream, spec: &ReferenceSpec) -> Result<Self, Diagnostics> {
+    pub(super) fn read(
+        named: &Named<SourceDesign>,
+        source: &mut dyn RowStream,
+        reference: &Named<ReferenceSpec>,
+    ) -> Result<Self, Diagnostics> {
         let layout = StreamLayout::provided(&named.name, source.channels());
         if !layout.channels.iter().any(|c| SCORED.contains(&c.name.as_str())) {
             let message = format!("the reference `{}` has no channel to be scored against", named.name);
             let help = "give it a `position`, a `velocity` or an `attitude`";
             return Err(Diagnostic::error(message).at(named.node.name_place()).help(help).into());
         }
+        let sigmas = sigmas(reference, &layout)?;
         let (mut found, mut values) = (Vec::new(), Vec::new());
         loop {
             match source.next(&mut values) {
-                Ok(Some(stamp)) => found.extend(epochs(stamp.time, &values, &layout)),
+                Ok(Some(stamp)) => found.extend(epochs(stamp.time, &values, &layout, &sigmas)),
                 Ok(None) => break,
                 Err(error) => {
                     let mut d = Diagnostics::new();
@@ -54,7 +62,7 @@ impl Reference {
             }
         }
         found.sort_by_key(|e| e.time);
-        if let Some(slope) = &spec.velocity_from_position {
+        if let Some(slope) = &reference.block.velocity_from_position {
             differentiate(&mut found, slope.half_window as usize, slope.max_span.si());
         }
         Ok(Self::Ahead(found))
@@ -63,7 +71,7 @@ impl Reference {
     /// The epochs of a row of the run; `None` where it is no row of the reference.
     pub(super) fn epochs(&self, row: &Row<'_>) -> Option<Vec<ReferenceEpoch>> {
         match self {
-            Self::Along(stream, layout) if *stream == row.stream => Some(epochs(row.time, row.values, layout)),
+            Self::Along(stream, layout) if *stream == row.stream => Some(epochs(row.time, row.values, layout, &EXACT)),
             _ => None,
         }
     }
@@ -78,52 +86,110 @@ impl Reference {
     }
 
     /// How a design is scored against it; `outages` are those whose drift is told.
-    pub(super) fn rules(&self, design: &Design, outages: &[(Time, Time)]) -> Rules {
+    pub(super) fn rules(&self, design: &Design, outages: &[Outage]) -> Rules {
         let spec = design.reference.as_ref().map(|r| &r.block);
         Rules {
             from: spec.and_then(|s| s.from).map(|t| Time::from_seconds(t.si())),
             remove_mean_mounting: spec.is_some_and(|s| s.remove_mean_mounting),
-            windows: outages.to_vec(),
+            outages: outages.to_vec(),
         }
     }
 
-    /// What compares estimates with it; what was read ahead goes there.
+    /// What compares estimates with it; what was read ahead goes there. A simulated truth is that
+    /// of the body origin.
     pub(super) fn comparison(&mut self, design: &Design) -> Comparison {
+        let Self::Ahead(epochs) = self else {
+            return Comparison::new(Vector3::zeros(), []);
+        };
         let spec = design.reference.as_ref().map(|r| &r.block);
         let lever_arm = spec.map_or_else(Vector3::zeros, |s| s.lever_arm.si().into());
-        let ahead = match self {
-            Self::Ahead(epochs) => core::mem::take(epochs),
-            Self::None | Self::Along(..) => Vec::new(),
-        };
-        Comparison::new(lever_arm, ahead)
+        Comparison::new(lever_arm, core::mem::take(epochs))
     }
 }
 
-/// The reference epochs of a row: one for each time at which some of its channels are valid.
-fn epochs(time: Time, row: &[f64], layout: &StreamLayout) -> Vec<ReferenceEpoch> {
+/// Where the 1σ of a reference's own error comes from, for each of [`SCORED`].
+#[derive(Clone, Copy, Debug)]
+enum SigmaFrom {
+    /// The design, per axis.
+    Declared(Vector3<f64>),
+    /// Three numbers of a row from here on, times a factor.
+    Row(usize, f64),
+}
+
+impl SigmaFrom {
+    fn read(self, row: &[f64]) -> Vector3<f64> {
+        match self {
+            Self::Declared(sigma) => sigma,
+            Self::Row(at, scale) => Vector3::new(row[at], row[at + 1], row[at + 2]) * scale,
+        }
+    }
+}
+
+/// Where the 1σ of a recorded reference come from, as `reference` says of its stream `layout`.
+fn sigmas(reference: &Named<ReferenceSpec>, layout: &StreamLayout) -> Result<[SigmaFrom; 3], Diagnostics> {
+    let declared = reference.block.sigma.each();
+    let mut found = [SigmaFrom::Declared(Vector3::zeros()); 3];
+    let mut d = Diagnostics::new();
+    for ((from, sigma), (name, dimension)) in found.iter_mut().zip(declared).zip(SCORED.into_iter().zip(DIMENSIONS)) {
+        *from = match sigma {
+            None => continue,
+            Some(SigmaOf::Declared(sigma)) => SigmaFrom::Declared(sigma.into()),
+            Some(SigmaOf::Source { scale }) => {
+                let wanted = format!("{name}_sigma");
+                let column = layout.channels.iter().find(|c| c.name == wanted);
+                let Some(column) = column.filter(|c| c.width == 3 && c.dimension == dimension) else {
+                    let message = format!(
+                        "the reference `{}` has no channel `{wanted}` of three numbers in {dimension}",
+                        layout.name
+                    );
+                    let help = format!(
+                        "add `{wanted} = {{ columns = […], unit = … }}` under [source.{}.channels]",
+                        layout.name
+                    );
+                    d.push(
+                        Diagnostic::error(message)
+                            .at(reference.node.place_of(&format!("sigma.{name}")))
+                            .help(help),
+                    );
+                    continue;
+                };
+                SigmaFrom::Row(column.offset, scale)
+            }
+        };
+    }
+    d.unless_errors(found)
+}
+
+/// The 1σ of a simulated truth.
+const EXACT: [SigmaFrom; 3] = [SigmaFrom::Declared(Vector3::new(0.0, 0.0, 0.0)); 3];
+
+/// The reference epochs of a row: one for each time at which some of its channels are valid. A
+/// channel of which a number, or its own 1σ, is not finite has no value.
+fn epochs(time: Time, row: &[f64], layout: &StreamLayout, sigmas: &[SigmaFrom; 3]) -> Vec<ReferenceEpoch> {
     let mut epochs: Vec<ReferenceEpoch> = Vec::with_capacity(1);
     for channel in &layout.channels {
         let values = &row[channel.offset..channel.offset + channel.width];
-        if !values.iter().all(|v| v.is_finite()) {
+        let Some(scored) = SCORED.iter().position(|name| *name == channel.name) else {
+            continue;
+        };
+        let sigma = sigmas[scored].read(row);
+        if !values.iter().chain(&sigma).all(|v| v.is_finite()) {
             continue;
         }
         let valid = time.shifted(-channel.delay);
         let at = epochs.iter().position(|e| e.time == valid).unwrap_or_else(|| {
             epochs.push(ReferenceEpoch {
                 time: valid,
-                position: None,
-                velocity: None,
-                attitude: None,
+                ..ReferenceEpoch::default()
             });
             epochs.len() - 1
         });
-        match channel.name.as_str() {
-            "position" => epochs[at].position = Some(Geodetic::read(values)),
-            "velocity" => epochs[at].velocity = Some(Vector3::new(values[0], values[1], values[2])),
-            "attitude" => epochs[at].attitude = Some(Attitude::read(values)),
-            _ => {}
+        let epoch = &mut epochs[at];
+        match scored {
+            0 => (epoch.position, epoch.sigma.position) = (Some(Geodetic::read(values)), sigma),
+            1 => (epoch.velocity, epoch.sigma.velocity) = (Some(Vector3::new(values[0], values[1], values[2])), sigma),
+            _ => (epoch.attitude, epoch.sigma.attitude) = (Some(Attitude::read(values)), sigma),
         }
     }
-    epochs.retain(|e| e.position.is_some() || e.velocity.is_some() || e.attitude.is_some());
     epochs
 }

@@ -1,8 +1,9 @@
 //! The estimate against the reference: where an error is computed.
 
 use super::ReferenceEpoch;
-use crate::solution::Solution;
+use crate::solution::{Solution, sigmas};
 use fusion_core::geometry::so3;
+use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::state::wrap;
 use fusion_core::time::Time;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -13,12 +14,37 @@ use std::collections::VecDeque;
 pub struct EpochError {
     /// The epoch of the reference.
     pub truth: ReferenceEpoch,
-    /// Position error at the reference's point and its covariance, north east down \[m\].
-    pub position: Option<(Vector3<f64>, Matrix3<f64>)>,
-    /// Velocity error and its covariance, north east down \[m/s\].
-    pub velocity: Option<(Vector3<f64>, Matrix3<f64>)>,
+    /// Position error at the reference's point, north east down \[m\].
+    pub position: Option<Deviation>,
+    /// Velocity error at the reference's point, north east down \[m/s\].
+    pub velocity: Option<Deviation>,
     /// Attitude and its error.
     pub attitude: Option<AttitudeError>,
+}
+
+/// An error of three axes, and what the filter and the reference say of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Deviation {
+    /// Estimate less reference.
+    pub error: Vector3<f64>,
+    /// Covariance by the filter.
+    pub own: Matrix3<f64>,
+    /// Covariance of the reference's own error.
+    pub reference: Matrix3<f64>,
+}
+
+impl Deviation {
+    /// 1σ that the error is expected to have, filter and reference together.
+    #[must_use]
+    pub fn sigma(&self) -> Vector3<f64> {
+        sigmas(&(self.own + self.reference))
+    }
+
+    /// Whether the filter estimates each axis; one whose variance is exactly 0 is no state.
+    #[must_use]
+    pub fn is_estimated(&self) -> [bool; 3] {
+        self.own.diagonal().map(|v| v != 0.0).into()
+    }
 }
 
 /// An attitude against that of the reference.
@@ -28,32 +54,32 @@ pub struct AttitudeError {
     pub estimate: UnitQuaternion<f64>,
     /// That of the reference's body.
     pub truth: UnitQuaternion<f64>,
+    /// The rotation from reference to estimate, about the axes of the body \[rad\].
+    pub body: Deviation,
     /// Error of roll, pitch, yaw \[rad\], each within ±π.
-    pub rpy: Vector3<f64>,
-    /// 1σ of roll, pitch, yaw \[rad\].
-    pub sigma: Vector3<f64>,
-    /// Covariance of the body-frame error \[rad²\].
-    pub covariance: Matrix3<f64>,
+    pub rpy: Deviation,
 }
 
 impl EpochError {
-    fn new(truth: &ReferenceEpoch, at: &Solution, lever_arm: &Vector3<f64>) -> Self {
-        let lever = at.attitude.map_or_else(Vector3::zeros, |(q, _)| q * lever_arm);
-        let attitude = at.attitude.zip(truth.attitude).zip(at.rpy());
+    /// `rate` is the angular rate of the body \[rad/s\], in its axes, where it is known.
+    fn new(truth: &ReferenceEpoch, at: &Solution, lever_arm: &Vector3<f64>, rate: Option<Vector3<f64>>) -> Self {
+        let there = AtLever::new(at, lever_arm, rate);
+        let position = there.position.zip(truth.position).map(|((place, own), truth_place)| Deviation {
+            error: place.difference(&truth_place),
+            own,
+            reference: squares(&truth.sigma.position),
+        });
+        let velocity = there.velocity.zip(truth.velocity).map(|((v, own), truth_v)| Deviation {
+            error: v - truth_v,
+            own,
+            reference: squares(&truth.sigma.velocity),
+        });
+        let attitude = at.attitude.zip(truth.attitude);
         Self {
             truth: *truth,
-            position: at
-                .position
-                .zip(truth.position)
-                .map(|((place, p), truth)| (place.offset(&lever).difference(&truth), p)),
-            velocity: at.velocity.zip(truth.velocity).map(|((v, p), truth)| (v - truth, p)),
-            attitude: attitude.map(|(((estimate, covariance), truth), (_, sigma))| AttitudeError {
-                estimate,
-                truth,
-                rpy: attitude_error(&estimate, &truth),
-                sigma,
-                covariance,
-            }),
+            position,
+            velocity,
+            attitude: attitude.map(|((q, own), true_q)| AttitudeError::new(q, own, true_q, squares(&truth.sigma.attitude))),
         }
     }
 
@@ -61,6 +87,71 @@ impl EpochError {
     #[must_use]
     pub const fn time(&self) -> Time {
         self.truth.time
+    }
+}
+
+impl AttitudeError {
+    fn new(estimate: UnitQuaternion<f64>, own: Matrix3<f64>, truth: UnitQuaternion<f64>, reference: Matrix3<f64>) -> Self {
+        let rpy = so3::to_rpy(&estimate);
+        let e = so3::euler_rate_of_body(rpy.x, rpy.y);
+        Self {
+            estimate,
+            truth,
+            body: Deviation {
+                error: so3::log(&(truth.inverse() * estimate)),
+                own,
+                reference,
+            },
+            rpy: Deviation {
+                error: attitude_error(&estimate, &truth),
+                own: e * own * e.transpose(),
+                reference: e * reference * e.transpose(),
+            },
+        }
+    }
+}
+
+fn squares(sigma: &Vector3<f64>) -> Matrix3<f64> {
+    Matrix3::from_diagonal(&sigma.component_mul(sigma))
+}
+
+/// Position and velocity of a point of the body, with their covariances.
+///
+/// Position  r + C l, δ: I, −C [l×] on the attitude error in body axes
+/// Velocity  v + C (ω × l), δ: I, −C [(ω × l)×]
+/// Not here  the error of ω; the covariance of a position, velocity or attitude that is no state
+///           with another
+struct AtLever {
+    position: Option<(Geodetic, Matrix3<f64>)>,
+    velocity: Option<(Vector3<f64>, Matrix3<f64>)>,
+}
+
+impl AtLever {
+    /// Without an attitude the body origin stands for the point; where the body may turn, but its
+    /// rate is not known, there is no velocity.
+    fn new(at: &Solution, lever_arm: &Vector3<f64>, rate: Option<Vector3<f64>>) -> Self {
+        let Some((q, p_attitude)) = at.attitude.filter(|_| *lever_arm != Vector3::zeros()) else {
+            return Self {
+                position: at.position,
+                velocity: at.velocity,
+            };
+        };
+        let c = q.to_rotation_matrix().into_inner();
+        let moved = |p: Matrix3<f64>, with_attitude: &Matrix3<f64>, arm: &Vector3<f64>| {
+            let j = -c * so3::skew(arm);
+            let cross = with_attitude * j.transpose();
+            p + cross + cross.transpose() + j * p_attitude * j.transpose()
+        };
+        let [with_position, with_velocity] = &at.with_attitude;
+        Self {
+            position: at
+                .position
+                .map(|(r, p)| (r.offset(&(c * lever_arm)), moved(p, with_position, lever_arm))),
+            velocity: at.velocity.zip(rate).map(|((v, p), w)| {
+                let turning = w.cross(lever_arm);
+                (v + c * turning, moved(p, with_velocity, &turning))
+            }),
+        }
     }
 }
 
@@ -102,7 +193,8 @@ impl Comparison {
     ///
     /// An epoch between two estimates sees the earlier one carried on by its velocity, so that no
     /// measurement after the epoch can flatter it; attitude and velocity, which a measurement
-    /// moves little, are interpolated.
+    /// moves little, are interpolated. The angular rate, by which the velocity of a point off the
+    /// body origin differs, is that between the two attitudes.
     ///
     /// # Errors
     /// The first that `tell` returns.
@@ -112,9 +204,10 @@ impl Comparison {
         mut tell: impl FnMut(&ReferenceEpoch, Option<&EpochError>) -> Result<(), E>,
     ) -> Result<(), E> {
         let previous = self.previous.replace(*now).unwrap_or(*now);
+        let rate = previous.rate_to(now);
         while let Some(epoch) = self.ahead.pop_front_if(|e| e.time <= now.time) {
             let is_known = epoch.time >= previous.time;
-            let error = is_known.then(|| EpochError::new(&epoch, &Solution::between(&previous, now, epoch.time), &self.lever_arm));
+            let error = is_known.then(|| EpochError::new(&epoch, &Solution::between(&previous, now, epoch.time), &self.lever_arm, rate));
             tell(&epoch, error.as_ref())?;
         }
         Ok(())
@@ -123,5 +216,78 @@ impl Comparison {
     /// The epochs that no estimate has reached.
     pub fn rest(&mut self) -> impl Iterator<Item = ReferenceEpoch> {
         self.ahead.drain(..)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ARM: Vector3<f64> = Vector3::new(2.0, 0.0, 0.0);
+
+    fn origin() -> Geodetic {
+        Geodetic {
+            lat: 0.6,
+            lon: 0.1,
+            height: 0.0,
+        }
+    }
+
+    /// A body that stands on a turntable of 0.5 rad/s, heading `heading` at `t` seconds.
+    fn turning(t: f64, heading: f64) -> Solution {
+        let q = so3::from_rpy(0.0, 0.0, heading);
+        let a = q.to_rotation_matrix().into_inner() * so3::skew(&ARM);
+        let p_attitude = Matrix3::identity() * 1e-2;
+        Solution {
+            time: Time::from_seconds(t),
+            // Known by a fix of the point at the lever arm: r = a φ, so that the point has no error.
+            position: Some((origin(), a * p_attitude * a.transpose())),
+            velocity: Some((Vector3::zeros(), Matrix3::identity())),
+            attitude: Some((q, p_attitude)),
+            with_attitude: [a * p_attitude, Matrix3::zeros()],
+        }
+    }
+
+    fn errors(lever_arm: Vector3<f64>) -> EpochError {
+        let epoch = ReferenceEpoch {
+            time: Time::from_seconds(0.1),
+            position: Some(origin()),
+            velocity: Some(Vector3::zeros()),
+            attitude: Some(so3::from_rpy(0.0, 0.0, 0.0)),
+            sigma: super::super::ReferenceSigma {
+                position: Vector3::new(0.1, 0.2, 0.3),
+                ..Default::default()
+            },
+        };
+        let mut comparison = Comparison::new(lever_arm, [epoch]);
+        let mut found = None;
+        for (t, heading) in [(0.0, -0.05), (0.1, 0.0)] {
+            let tell = |_: &ReferenceEpoch, error: Option<&EpochError>| {
+                found = error.copied();
+                Ok::<_, core::convert::Infallible>(())
+            };
+            comparison.reach(&turning(t, heading), tell).unwrap();
+        }
+        found.unwrap()
+    }
+
+    #[test]
+    fn a_point_off_the_body_origin_moves_with_the_turning_body() {
+        let velocity = errors(ARM).velocity.unwrap();
+        // 0.5 rad/s to the right: 2 m ahead moves east at 1 m/s. 1e-12: rounding of the rate.
+        assert!((velocity.error - Vector3::new(0.0, 1.0, 0.0)).amax() < 1e-12, "{velocity:?}");
+        // A heading error of 0.1 rad turns it by 0.1 m/s north.
+        let expected = Matrix3::from_diagonal(&Vector3::new(1.01, 1.0, 1.01));
+        assert!((velocity.own - expected).amax() < 1e-12, "{velocity:?}");
+        assert_eq!(errors(Vector3::zeros()).velocity.unwrap().error, Vector3::zeros());
+    }
+
+    #[test]
+    fn the_covariance_is_that_at_the_point_and_the_reference_has_its_own() {
+        let position = errors(ARM).position.unwrap();
+        // 1e-6: the curvature of the Earth over two metres.
+        assert!((position.error - Vector3::new(2.0, 0.0, 0.0)).amax() < 1e-6, "{position:?}");
+        assert!(position.own.amax() < 1e-15, "{position:?}");
+        assert!((position.sigma() - Vector3::new(0.1, 0.2, 0.3)).amax() < 1e-15);
     }
 }

@@ -108,6 +108,16 @@ impl Consistency {
         Some(Self::with_independent(mean, dof, count, runs.iter().map(|c| c.independent).sum()))
     }
 
+    /// Of several runs that repeat each other: the mean of their means, with the band of the one run
+    /// that has the most independent samples. `None` without a run.
+    #[must_use]
+    pub fn of_repeats(runs: impl IntoIterator<Item = Self>) -> Option<Self> {
+        let runs: Vec<Self> = runs.into_iter().collect();
+        let most = runs.iter().map(|c| c.independent).fold(1.0, f64::max);
+        let all = Self::of_runs(runs)?;
+        Some(Self::with_independent(all.mean, all.dof, all.count, most))
+    }
+
     fn with_independent(mean: f64, dof: usize, count: usize, independent: f64) -> Self {
         Self {
             mean,
@@ -203,6 +213,9 @@ mod tests {
         assert_eq!((all.mean, all.count, all.independent), (2.5, 200, 200.0));
         assert_eq!(all.band, mean_band(0.95, 3, 200));
         assert_eq!(Consistency::of_runs([]), None);
+        let repeats = Consistency::of_repeats(runs).unwrap();
+        assert_eq!((repeats.mean, repeats.count, repeats.independent), (2.5, 200, 100.0));
+        assert_eq!(repeats.band, mean_band(0.95, 3, 100));
     }
 
     #[test]

@@ -3,14 +3,19 @@
 //! The error of an estimate is computed in one place, [`Comparison`]; whoever wants it takes its
 //! [`EpochError`].
 
+mod blocks;
 mod comparison;
 mod consistency;
+mod drift;
+mod nees;
 mod reference;
 mod scorer;
 
-pub use comparison::{AttitudeError, Comparison, EpochError, attitude_error};
+pub use blocks::{BlockScore, BlockScorer};
+pub use comparison::{AttitudeError, Comparison, Deviation, EpochError, attitude_error};
 pub use consistency::{Consistency, Verdict};
-pub use reference::{ReferenceEpoch, differentiate};
+pub use drift::{Drift, Outage};
+pub use reference::{ReferenceEpoch, ReferenceSigma, differentiate};
 pub use scorer::{Rules, Scorer};
 
 use serde::Serialize;
@@ -24,9 +29,10 @@ pub struct Axes {
     pub mean: [f64; 3],
     /// Largest magnitude.
     pub max: [f64; 3],
-    /// Mean of the filter's own 3σ.
+    /// Mean of the 3σ that the errors are expected to have: by the filter, and the reference's own.
     pub three_sigma: [f64; 3],
-    /// Share of the errors inside their own 3σ; 0.997 for a consistent Gaussian filter.
+    /// Share of the errors inside that 3σ; 0.997 for a consistent Gaussian filter. Not a number
+    /// for an axis that the filter does not estimate.
     pub inside: [f64; 3],
 }
 
@@ -45,19 +51,6 @@ impl Axes {
     }
 }
 
-/// The drift over one outage.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Drift {
-    /// Start of the outage \[s\].
-    pub from: f64,
-    /// Its end \[s\].
-    pub to: f64,
-    /// Largest horizontal error in it \[m\].
-    pub max_horizontal: f64,
-    /// Largest horizontal error less the one it began with, as vectors \[m\].
-    pub growth: f64,
-}
-
 /// The result.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Score {
@@ -65,9 +58,9 @@ pub struct Score {
     pub epochs: usize,
     /// Position error, north east down \[m\].
     pub position: Option<Axes>,
-    /// RMS of the horizontal error \[m\].
+    /// RMS of the horizontal error \[m\]; not a number without a position.
     pub horizontal_rms: f64,
-    /// Largest horizontal error \[m\].
+    /// Largest horizontal error \[m\]; not a number without a position.
     pub horizontal_max: f64,
     /// Velocity error, north east down \[m/s\].
     pub velocity: Option<Axes>,
@@ -86,6 +79,12 @@ pub struct Score {
     pub nees_velocity: Option<Consistency>,
     /// NEES of attitude, where no mounting was taken out.
     pub nees_attitude: Option<Consistency>,
+    /// Epochs at which the NEES of position, velocity, attitude was not defined: a covariance that
+    /// is not positive semidefinite, a number that is not finite, or fewer directions estimated
+    /// than at other epochs.
+    pub nees_undefined: [usize; 3],
+    /// Each block of the state whose truth a simulation knows.
+    pub blocks: Vec<BlockScore>,
     /// Drift per declared outage.
     pub drift: Vec<Drift>,
     /// RMS over the outages of the largest horizontal error \[m\].

@@ -5,7 +5,7 @@ use fusion_core::time::Time;
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// One epoch of the reference.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct ReferenceEpoch {
     /// Its time.
     pub time: Time,
@@ -15,6 +15,19 @@ pub struct ReferenceEpoch {
     pub velocity: Option<Vector3<f64>>,
     /// Attitude of the reference's body, if it has one.
     pub attitude: Option<UnitQuaternion<f64>>,
+    /// How far it may be wrong itself.
+    pub sigma: ReferenceSigma,
+}
+
+/// 1σ of the reference's own errors; 0 where nothing is known of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ReferenceSigma {
+    /// Of its position, north east down \[m\].
+    pub position: Vector3<f64>,
+    /// Of its velocity, north east down \[m/s\].
+    pub velocity: Vector3<f64>,
+    /// Of its attitude, about the axes of its body \[rad\].
+    pub attitude: Vector3<f64>,
 }
 
 /// Fills in velocities as the slope of a cubic fitted to the positions of `half` epochs on either
@@ -67,8 +80,7 @@ mod tests {
                 ReferenceEpoch {
                     time: Time::from_seconds(t),
                     position: Some(place(5.0 * t + 2.0 * t.powi(3))),
-                    velocity: None,
-                    attitude: None,
+                    ..ReferenceEpoch::default()
                 }
             })
             .collect();

@@ -1,11 +1,12 @@
 //! The score of a run, made as it goes.
 
-use super::comparison::{EpochError, attitude_error};
-use super::{Axes, Consistency, Drift, Score};
-use crate::solution::sigmas;
+use super::comparison::{Deviation, EpochError, attitude_error};
+use super::drift::{Drifts, Outage};
+use super::nees::{NeesSeries, nees};
+use super::{Axes, Score};
 use fusion_core::geometry::so3;
 use fusion_core::time::Time;
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, UnitQuaternion, Vector3};
 
 /// How a run is scored.
 #[derive(Clone, Debug, Default)]
@@ -14,8 +15,8 @@ pub struct Rules {
     pub from: Option<Time>,
     /// Takes the mean rotation between the two bodies out of the attitude errors.
     pub remove_mean_mounting: bool,
-    /// Outage windows whose drift is reported.
-    pub windows: Vec<(Time, Time)>,
+    /// Outages whose drift is reported.
+    pub outages: Vec<Outage>,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -25,13 +26,18 @@ struct Sums {
     squares: Vector3<f64>,
     max: Vector3<f64>,
     sigma: Vector3<f64>,
+    /// Epochs at which the axis was estimated, and those of them with the error inside 3σ.
+    estimated: Vector3<f64>,
     inside: Vector3<f64>,
 }
 
 impl Sums {
-    fn add(&mut self, e: &Vector3<f64>, sigma: &Vector3<f64>) {
+    fn add(&mut self, d: &Deviation) {
+        let (e, sigma) = (&d.error, d.sigma());
+        let is_estimated = Vector3::from(d.is_estimated().map(f64::from));
         self.sigma += sigma;
-        self.inside += e.zip_map(sigma, |e, s| f64::from(e.abs() <= 3.0 * s));
+        self.estimated += is_estimated;
+        self.inside += e.zip_zip_map(&sigma, &is_estimated, |e, s, known| f64::from(e.abs() <= 3.0 * s) * known);
         self.count += 1.0;
         self.sum += e;
         self.squares += e.component_mul(e);
@@ -44,30 +50,8 @@ impl Sums {
             mean: (self.sum / self.count).into(),
             max: self.max.into(),
             three_sigma: (self.sigma * (3.0 / self.count)).into(),
-            inside: (self.inside / self.count).into(),
+            inside: self.inside.component_div(&self.estimated).into(),
         })
-    }
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Window {
-    from: Time,
-    to: Time,
-    first: Option<(f64, f64)>,
-    max: f64,
-    growth: f64,
-    closed: bool,
-}
-
-impl Window {
-    fn add(&mut self, time: Time, e: &Vector3<f64>) {
-        if time > self.to {
-            self.closed = true;
-        } else if time >= self.from {
-            let (n, east) = *self.first.get_or_insert((e.x, e.y));
-            self.max = self.max.max(e.x.hypot(e.y));
-            self.growth = self.growth.max((e.x - n).hypot(e.y - east));
-        }
     }
 }
 
@@ -79,101 +63,88 @@ pub struct Scorer {
     velocity: Sums,
     attitude: Sums,
     horizontal: (f64, f64),
-    attitudes: Vec<(UnitQuaternion<f64>, UnitQuaternion<f64>, Vector3<f64>)>,
-    nees_position: Vec<f64>,
-    nees_velocity: Vec<f64>,
-    nees_attitude: Vec<f64>,
-    windows: Vec<Window>,
+    attitudes: Vec<(UnitQuaternion<f64>, UnitQuaternion<f64>, Deviation)>,
+    nees_position: NeesSeries,
+    nees_velocity: NeesSeries,
+    nees_attitude: NeesSeries,
+    drifts: Drifts,
 }
 
 impl Scorer {
     /// Without an error yet.
     #[must_use]
     pub fn new(rules: Rules) -> Self {
-        let window = |&(from, to): &(Time, Time)| Window {
-            from,
-            to,
-            first: None,
-            max: 0.0,
-            growth: 0.0,
-            closed: false,
-        };
-        let windows = rules.windows.iter().map(window).collect();
         Self {
+            drifts: Drifts::new(&rules.outages),
             rules,
             position: Sums::default(),
             velocity: Sums::default(),
             attitude: Sums::default(),
             horizontal: (0.0, 0.0),
             attitudes: Vec::new(),
-            nees_position: Vec::new(),
-            nees_velocity: Vec::new(),
-            nees_attitude: Vec::new(),
-            windows,
+            nees_position: NeesSeries::default(),
+            nees_velocity: NeesSeries::default(),
+            nees_attitude: NeesSeries::default(),
         }
     }
 
     /// Takes the error at the next epoch of the reference.
     pub fn add(&mut self, error: &EpochError) {
         let counts = self.rules.from.is_none_or(|from| error.time() >= from);
-        if let Some((e, p)) = error.position {
+        if let Some(d) = &error.position {
             if counts {
-                self.position.add(&e, &sigmas(&p));
-                let h = e.x.hypot(e.y);
+                self.position.add(d);
+                let h = d.error.x.hypot(d.error.y);
                 self.horizontal = (self.horizontal.0 + h * h, self.horizontal.1.max(h));
-                self.nees_position.extend(nees(&e, &p));
+                self.nees_position.add(of(d));
             }
-            self.windows.iter_mut().for_each(|w| w.add(error.time(), &e));
+            self.drifts.add(error.time(), &d.error);
         }
         if !counts {
             return;
         }
-        if let Some((e, p)) = error.velocity {
-            self.velocity.add(&e, &sigmas(&p));
-            self.nees_velocity.extend(nees(&e, &p));
+        if let Some(d) = &error.velocity {
+            self.velocity.add(d);
+            self.nees_velocity.add(of(d));
         }
         if let Some(a) = &error.attitude {
-            self.attitudes.push((a.estimate, a.truth, a.sigma));
+            self.attitudes.push((a.estimate, a.truth, a.rpy));
             if !self.rules.remove_mean_mounting {
-                self.attitude.add(&a.rpy.map(f64::to_degrees), &a.sigma.map(f64::to_degrees));
-                self.nees_attitude
-                    .extend(nees(&so3::log(&(a.estimate.inverse() * a.truth)), &a.covariance));
+                self.attitude.add(&in_degrees(&a.rpy));
+                self.nees_attitude.add(of(&a.body));
             }
         }
+    }
+
+    /// Hears that a sensor's measurement, stamped `stamp` and valid at `time`, was used.
+    pub fn used(&mut self, sensor: usize, stamp: Time, time: Time) {
+        self.drifts.used(sensor, stamp, time);
     }
 
     /// The score.
     #[must_use]
     pub fn finish(self) -> Score {
-        let count = self.position.count.max(1.0);
-        let drift: Vec<Drift> = self
-            .windows
-            .iter()
-            .filter(|w| w.closed && w.first.is_some())
-            .map(|w| Drift {
-                from: w.from.seconds(),
-                to: w.to.seconds(),
-                max_horizontal: w.max,
-                growth: w.growth,
-            })
-            .collect();
+        let count = self.position.count;
         let (attitude_deg, mounting_deg) = self.attitude();
         let [heading_rmse_deg, inclination_rmse_deg] = self.heading_and_inclination(mounting_deg);
+        let drift = self.drifts.finish();
         Score {
             epochs: (self.position.count as usize)
                 .max(self.velocity.count as usize)
                 .max(self.attitudes.len()),
             position: self.position.axes(),
             horizontal_rms: (self.horizontal.0 / count).sqrt(),
-            horizontal_max: self.horizontal.1,
+            horizontal_max: if count > 0.0 { self.horizontal.1 } else { f64::NAN },
             velocity: self.velocity.axes(),
             attitude_deg,
             heading_rmse_deg,
             inclination_rmse_deg,
             mounting_deg,
-            nees_position: Consistency::of(&self.nees_position, 3),
-            nees_velocity: Consistency::of(&self.nees_velocity, 3),
-            nees_attitude: Consistency::of(&self.nees_attitude, 3),
+            nees_position: self.nees_position.consistency(),
+            nees_velocity: self.nees_velocity.consistency(),
+            nees_attitude: self.nees_attitude.consistency(),
+            nees_undefined: [&self.nees_position, &self.nees_velocity, &self.nees_attitude].map(NeesSeries::undefined),
+            blocks: Vec::new(),
             drift_rms: (!drift.is_empty())
                 .then(|| (drift.iter().map(|d| d.max_horizontal.powi(2)).sum::<f64>() / drift.len() as f64).sqrt()),
             drift_median: median(drift.iter().map(|d| d.max_horizontal).collect()),
@@ -202,9 +173,9 @@ impl Scorer {
         }
         let mounting = mean_rotation(self.attitudes.iter().map(|(q, truth, _)| q.inverse() * truth));
         let mut sums = Sums::default();
-        for (q, truth, sigma) in &self.attitudes {
-            let e = attitude_error(&(q * mounting), truth);
-            sums.add(&e.map(f64::to_degrees), &sigma.map(f64::to_degrees));
+        for (q, truth, rpy) in &self.attitudes {
+            let error = attitude_error(&(q * mounting), truth);
+            sums.add(&in_degrees(&Deviation { error, ..*rpy }));
         }
         (sums.axes(), Some(so3::to_rpy(&mounting).map(f64::to_degrees).into()))
     }
@@ -231,10 +202,24 @@ fn mean_rotation(rotations: impl Iterator<Item = UnitQuaternion<f64>> + Clone) -
     mean
 }
 
-/// eᵀP⁻¹e, where P can be factored.
-fn nees(e: &Vector3<f64>, p: &Matrix3<f64>) -> Option<f64> {
-    let solved = p.cholesky()?.solve(e);
-    Some(e.dot(&solved))
+/// The NEES of a deviation.
+fn of(d: &Deviation) -> Option<(f64, usize)> {
+    let dense = |m: &Matrix3<f64>| DMatrix::from_column_slice(3, 3, m.as_slice());
+    nees(
+        &DVector::from_column_slice(d.error.as_slice()),
+        &dense(&d.own),
+        &dense(&d.reference),
+    )
+}
+
+/// Of an error in radians.
+fn in_degrees(d: &Deviation) -> Deviation {
+    let degree = 1_f64.to_degrees();
+    Deviation {
+        error: d.error * degree,
+        own: d.own * (degree * degree),
+        reference: d.reference * (degree * degree),
+    }
 }
 
 fn median(mut values: Vec<f64>) -> Option<f64> {
@@ -272,6 +257,7 @@ mod tests {
             position: Some((place(north, east), Matrix3::identity() * 4.0)),
             velocity: Some((Vector3::zeros(), Matrix3::identity())),
             attitude: Some((so3::from_rpy(0.0, 0.0, 0.3), Matrix3::identity())),
+            ..Solution::default()
         }
     }
 
@@ -279,15 +265,15 @@ mod tests {
         ReferenceEpoch {
             time: Time::from_seconds(t),
             position: Some(place(0.0, 0.0)),
-            velocity: None,
             attitude: Some(so3::from_rpy(0.0, 0.0, 0.5)),
+            ..ReferenceEpoch::default()
         }
     }
 
     #[test]
     fn errors_drift_and_nees_of_a_known_run() {
         let rules = Rules {
-            windows: vec![(Time::from_seconds(2.0), Time::from_seconds(3.0))],
+            outages: vec![Outage::of("{ from = 2, to = 3 }", &[])],
             remove_mean_mounting: true,
             ..Rules::default()
         };
@@ -328,8 +314,13 @@ mod tests {
         }
         let truth = so3::from_rpy(0.5, -0.2, 2.0);
         let mut scorer = Scorer::new(Rules::default());
+        let none = Deviation {
+            error: Vector3::zeros(),
+            own: Matrix3::zeros(),
+            reference: Matrix3::zeros(),
+        };
         for turn in [0.03, -0.04] {
-            scorer.attitudes.push((so3::exp(&(down * turn)) * truth, truth, Vector3::zeros()));
+            scorer.attitudes.push((so3::exp(&(down * turn)) * truth, truth, none));
         }
         let score = scorer.finish();
         // √((9 + 16)/2)·1e-2 rad; 1e-12: rounding.

@@ -13,7 +13,7 @@ use fusion_core::time::Time;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 /// Position, velocity and attitude at one instant. What the process does not have is `None`.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Solution {
     /// The instant.
     pub time: Time,
@@ -23,6 +23,9 @@ pub struct Solution {
     pub velocity: Option<(Vector3<f64>, Matrix3<f64>)>,
     /// Attitude q_nb and the covariance of its body-frame error \[rad²\].
     pub attitude: Option<(UnitQuaternion<f64>, Matrix3<f64>)>,
+    /// Covariance of the errors of position and of velocity (rows) with that of attitude; zero
+    /// where one of them is no state.
+    pub with_attitude: [Matrix3<f64>; 2],
 }
 
 impl Solution {
@@ -45,7 +48,16 @@ impl Solution {
                 let turn = so3::log(&(qa.inverse() * qb));
                 (qa * so3::exp(&(turn * fraction)), p)
             }),
+            with_attitude: a.with_attitude,
         }
+    }
+
+    /// The mean angular rate w_nb_b \[rad/s\] from here to `later`; `None` without attitudes or time
+    /// between them.
+    pub(crate) fn rate_to(&self, later: &Self) -> Option<Vector3<f64>> {
+        let ((from, _), (to, _)) = self.attitude.zip(later.attitude)?;
+        let dt = later.time.seconds_since(self.time);
+        (dt > 0.0).then(|| so3::log(&(from.inverse() * to)) / dt)
     }
 
     /// Roll, pitch, yaw \[rad\] and their 1σ.

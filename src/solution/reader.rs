@@ -3,7 +3,7 @@
 use super::Solution;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::model::{Input, Process, SignalBuffer};
-use fusion_core::state::{Attitude, Belief, Layout, Quantity, Velocity};
+use fusion_core::state::{Attitude, Belief, Layout, Quantity, Tangent, Velocity};
 use fusion_models::vocabulary::state;
 use nalgebra::Matrix3;
 use std::sync::Arc;
@@ -70,6 +70,18 @@ impl SolutionReader {
             position: self.position.as_ref().map(|q| (view.get(q), spread(q.place()))),
             velocity: self.velocity.as_ref().map(|q| (view.get(q), spread(q.place()))),
             attitude: self.attitude.as_ref().map(|q| (view.get(q), spread(q.place()))),
+            with_attitude: [
+                between(belief, self.position.as_ref(), self.attitude.as_ref()),
+                between(belief, self.velocity.as_ref(), self.attitude.as_ref()),
+            ],
         }
+    }
+}
+
+/// Covariance of the error of `of` (rows) with that of `attitude`; zero where one of them is no state.
+fn between<M: Tangent<3>>(belief: &Belief, of: Option<&Quantity<M>>, attitude: Option<&Quantity<Attitude>>) -> Matrix3<f64> {
+    match (of, attitude) {
+        (Some(Quantity::State(of)), Some(Quantity::State(attitude))) => belief.covariance.between(*of, *attitude),
+        _ => Matrix3::zeros(),
     }
 }

@@ -1,11 +1,11 @@
 //! The rows of a simulated world.
 
 use super::IMU;
-use super::check::{declared, faults, no_origin};
+use super::check::{faults, no_origin};
 use crate::assembly::{Assembly, imu_stream};
 use crate::config::Diagnostics;
 use crate::design::{Design, Named, SimulationDesign};
-use crate::rows::{FaultChain, Feed, Row, SourceReport, SourceStatistics, Stamp, outage_windows};
+use crate::rows::{FaultChain, Feed, Row, SourceReport, SourceStatistics, Stamp};
 use core::ops::Range;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::runner::StreamId;
@@ -18,7 +18,6 @@ pub struct SimulatedRows {
     simulator: Simulator,
     /// Of each stream of the simulator.
     outlets: Vec<Outlet>,
-    outages: Vec<(Time, Time)>,
     values: Vec<f64>,
 }
 
@@ -53,20 +52,11 @@ impl SimulatedRows {
                 Err(mistakes) => d.extend(mistakes),
             }
         }
-        let streams = simulator.streams().iter();
-        let outages = outage_windows(streams.map(|stream| declared(simulation, &stream.name)), simulator.end());
         d.unless_errors(Self {
             simulator,
             outlets,
-            outages,
             values: Vec::new(),
         })
-    }
-
-    /// The declared outages.
-    #[must_use]
-    pub fn outages(&self) -> Vec<(Time, Time)> {
-        self.outages.clone()
     }
 
     /// The next row, of a stream of the assembly.
@@ -118,6 +108,14 @@ impl SimulatedRows {
 impl Feed for SimulatedRows {
     fn next(&mut self) -> Result<Option<Row<'_>>, Diagnostics> {
         Ok(Self::next(self))
+    }
+
+    fn truth(&self) -> Option<&[f64]> {
+        Some(self.simulator.reference_state())
+    }
+
+    fn is_drawn(&self, block: &str) -> bool {
+        self.simulator.is_drawn(block)
     }
 
     fn disturbable(&self) -> Vec<(StreamId, Range<usize>)> {

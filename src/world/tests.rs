@@ -115,15 +115,6 @@ fn a_stage_between_unit_and_process_reads_the_unit_as_imu() {
 }
 
 #[test]
-fn outages_that_repeat_are_listed_to_the_end_of_the_run() {
-    let gap = "fault.gap = { type = 'outage', window = { from = 2, duration = '1 ms', every = '2 ms' } }";
-    let design = design(STRAPDOWN, gap);
-    let assembly = assemble(&design, declared_streams(&design).unwrap()).unwrap_or_else(|d| panic!("{d}"));
-    let world = SimulatedRows::new(&design, design.simulation.as_ref().unwrap(), &assembly, None).unwrap_or_else(|d| panic!("{d}"));
-    assert_eq!(world.outages().len(), 4000);
-}
-
-#[test]
 fn simulated_rows_arrive_late_and_twice_as_recorded_ones_do() {
     let slow = "fault.slow = { type = 'late', by = '0.25 s', window = { from = 4, duration = '1 ms' } }";
     let (sound, faulty) = (rows(&design(STRAPDOWN, ""), "unit"), rows(&design(STRAPDOWN, slow), "unit"));

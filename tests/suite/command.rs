@@ -1,4 +1,5 @@
 use crate::support::{DESIGN, Workspace, fixes, has, narrow, shows, snapshot, squeezed, stderr, stdout};
+use predicates::prelude::PredicateBooleanExt;
 use predicates::str::contains;
 use serde_json::Value;
 
@@ -65,6 +66,43 @@ fn a_campaign_is_the_same_file_for_any_number_of_threads() {
         rows.len() == 4 && rows[0].starts_with("run,seed,rms_n_m") && rows[1] != rows[2],
         "{one}"
     );
+}
+
+#[test]
+fn runs_that_repeat_each_other_are_not_taken_for_independent_ones() {
+    let w = Workspace::new("command-repeats");
+    let ran = w.fusion(&["montecarlo", "design.toml", "-n", "3"]).success();
+    ran.stderr(contains(
+        "nothing in this design is random: all 3 runs are the same, and count as one",
+    ));
+    let noisy = w.read("design.toml") + "[source.gnss.fault.hum]\ntype = \"noise\"\nsigma = \"1 m\"\nchannel = \"position\"\n";
+    w.write("noisy.toml", noisy);
+    let ran = w.fusion(&["montecarlo", "noisy.toml", "-n", "3"]).success();
+    ran.stderr(contains("the runs share one recorded log and differ by their random faults alone"));
+}
+
+#[test]
+fn parameters_are_scored_against_the_truth_that_the_simulation_drew() {
+    let w = Workspace::new("command-drawn");
+    let design = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/ins-gps.toml");
+    let estimated = "sensor.position.lever_arm={ estimate = true, initial = [0.3, 0, -1], sigma = \"20 cm\" }";
+    let args = ["montecarlo", design, "-n", "4", "--out", "out", "--set", estimated];
+    let drawn = w.fusion(&args).success();
+    shows(drawn, &["NEES gyro_bias", "NEES position.lever_arm", "position.lever_arm x [m]"]);
+    let mut runs = csv::Reader::from_path(w.path("out/runs.csv")).unwrap();
+    let header = runs.headers().unwrap().clone();
+    let column = |name: &str| header.iter().position(|h| h == name).unwrap();
+    let (error, sigma) = (column("position.lever_arm_error_1"), column("position.lever_arm_sigma_1"));
+    let rows: Vec<csv::StringRecord> = runs.records().map(Result::unwrap).collect();
+    let number = |row: &csv::StringRecord, k: usize| row[k].parse::<f64>().unwrap();
+    // Each run draws its own truth, and a filter that is right ends within 4σ of it.
+    assert!(rows.windows(2).all(|w| number(&w[0], error) != number(&w[1], error)));
+    assert!(rows.iter().all(|r| number(r, error).abs() < 4.0 * number(r, sigma)), "{rows:?}");
+    // What was not drawn is truly at its initial value: no proof of a covariance.
+    let fixed = w
+        .fusion(&[&args[..], &["--set", "simulation.draw_parameters=false"]].concat())
+        .success();
+    fixed.stdout(has("NEES position.lever_arm").not()).stdout(has("NEES gyro_bias"));
 }
 
 #[test]

@@ -221,6 +221,14 @@ fn references_faults_and_simulations() {
         "[variant.ekf]",
         "[reference]\nsource = \"truth\"\n\n[variant.ekf]",
     );
+    let own_sigma = "[reference]\nsource = \"truth\"\nsigma.velocity = { from_source = true }\n\n[source.truth]";
+    let truth =
+        DESIGN[DESIGN.find("type = \"csv\"").unwrap()..DESIGN.find("[variant.ekf]").unwrap()].replace("source.gnss", "source.truth");
+    wrong(
+        "reference_without_sigma",
+        "[variant.ekf]",
+        &format!("{own_sigma}\n{truth}\n[variant.ekf]"),
+    );
     wrong(
         "fault_on_unknown_channel",
         "[variant.ekf]",

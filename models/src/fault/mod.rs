@@ -37,7 +37,7 @@ pub use outliers::OutliersSpec;
 pub use ramp::RampSpec;
 pub use scale::ScaleSpec;
 pub use shift::{BiasStepSpec, SpikeSpec};
-pub use window::{Window, Windows};
+pub use window::{Repeated, Window, Windows};
 
 pub use crate::seed::derive_seed;
 

@@ -52,76 +52,51 @@ impl Windows {
     /// The one that `time` lies in; of several, the one that began last.
     #[must_use]
     pub fn containing(&self, time: Time) -> Option<Window> {
-        let found = self.0.iter().filter_map(|r| r.containing(time));
+        let found = self.0.iter().filter_map(|r| r.at(time));
         found.max_by_key(|w| w.from)
     }
 
-    /// Those that begin before `to` and end after `from`, uncut but for the open end, in order
-    /// of time; of a repeated one the first ten thousand.
-    #[must_use]
-    pub fn within(&self, from: Time, to: Time) -> Vec<Window> {
-        let mut found: Vec<Window> = self.0.iter().flat_map(|r| r.windows(from, to).take(MOST_LISTED)).collect();
-        found.sort_by_key(|w| (w.from, w.to));
-        found
+    /// Each stretch that is declared: a single one, or one that repeats.
+    pub fn each(&self) -> impl Iterator<Item = Repeated> {
+        self.0.iter().copied()
     }
 }
 
-/// Of one repetition at most so many windows are listed: every three minutes for 20 days. A
-/// repetition of milliseconds would otherwise fill the memory.
-const MOST_LISTED: usize = 10_000;
-
+/// A stretch of time that comes once, or again and again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Repeated {
+pub struct Repeated {
     first: Window,
     every: Option<i64>,
     until: Time,
 }
 
 impl Repeated {
-    fn contains(&self, time: Time) -> bool {
-        match self.every {
-            None => self.first.from <= time && (time < self.first.to || self.first.to == Time::MAX),
-            Some(_) if time < self.first.from || time >= self.until => false,
-            Some(every) => time.nanos().saturating_sub(self.first.from.nanos()) % every < self.length(),
+    /// Whether `time` lies in it.
+    #[must_use]
+    pub fn contains(&self, time: Time) -> bool {
+        self.at(time).is_some()
+    }
+
+    /// The window that `time` lies in. An end that was left open is [`Time::MIN`] or [`Time::MAX`].
+    ///
+    /// Of a repetition the window is computed, not counted up to: it may have begun decades ago.
+    #[must_use]
+    pub fn at(&self, time: Time) -> Option<Window> {
+        let Window { from, to } = self.first;
+        if time < from || time >= self.until && self.until != Time::MAX {
+            return None;
         }
-    }
-
-    fn containing(&self, time: Time) -> Option<Window> {
-        let skipped = self.every.map_or(0, |every| {
-            let since = time.nanos().saturating_sub(self.first.from.nanos());
-            since / every * every
-        });
-        self.contains(time).then(|| Window {
-            from: self.first.from.shifted(skipped),
-            to: match self.first.to {
-                Time::MAX => self.until,
-                to => to.shifted(skipped).min(self.until),
-            },
-        })
-    }
-
-    fn length(&self) -> i64 {
-        self.first.to.nanos().saturating_sub(self.first.from.nanos())
-    }
-
-    fn windows(self, from: Time, to: Time) -> impl Iterator<Item = Window> {
-        let before = from.nanos().saturating_sub(self.first.from.nanos()).max(0);
-        let skipped = self.every.map_or(0, |every| before / every * every);
-        let mut next = Some(self.first.from.shifted(skipped));
-        core::iter::from_fn(move || {
-            let start = next.filter(|start| *start < to.min(self.until))?;
-            next = self.every.map(|every| start.shifted(every)).filter(|n| *n > start);
-            let end = if self.first.to == Time::MAX {
-                to
-            } else {
-                start.shifted(self.length())
-            };
-            Some(Window {
-                from: start,
-                to: end.min(self.until),
-            })
-        })
-        .filter(move |w| w.to > from)
+        // Both are later than 1677, so that the difference of two fits an unsigned number.
+        let length = to.nanos().abs_diff(from.nanos());
+        let since = time.nanos().abs_diff(from.nanos());
+        let into = self.every.map_or(since, |every| since % every.unsigned_abs());
+        let begun = Time::from_nanos(time.nanos().wrapping_sub_unsigned(into));
+        let to = if to == Time::MAX {
+            Time::MAX
+        } else {
+            Time::from_nanos(begun.nanos().saturating_add_unsigned(length)).min(self.until)
+        };
+        (into < length || to == Time::MAX).then_some(Window { from: begun, to })
     }
 }
 
@@ -238,11 +213,10 @@ mod tests {
         read.map(|h| h.window).map_err(|e| e.message().to_owned())
     }
 
-    fn seconds(windows: &[Window]) -> Vec<(i64, i64)> {
-        windows
-            .iter()
-            .map(|w| (w.from.nanos() / 1_000_000_000, w.to.nanos() / 1_000_000_000))
-            .collect()
+    /// The window at `s` seconds, in whole seconds.
+    fn at(windows: &Windows, s: f64) -> Option<(i64, i64)> {
+        let found = windows.each().find_map(|w| w.at(t(s)))?;
+        Some((found.from.nanos() / 1_000_000_000, found.to.nanos() / 1_000_000_000))
     }
 
     fn t(seconds: f64) -> Time {
@@ -257,15 +231,13 @@ mod tests {
     }
 
     #[test]
-    fn a_repeated_window_is_listed_as_often_as_it_happens() {
+    fn the_window_of_a_repetition_is_found_at_any_time_in_it() {
         let w = read("{ from = 100, to = 115, every = 50, until = 260 }").unwrap();
-        assert_eq!(seconds(&w.within(t(0.0), t(1e4))), [(100, 115), (150, 165), (200, 215), (250, 260)]);
-        assert_eq!(seconds(&w.within(t(160.0), t(200.0))), [(150, 165)]);
+        let listed = [(100, 115), (150, 165), (200, 215), (250, 260)];
         for s in 0..300 {
-            let mut listed = w.within(t(0.0), t(1e4)).into_iter();
-            let listed = listed.find(|w| (w.from..w.to).contains(&t(f64::from(s))));
-            assert_eq!(w.containing(t(f64::from(s))), listed, "{s} s");
-            assert_eq!(w.contains(t(f64::from(s))), listed.is_some(), "{s} s");
+            let expected = listed.into_iter().find(|(from, to)| (*from..*to).contains(&s));
+            assert_eq!(at(&w, s as f64), expected, "{s} s");
+            assert_eq!(w.containing(t(s as f64)).is_some(), expected.is_some(), "{s} s");
         }
     }
 
@@ -273,15 +245,24 @@ mod tests {
     fn open_ends_reach_to_the_ends_of_the_log() {
         let w = read("[{ to = 10 }, { from = 500 }]").unwrap();
         assert!(w.contains(t(-1e6)) && !w.contains(t(10.0)) && w.contains(t(1e9)));
-        assert_eq!(w.within(t(0.0), t(600.0)).last().map(|w| w.to), Some(t(600.0)));
+        let last = w.each().last().and_then(|w| w.at(t(600.0)));
+        assert_eq!(last.map(|w| (w.from, w.to)), Some((t(500.0), Time::MAX)));
         assert!(Windows::default().contains(Time::MIN));
     }
 
     #[test]
-    fn a_repetition_of_milliseconds_does_not_fill_the_memory() {
-        let w = read("{ from = 0, duration = '1 ms', every = '2 ms' }").unwrap();
-        // 5e9 of them.
-        assert_eq!(w.within(t(0.0), t(1e7)).len(), MOST_LISTED);
+    fn a_repetition_has_no_horizon() {
+        // Seconds of Unix time; a minute in every three.
+        let w = read("{ from = 300, duration = 60, every = 180 }").unwrap();
+        let k = 9_737_000;
+        let unix = 300 + 180 * k;
+        assert_eq!(at(&w, (unix + 59) as f64), Some((unix, unix + 60)));
+        assert_eq!(at(&w, (unix + 60) as f64), None);
+        let before = read("{ from = '-500 s', duration = 60, every = 180 }").unwrap();
+        assert_eq!(at(&before, -271.0), Some((-320, -260)));
+        assert_eq!(at(&before, -501.0), None);
+        let last = Windows::default().each().next().and_then(|w| w.at(Time::MAX));
+        assert_eq!(last.map(|w| (w.from, w.to)), Some((Time::MIN, Time::MAX)));
     }
 
     #[test]

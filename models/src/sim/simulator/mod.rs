@@ -295,6 +295,13 @@ impl Simulator {
         &self.reference_state
     }
 
+    /// Whether the true value of a block of the filter's state comes from the world or a draw; any
+    /// other is truly at its declared initial value, which proves nothing of its covariance.
+    #[must_use]
+    pub fn is_drawn(&self, block: &str) -> bool {
+        self.truth.is_drawn(block)
+    }
+
     /// The next row in order of stamps: its stream and its stamp. `None` at the end of the run.
     pub fn next_row(&mut self, out: &mut Vec<f64>) -> Option<(usize, Time)> {
         loop {

@@ -30,6 +30,8 @@ pub(super) struct TrueState {
     frame: LocalFrame,
     known: Vec<Known>,
     parameters: Vec<Parameter>,
+    /// Names of the blocks that are truly at their declared initial value.
+    undrawn: Vec<String>,
     moved: Time,
 }
 
@@ -106,7 +108,7 @@ impl TrueState {
     pub(super) fn new(setup: &Setup<'_>, spec: &SimulationSpec, seed: u64) -> Result<Self, BuildError> {
         let layout = setup.layout;
         let mut x = layout.initial().to_vec();
-        let (mut known, mut parameters) = (Vec::new(), Vec::new());
+        let (mut known, mut parameters, mut undrawn) = (Vec::new(), Vec::new(), Vec::new());
         for block in layout.blocks() {
             if let Some(k) = Known::of(layout, block)? {
                 known.push(k);
@@ -121,6 +123,8 @@ impl TrueState {
                     dynamics,
                     random,
                 });
+            } else {
+                undrawn.push(block.name.clone());
             }
         }
         let part = |wanted: &Channel| match wanted {
@@ -141,6 +145,7 @@ impl TrueState {
             frame: LocalFrame::new(setup.origin),
             known,
             parameters,
+            undrawn,
             moved: Time::default(),
         })
     }
@@ -148,6 +153,11 @@ impl TrueState {
     /// The true state in storage order.
     pub(super) fn state(&self) -> &[f64] {
         &self.x
+    }
+
+    /// Whether the true value of a block comes from the world or a draw.
+    pub(super) fn is_drawn(&self, block: &str) -> bool {
+        !self.undrawn.iter().any(|name| name == block)
     }
 
     /// Where models are evaluated: the true state and the signals there.

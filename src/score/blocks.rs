@@ -1,0 +1,127 @@
+//! Each block of the state against the truth that a simulation drew: biases, lever arms, latencies.
+
+use super::Consistency;
+use super::nees::{NeesSeries, nees};
+use fusion_core::state::{Belief, Block, Layout, StateRole};
+use fusion_core::time::Time;
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+
+/// What became of a block, per axis of its tangent space and in its unit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BlockScore {
+    /// The block.
+    pub name: String,
+    /// Whether it is a parameter or a sensor's error, not moved by the process.
+    pub is_parameter: bool,
+    /// Unit of a tangent coordinate, SI.
+    pub unit: &'static str,
+    /// Root mean square of the error.
+    pub rms: Vec<f64>,
+    /// Mean of the filter's own 3σ.
+    pub three_sigma: Vec<f64>,
+    /// Share of the errors inside their own 3σ; not a number for an axis that is not estimated.
+    pub inside: Vec<f64>,
+    /// The last error: estimate less truth.
+    pub error: Vec<f64>,
+    /// The filter's 1σ there.
+    pub sigma: Vec<f64>,
+    /// NEES of the block.
+    pub nees: Option<Consistency>,
+    /// Epochs at which it was not defined.
+    pub nees_undefined: usize,
+}
+
+/// Scores the blocks of a filter against a true state in its layout.
+#[derive(Debug)]
+pub struct BlockScorer {
+    followers: Vec<Follower>,
+    /// Errors count from here on.
+    from: Option<Time>,
+}
+
+#[derive(Debug)]
+struct Follower {
+    block: Block,
+    count: f64,
+    squares: DVector<f64>,
+    sigmas: DVector<f64>,
+    /// Epochs at which the axis was estimated, and those of them with the error inside 3σ.
+    estimated: DVector<f64>,
+    inside: DVector<f64>,
+    last: (DVector<f64>, DVector<f64>),
+    nees: NeesSeries,
+}
+
+impl BlockScorer {
+    /// Of those blocks of `layout` whose truth `is_known`, from `from` on.
+    #[must_use]
+    pub fn new(layout: &Layout, from: Option<Time>, is_known: impl Fn(&str) -> bool) -> Self {
+        let known = layout.blocks().iter().filter(|b| is_known(&b.name));
+        Self {
+            followers: known.map(Follower::new).collect(),
+            from,
+        }
+    }
+
+    /// Takes an estimate and what is `truth` at its time, in storage order.
+    pub fn add(&mut self, belief: &Belief, truth: &[f64]) {
+        if self.from.is_none_or(|from| belief.time >= from) {
+            self.followers.iter_mut().for_each(|f| f.add(belief, truth));
+        }
+    }
+
+    /// The scores, in order of the layout; none where no estimate was at a time with a known truth.
+    #[must_use]
+    pub fn finish(self) -> Vec<BlockScore> {
+        self.followers.into_iter().filter_map(Follower::finish).collect()
+    }
+}
+
+impl Follower {
+    fn new(block: &Block) -> Self {
+        let none = || DVector::zeros(block.kind.dim());
+        Self {
+            block: block.clone(),
+            count: 0.0,
+            squares: none(),
+            sigmas: none(),
+            estimated: none(),
+            inside: none(),
+            last: (none(), none()),
+            nees: NeesSeries::default(),
+        }
+    }
+
+    fn add(&mut self, belief: &Belief, truth: &[f64]) {
+        let (kind, storage, d) = (self.block.kind, self.block.storage_range(), self.block.kind.dim());
+        let (error, sigma) = &mut self.last;
+        kind.minus(&belief.x[storage.clone()], &truth[storage], error.as_mut_slice());
+        let p = DMatrix::from_row_slice(d, d, &belief.covariance.block(&self.block));
+        *sigma = p.diagonal().map(|v| v.max(0.0).sqrt());
+        let is_estimated = p.diagonal().map(|v| f64::from(v != 0.0));
+        self.count += 1.0;
+        self.squares += error.component_mul(error);
+        self.sigmas += &*sigma;
+        self.inside += error.zip_zip_map(sigma, &is_estimated, |e, s, known| f64::from(e.abs() <= 3.0 * s) * known);
+        self.estimated += is_estimated;
+        self.nees.add(nees(error, &p, &DMatrix::zeros(d, d)));
+    }
+
+    fn finish(self) -> Option<BlockScore> {
+        let Self { block, count, .. } = self;
+        let list = |v: DVector<f64>| v.data.into();
+        (count > 0.0).then(|| BlockScore {
+            name: block.name,
+            is_parameter: block.role != StateRole::Kinematic,
+            unit: block.unit,
+            rms: list((self.squares / count).map(f64::sqrt)),
+            three_sigma: list(self.sigmas * (3.0 / count)),
+            inside: list(self.inside.component_div(&self.estimated)),
+            error: list(self.last.0),
+            sigma: list(self.last.1),
+            nees: self.nees.consistency(),
+            nees_undefined: self.nees.undefined(),
+        })
+    }
+}

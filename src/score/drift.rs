@@ -1,0 +1,262 @@
+//! Drift in declared outages, window by window as the run goes.
+//!
+//! The window of an outage begins with it. It ends where its influence ends: at the end of the
+//! outage, or, if that is later, where the first measurement is valid that was stamped after the
+//! outage, read from the silent source, and used. Until then the estimate goes on without the source.
+//! A measurement that was stamped after the outage but is valid inside it, because of its latency,
+//! belongs to the window: what it does to the estimate before the end of the outage counts. At the
+//! latest a window ends where the next one of its outage begins. Where no sensor reads the source it
+//! ends with the outage.
+
+use fusion_core::time::Time;
+use fusion_models::fault::{Repeated, Window, Windows};
+use nalgebra::Vector3;
+use serde::Serialize;
+use std::collections::VecDeque;
+
+/// The drift over one outage.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Drift {
+    /// Start of the outage \[s\].
+    pub from: f64,
+    /// Its end \[s\].
+    pub to: f64,
+    /// Until when it was scored: where its influence ended \[s\].
+    pub until: f64,
+    /// Largest horizontal error in it \[m\].
+    pub max_horizontal: f64,
+    /// Largest horizontal error less the one it began with, as vectors \[m\].
+    pub growth: f64,
+}
+
+/// A declared outage.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outage {
+    /// When its source is silent.
+    pub windows: Windows,
+    /// The sensors of the scored filter that read the source, by number.
+    pub sensors: Vec<usize>,
+}
+
+/// Measurements that were used since the last epoch at which anything was asked of them.
+#[derive(Clone, Debug, Default)]
+struct Used(VecDeque<(usize, Time, Time)>);
+
+/// One repetition of an outage, and the window that is being scored.
+#[derive(Clone, Debug)]
+struct Tracked {
+    repeated: Repeated,
+    sensors: Vec<usize>,
+    running: Option<Running>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Running {
+    window: Window,
+    /// The time and the horizontal error that it began with.
+    first: (Time, [f64; 2]),
+    /// The last epoch that belongs to it.
+    last: Time,
+    max: f64,
+    growth: f64,
+}
+
+/// The drift of a run in its outages.
+#[derive(Clone, Debug)]
+pub(super) struct Drifts {
+    tracked: Vec<Tracked>,
+    used: Used,
+    found: Vec<Drift>,
+}
+
+impl Drifts {
+    /// Of these outages; those of several sources at the same times are one.
+    pub(super) fn new(outages: &[Outage]) -> Self {
+        let mut tracked: Vec<Tracked> = Vec::new();
+        for outage in outages {
+            for repeated in outage.windows.each() {
+                match tracked.iter_mut().find(|t| t.repeated == repeated) {
+                    Some(known) => known.sensors.extend(&outage.sensors),
+                    None => tracked.push(Tracked {
+                        repeated,
+                        sensors: outage.sensors.clone(),
+                        running: None,
+                    }),
+                }
+            }
+        }
+        Self {
+            tracked,
+            used: Used::default(),
+            found: Vec::new(),
+        }
+    }
+
+    /// A measurement of `sensor`, stamped `stamp` and valid at `time`, was used.
+    pub(super) fn used(&mut self, sensor: usize, stamp: Time, time: Time) {
+        if self.tracked.iter().any(|t| t.sensors.contains(&sensor)) {
+            self.used.0.push_back((sensor, stamp, time));
+        }
+    }
+
+    /// The error at the next epoch of the reference, north east down \[m\].
+    pub(super) fn add(&mut self, time: Time, error: &Vector3<f64>) {
+        for tracked in &mut self.tracked {
+            self.found.extend(tracked.add(time, [error.x, error.y], &self.used));
+        }
+        // Only what was stamped after an outage can end it; of an outage to come, only what is valid
+        // after this epoch can be.
+        let ends: Option<Time> = self.tracked.iter().filter_map(|t| Some(t.running?.window.to)).min();
+        self.used
+            .0
+            .retain(|(_, stamp, valid)| *valid >= time || ends.is_some_and(|to| *stamp >= to));
+    }
+
+    /// The windows that came to an end, in order of their beginnings.
+    pub(super) fn finish(mut self) -> Vec<Drift> {
+        for tracked in &mut self.tracked {
+            self.found
+                .extend(tracked.running.take().filter(|r| r.last >= r.window.to).map(Running::drift));
+        }
+        self.found.sort_by(|a, b| a.from.total_cmp(&b.from).then(a.to.total_cmp(&b.to)));
+        self.found
+    }
+}
+
+impl Tracked {
+    /// The drift of the window that ends before this epoch, if one does.
+    fn add(&mut self, time: Time, at: [f64; 2], used: &Used) -> Option<Drift> {
+        let begins = self.repeated.at(time);
+        let is_another = |r: &Running| begins.is_some_and(|w| w.from != r.window.from);
+        let is_over = |r: &Running| is_another(r) || time > r.window.to && self.ends_by(r.window.to, time, used);
+        let ended = match self.running {
+            Some(running) if is_over(&running) => self.running.take().map(Running::drift),
+            _ => None,
+        };
+        if let (None, Some(window)) = (&self.running, begins) {
+            self.running = Some(Running {
+                window,
+                first: (time, at),
+                last: time,
+                max: 0.0,
+                growth: 0.0,
+            });
+        }
+        if let Some(running) = &mut self.running {
+            running.add(time, at);
+        }
+        ended
+    }
+
+    /// Whether the influence of an outage until `to` has ended by `time`.
+    fn ends_by(&self, to: Time, time: Time, used: &Used) -> bool {
+        let of_source = |(sensor, stamp, valid): &(usize, Time, Time)| self.sensors.contains(sensor) && *stamp >= to && *valid <= time;
+        self.sensors.is_empty() || used.0.iter().any(of_source)
+    }
+}
+
+impl Running {
+    fn add(&mut self, time: Time, [north, east]: [f64; 2]) {
+        let (_, [n, e]) = self.first;
+        self.last = time;
+        self.max = self.max.max(north.hypot(east));
+        self.growth = self.growth.max((north - n).hypot(east - e));
+    }
+
+    fn drift(self) -> Drift {
+        let from = if self.window.from == Time::MIN {
+            self.first.0
+        } else {
+            self.window.from
+        };
+        Drift {
+            from: from.seconds(),
+            to: self.window.to.seconds(),
+            until: self.last.max(self.window.to).seconds(),
+            max_horizontal: self.max,
+            growth: self.growth,
+        }
+    }
+}
+
+#[cfg(test)]
+impl Outage {
+    /// Of a window as it is written in TOML.
+    pub(super) fn of(window: &str, sensors: &[usize]) -> Self {
+        #[derive(serde::Deserialize)]
+        struct Holder {
+            window: Windows,
+        }
+        Self {
+            windows: toml::from_str::<Holder>(&format!("window = {window}")).unwrap().window,
+            sensors: sensors.to_vec(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn t(seconds: f64) -> Time {
+        Time::from_seconds(seconds)
+    }
+
+    /// From and until, and the largest error, of the outages of a run whose error is its time in
+    /// seconds after `start`, with epochs at every tenth of a second.
+    fn run(window: &str, start: f64, used: &[(f64, f64)]) -> Vec<(f64, f64, f64)> {
+        let mut drifts = Drifts::new(&[Outage::of(window, &[1])]);
+        let mut used = used.iter().peekable();
+        for k in 0..1000 {
+            let since = f64::from(k) * 0.1;
+            // What is valid between two epochs was used before the second is told of.
+            while let Some((stamp, valid)) = used.next_if(|(_, valid)| *valid <= since) {
+                drifts.used(0, t(start + 0.5), t(start + 0.5));
+                drifts.used(1, t(start + stamp), t(start + valid));
+            }
+            drifts.add(t(start + since), &Vector3::new(since, 0.0, 9e9));
+        }
+        let round = |v: f64| (v * 1e3).round() / 1e3;
+        let found = drifts.finish();
+        found
+            .iter()
+            .map(|d| (round(d.from - start), round(d.until - start), round(d.max_horizontal)))
+            .collect()
+    }
+
+    #[test]
+    fn a_window_ends_with_the_first_measurement_used_after_it() {
+        // Fixes each second but from 20 to 30 s, used only from 33 s on.
+        let used: Vec<(f64, f64)> = (0..100).map(f64::from).filter(|s| *s < 20.0 || *s > 32.0).map(|s| (s, s)).collect();
+        assert_eq!(run("{ from = 20, to = 30 }", 0.0, &used), [(20.0, 32.9, 32.9)]);
+    }
+
+    #[test]
+    fn a_late_fix_that_is_valid_inside_the_outage_belongs_to_its_window() {
+        // Half a second late: the fix stamped 30.2 s is valid at 29.7 s. The epochs up to 30 s count.
+        let used: Vec<(f64, f64)> = (0..99)
+            .map(|s| f64::from(s) + 0.2)
+            .filter(|s| *s < 20.0 || *s > 30.0)
+            .map(|s| (s, s - 0.5))
+            .collect();
+        assert_eq!(run("{ from = 20, to = 30 }", 0.0, &used), [(20.0, 30.0, 30.0)]);
+    }
+
+    #[test]
+    fn outages_are_scored_at_any_time_of_any_clock() {
+        let used: Vec<(f64, f64)> = (0..100).map(|s| (f64::from(s), f64::from(s))).collect();
+        let expected = [(20.0, 30.0, 30.0), (60.0, 70.0, 70.0)];
+        for start in [0.0, -1e6, 1.7e9] {
+            let window = format!("{{ from = {}, duration = 10, every = 40 }}", start + 20.0 - 40.0 * 1e4);
+            assert_eq!(run(&window, start, &used), expected, "{start}");
+        }
+    }
+
+    #[test]
+    fn a_source_that_never_comes_back_counts_until_the_next_outage_and_to_the_end() {
+        let expected = [(20.0, 59.9, 59.9), (60.0, 99.9, 99.9)];
+        assert_eq!(run("{ from = 20, duration = 10, every = 40 }", 0.0, &[]), expected);
+        // An outage that the run ends in has not been seen to its end.
+        assert_eq!(run("{ from = 95, to = 105 }", 0.0, &[]), []);
+    }
+}

@@ -1,0 +1,142 @@
+//! NEES: an error against its covariance, in the directions that the filter estimates.
+//!
+//! NEES  eᵀ Uᵀ (U S Uᵀ)⁻¹ U e with S = P + R, P that of the filter, R that of the reference
+//! U     an orthonormal basis of the directions in which P is not zero: a planar filter has two
+//!       of a position, one of an attitude. They are the degrees of freedom
+//!
+//! Source: Bar-Shalom, Li, Kirubarajan 2001, §5.4.2.
+
+use super::Consistency;
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+
+/// A variance below this share of the largest is none: rounding of the largest, in a sum of a few
+/// tens of products.
+const ZERO: f64 = 1e-14;
+/// Pivots above this share of the largest variance need no closer look.
+const FULL: f64 = 1e-8;
+
+/// The NEES of `error` with its degrees of freedom, `own` being the covariance by the filter and
+/// `reference` that of what it is compared with; `None` where `own` is not positive semidefinite or
+/// a number is not finite.
+pub(super) fn nees(error: &DVector<f64>, own: &DMatrix<f64>, reference: &DMatrix<f64>) -> Option<(f64, usize)> {
+    let is_finite = error.iter().chain(own.iter()).chain(reference.iter()).all(|v| v.is_finite());
+    if !is_finite {
+        return None;
+    }
+    let largest = own.diagonal().amax();
+    // The pivots of a factor bound the eigenvalues: far from zero, every direction is estimated.
+    let has_all = |l: &DMatrix<f64>| l.diagonal().iter().all(|pivot| pivot * pivot > FULL * largest);
+    if own.clone().cholesky().is_some_and(|factor| has_all(factor.l_dirty())) {
+        let solved = (own + reference).cholesky()?.solve(error);
+        return Some((error.dot(&solved), error.len()));
+    }
+    let SymmetricEigen { eigenvalues, eigenvectors } = SymmetricEigen::new(own.clone());
+    let least = ZERO * eigenvalues.amax();
+    if eigenvalues.iter().any(|v| *v < -least) {
+        return None;
+    }
+    let known: Vec<usize> = (0..error.len()).filter(|k| eigenvalues[*k] > least).collect();
+    if known.is_empty() {
+        return Some((0.0, 0));
+    }
+    let u = eigenvectors.select_columns(&known);
+    let s = u.tr_mul(&((own + reference) * &u));
+    let e = u.tr_mul(error);
+    let solved = s.cholesky()?.solve(&e);
+    Some((e.dot(&solved), known.len()))
+}
+
+/// The NEES of many epochs.
+///
+/// An epoch may have fewer degrees of freedom than the others: before a direction is estimated.
+/// Its NEES has another mean, and is not counted with them.
+#[derive(Clone, Debug, Default)]
+pub(super) struct NeesSeries {
+    values: Vec<f64>,
+    dof: usize,
+    undefined: usize,
+}
+
+impl NeesSeries {
+    /// Takes what [`nees`] found at an epoch.
+    pub(super) fn add(&mut self, found: Option<(f64, usize)>) {
+        match found {
+            Some((value, dof)) if dof > self.dof => {
+                self.undefined += self.values.len();
+                self.values = vec![value];
+                self.dof = dof;
+            }
+            Some((value, dof)) if dof == self.dof && dof > 0 => self.values.push(value),
+            Some((_, 0)) if self.dof == 0 => {}
+            _ => self.undefined += 1,
+        }
+    }
+
+    /// Epochs at which it was not defined, or had fewer degrees of freedom than later.
+    pub(super) const fn undefined(&self) -> usize {
+        self.undefined
+    }
+
+    /// Its mean and band.
+    pub(super) fn consistency(&self) -> Option<Consistency> {
+        Consistency::of(&self.values, self.dof)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(error: &[f64], own: &[f64], reference: f64) -> Option<(f64, usize)> {
+        let n = error.len();
+        let reference = DMatrix::identity(n, n) * reference;
+        nees(&DVector::from_column_slice(error), &DMatrix::from_row_slice(n, n, own), &reference)
+    }
+
+    #[test]
+    fn the_covariance_of_the_reference_is_added_to_that_of_the_filter() {
+        let (value, dof) = of(&[1.0, 2.0], &[2.0, 1.0, 1.0, 3.0], 1.0).unwrap();
+        // eᵀS⁻¹e, S = [3 1; 1 4] of determinant 11: (4·1 − 2·1·2 + 3·4)/11. 1e-14: rounding.
+        assert!((value - 12.0 / 11.0).abs() < 1e-14 && dof == 2, "{value}");
+    }
+
+    #[test]
+    fn what_is_no_state_is_no_degree_of_freedom() {
+        // The velocity of a vehicle that drives north-east: down is no state, nor is across.
+        let (value, dof) = of(&[1.0, 1.0, 7.0], &[0.5, 0.5, 0.0, 0.5, 0.5, 0.0, 0.0, 0.0, 0.0], 0.0).unwrap();
+        // √2 ahead of a variance of 1; 1e-14: rounding.
+        assert!((value - 2.0).abs() < 1e-14 && dof == 1, "{value} {dof}");
+        // The reference's own error does not make it one.
+        let (value, dof) = of(&[1.0, 7.0], &[1.0, 0.0, 0.0, 0.0], 1.0).unwrap();
+        assert!((value - 0.5).abs() < 1e-14 && dof == 1, "{value} {dof}");
+        assert_eq!(of(&[1.0], &[0.0], 0.0), Some((0.0, 0)));
+    }
+
+    #[test]
+    fn where_the_covariance_is_none_there_is_no_nees() {
+        let unsound = [&[1.0, 2.0, 2.0, 1.0], &[-1.0, 0.0, 0.0, 1.0], &[f64::NAN, 0.0, 0.0, 1.0]];
+        for own in unsound {
+            assert_eq!(of(&[1.0, 1.0], own, 9.0), None, "{own:?}");
+        }
+        assert_eq!(of(&[f64::NAN], &[1.0], 0.0), None);
+    }
+
+    #[test]
+    fn epochs_without_the_full_nees_are_counted_apart() {
+        let mut series = NeesSeries::default();
+        for found in [
+            Some((0.0, 0)),
+            Some((9.0, 1)),
+            Some((2.0, 2)),
+            None,
+            Some((4.0, 2)),
+            Some((9.0, 1)),
+            Some((0.0, 0)),
+        ] {
+            series.add(found);
+        }
+        let mean = series.consistency().unwrap();
+        // Not defined: one before all directions were estimated, one unsound, two with fewer again.
+        assert_eq!((mean.mean, mean.dof, mean.count, series.undefined()), (3.0, 2, 2, 4));
+    }
+}
