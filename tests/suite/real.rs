@@ -6,6 +6,7 @@
 use fusion::config::Document;
 use fusion::design::Design;
 use fusion::run::{Options, Summary, run};
+use fusion::score::Score;
 use std::path::{Path, PathBuf};
 
 /// The folder of the data, if it is there.
@@ -54,6 +55,14 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
 }
 
+/// NEES of position and of velocity, 3 being ideal, as required of the recorded logs.
+fn is_honest(score: &Score) {
+    for nees in [score.nees_position.unwrap(), score.nees_velocity.unwrap()] {
+        assert!((1.5..=5.0).contains(&nees.mean) && nees.dof == 3, "{nees:?}");
+    }
+    assert_eq!(score.nees_undefined, [0; 3]);
+}
+
 #[test]
 fn the_car_with_single_point_gnss_is_within_its_bounds() {
     let Some(summary) = real("pntos-car", &[], &[]) else { return };
@@ -65,6 +74,10 @@ fn the_car_with_single_point_gnss_is_within_its_bounds() {
         attitude.rms[0] <= 0.08 && attitude.rms[1] <= 0.08 && attitude.rms[2] <= 0.40,
         "{attitude:?}"
     );
+    // The filter knows its errors: NEES of position and velocity within a factor of 2 of 3, and the
+    // horizontal RMS of before the slow GNSS error was a state, 1.405 m, within 3 %.
+    is_honest(&score);
+    assert!(score.horizontal_rms <= 1.447, "{}", score.horizontal_rms);
     // It starts by itself, at the first fix that moves.
     assert!((130.0..136.0).contains(&summary.started.unwrap()));
 }
@@ -75,9 +88,10 @@ fn the_car_drifts_little_in_a_minute_without_gnss() {
         return;
     };
     assert!(drifts.len() >= 36, "{}", drifts.len());
-    // Bounds of the specification: RMS 9 m, median 6.5 m.
+    // 10 % above RMS 6.09 m and median 3.90 m of before the slow GNSS error was a state; the
+    // specification asks for 9 m and 6.5 m.
     assert!(
-        rms(&drifts) <= 9.0 && drifts[drifts.len() / 2] <= 6.5,
+        rms(&drifts) <= 6.70 && drifts[drifts.len() / 2] <= 4.29,
         "{} {drifts:?}",
         rms(&drifts)
     );
@@ -93,11 +107,12 @@ fn the_drive_with_rtk_is_within_centimetres_between_its_fixes() {
     let Some(summary) = real("rtklib-drive", &[], &[]) else { return };
     let score = summary.score.unwrap();
     assert!(
-        score.epochs > 1300 && score.horizontal_rms <= 0.08,
+        score.epochs > 1300 && score.horizontal_rms <= 0.038,
         "{} of {}",
         score.horizontal_rms,
         score.epochs
     );
+    is_honest(&score);
 }
 
 #[test]
@@ -106,8 +121,9 @@ fn the_drive_drifts_little_in_half_a_minute_without_gnss() {
         return;
     };
     assert!(drifts.len() >= 15, "{}", drifts.len());
+    // 10 % above RMS 4.96 m and median 3.23 m; the specification asks for 16 m and 8 m.
     assert!(
-        rms(&drifts) <= 16.0 && drifts[drifts.len() / 2] <= 8.0,
+        rms(&drifts) <= 5.46 && drifts[drifts.len() / 2] <= 3.55,
         "{} {drifts:?}",
         rms(&drifts)
     );
