@@ -16,6 +16,7 @@ pub mod assembly;
 pub mod campaign;
 pub mod config;
 pub mod design;
+pub mod health;
 mod navigator;
 pub mod observe;
 pub mod output;

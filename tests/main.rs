@@ -21,6 +21,9 @@ mod files;
 /// What gates did to rows that are known to be wrong, and the innovations.
 #[path = "suite/gates.rs"]
 mod gates;
+/// What filters say of themselves: good on good data, degraded or lost before they are astray.
+#[path = "suite/health.rs"]
+mod health;
 /// Designs put together from parts, and how they read when flat.
 #[path = "suite/includes.rs"]
 mod includes;

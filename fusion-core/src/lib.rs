@@ -12,6 +12,7 @@ pub mod covariance;
 pub mod filter;
 pub mod gate;
 pub mod geometry;
+pub mod health;
 pub mod linear;
 pub mod loss;
 pub mod model;

@@ -276,6 +276,7 @@ impl<'a, P> Assembler<'a, P> {
         });
         let filter: Box<dyn Estimator> = Box::new(Filter::new(layout.clone(), process.clone(), design.filter.backend(), largest));
         let mut runner = Runner::new(filter, process.clone(), design.run.reorder.si());
+        runner.set_limits(design.health.limits());
         for stream in &streams {
             runner.add_stream(&stream.name, stream.width());
         }

@@ -2,7 +2,8 @@
 //!
 //! Results go to stdout, everything else to stderr: diagnostics, progress, and only on a terminal
 //! colour. Exit codes: 0 done, 1 standard output could not be written, 2 a mistake in the command
-//! line, the design, the data or the folder to write to, 130 and 143 stopped by SIGINT or SIGTERM.
+//! line, the design, the data or the folder to write to, 3 (with `run --strict`) a filter in ill
+//! health, 130 and 143 stopped by SIGINT or SIGTERM.
 
 mod blocks;
 mod builtin;
@@ -35,8 +36,8 @@ const BASE: &str = "base";
     max_term_width = 100,
     after_help = "Without a command it runs a built-in simulated design, as `fusion run` does.\n\
                   Exit codes: 0 done, 1 standard output cannot be written, 2 a mistake in the command line, the\n\
-                  design, the data or the folder to write to, 130 and 143 stopped by SIGINT or SIGTERM: no\n\
-                  file is changed then."
+                  design, the data or the folder to write to, 3 a filter in ill health (`run --strict`),\n\
+                  130 and 143 stopped by SIGINT or SIGTERM: no file is changed then."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -55,6 +56,9 @@ enum Command {
     /// that were used, and `false` the undisturbed ones that were rejected. Innovations are sensor
     /// minus navigation, before the update; their statistics, and NIS, are those of accepted
     /// measurements from `[reference] from` on. All other counts are of the whole run.
+    ///
+    /// The health of a filter is judged without a reference: good, aligning, coasting (no input),
+    /// degraded or lost, each with its reasons. Its limits are those of the table `[health]`.
     #[command(after_long_help = "\
 Examples:
   fusion run                                     the built-in design, simulated
@@ -63,7 +67,8 @@ Examples:
   fusion run drive.toml --variant ekf --variant position-only
   fusion run drive.toml --set sensor.gnss.gate.probability=0.99 --set filter.backend=ekf
   fusion run drive.toml --set 'sensor.gnss.noise.sigma=[\"1 m\", \"1 m\", \"2 m\"]'
-  fusion run --seed 7                            other random numbers")]
+  fusion run --seed 7                            other random numbers
+  fusion run drive.toml --strict                 exit code 3 unless the filter was in good health")]
     Run(run::RunArgs),
     /// Check a design and show what it resolves to, without running it.
     ///
@@ -318,6 +323,8 @@ enum Failure {
     Mistakes(Diagnostics),
     /// stdout could not be written.
     Output(std::io::Error),
+    /// A filter was not in good health, where that was asked for.
+    Health,
 }
 
 impl From<Diagnostics> for Failure {
@@ -363,6 +370,7 @@ pub fn main() -> ExitCode {
             }
             ExitCode::from(2)
         }
+        Err(Failure::Health) => ExitCode::from(3),
         // The reader of a pipe has seen enough: `fusion schema | head`.
         Err(Failure::Output(e)) if e.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(Failure::Output(e)) => {

@@ -22,6 +22,9 @@ pub(super) struct RunArgs {
     /// Seed of simulated data and random faults, instead of the design's.
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
+    /// Exit code 3 unless every filter was in good health from its alignment to the end.
+    #[arg(long)]
+    strict: bool,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -47,7 +50,9 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
         Some(out) => written(["estimates.csv", "updates.csv", "summary.json", "report.html"].map(|f| out.join(f))),
         None => Section::new("", []).note("Nothing written; `--out DIR` keeps estimates, updates, summary and report."),
     });
-    args.output.print(&page)
+    args.output.print(&page)?;
+    let is_ill = summary.health.iter().any(|h| !h.is_good());
+    if args.strict && is_ill { Err(Failure::Health) } else { Ok(()) }
 }
 
 /// Files that were written.

@@ -3,6 +3,7 @@
 //! ```toml
 //! [run]                 # origin, time span, output
 //! [filter]              # backend
+//! [health]              # what the health of the filter is judged by
 //! [process]             # the process model and its source
 //! [sensor.NAME]         # measurement models with source, noise, gate, loss
 //! [stage.NAME]          # streams into streams; `type = "filter"`: a design of its own
@@ -15,6 +16,7 @@
 
 mod blocks;
 mod filter;
+mod health;
 mod leaders;
 mod names;
 mod nested;
@@ -26,6 +28,7 @@ pub mod schema;
 
 pub use blocks::{Fault, Named, ProcessDesign, SensorCommon, SensorDesign, SimulationDesign, SourceDesign};
 pub use filter::{ChartSpec, FilterSpec, FormSpec, PresetSpec, UpdateSpec};
+pub use health::{FloorSpec, HealthSpec, InnovationsSpec, RejectedSpec, SilentSpec};
 pub use leaders::OnlyWithSpec;
 pub(crate) use nested::TABLES as FILTER_TABLES;
 pub use noise::NoiseSpec;

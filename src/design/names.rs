@@ -5,9 +5,10 @@ use crate::config::{Diagnostic, Diagnostics, Entry, INCLUDE, Node};
 use fusion_models::sim::{IMU, REFERENCE};
 
 /// Tables that may stand at the top of a design.
-pub(super) const TABLES: [&str; 10] = [
+pub(super) const TABLES: [&str; 11] = [
     "run",
     "filter",
+    "health",
     "process",
     "sensor",
     "stage",

@@ -11,7 +11,7 @@ use serde_json::{Map, Value};
 const FILTER: &str = "filter";
 
 /// Tables that a filter inside a stage may have.
-pub(crate) const TABLES: [&str; 5] = ["filter", "process", "sensor", "stage", "initial"];
+pub(crate) const TABLES: [&str; 6] = ["filter", "health", "process", "sensor", "stage", "initial"];
 
 /// A filter of its own: a design inside a design.
 ///
@@ -25,6 +25,8 @@ pub(crate) const TABLES: [&str; 5] = ["filter", "process", "sensor", "stage", "i
 struct FilterStageSpec {
     /// The backend.
     filter: Option<Map<String, Value>>,
+    /// What its health is judged by.
+    health: Option<Map<String, Value>>,
     /// The process model and its source.
     process: Map<String, Value>,
     /// Measurement models by name, each with its source and noise.

@@ -1,8 +1,8 @@
 //! From a document to a design: every table read, every mistake kept.
 
 use super::{
-    Fault, FilterSpec, Named, ProcessDesign, ReferenceSpec, RunSpec, SensorCommon, SensorDesign, SimulationDesign, SourceDesign, leaders,
-    names, nested,
+    Fault, FilterSpec, HealthSpec, Named, ProcessDesign, ReferenceSpec, RunSpec, SensorCommon, SensorDesign, SimulationDesign,
+    SourceDesign, leaders, names, nested,
 };
 use crate::config::{Diagnostic, Diagnostics, Document, Entry, Node, Value, did_you_mean};
 use fusion_models::block::{InitialiserSpec, StageSpec};
@@ -21,6 +21,8 @@ pub struct Design<P = Named<ProcessDesign>> {
     pub run: RunSpec,
     /// `[filter]`.
     pub filter: FilterSpec,
+    /// `[health]`.
+    pub health: HealthSpec,
     /// `[process]`.
     pub process: P,
     /// `[sensor.*]`, those enabled.
@@ -102,6 +104,7 @@ impl Draft {
     pub(super) fn filter(document: Document, run: RunSpec, d: &mut Diagnostics) -> Self {
         let root = document.root().clone();
         let filter = root.get("filter").map_or_else(|| Some(FilterSpec::default()), |n| n.read(d));
+        let health = read_health(&root, d);
         let process = read_process(&root, d);
         let (sensors, unread_sensors) = each(&root, "sensor", d, read_sensor);
         let (mut stages, mut filters) = (Vec::new(), Vec::new());
@@ -118,6 +121,7 @@ impl Draft {
             document,
             run,
             filter: filter.unwrap_or_default(),
+            health,
             process,
             sensors: sensors.into_iter().filter(|s| s.block.common.enabled != Some(false)).collect(),
             stages,
@@ -147,6 +151,7 @@ impl Draft {
                 document: self.document,
                 run: self.run,
                 filter: self.filter,
+                health: self.health,
                 sensors: self.sensors,
                 stages: self.stages,
                 filters: self.filters,
@@ -275,6 +280,15 @@ where
     let block = own.read_block(role, &registry::names(registered), d)?;
     let enabled = common?.enabled != Some(false);
     Some(Optional { enabled, block })
+}
+
+fn read_health(root: &Node, d: &mut Diagnostics) -> HealthSpec {
+    let node = root.get("health");
+    let read: Option<HealthSpec> = node.and_then(|node| node.read(d));
+    if let (Some(node), Some(health)) = (node, &read) {
+        health.check(node, d);
+    }
+    read.unwrap_or_default()
 }
 
 fn read_process(root: &Node, d: &mut Diagnostics) -> Option<Named<ProcessDesign>> {

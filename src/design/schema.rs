@@ -9,7 +9,7 @@
 //! Not here  units and ranges beyond what JSON Schema can say: those are checked on reading
 
 use crate::config::INCLUDE;
-use crate::design::{FILTER_TABLES, FilterSpec, NoiseSpec, OnlyWithSpec, ReferenceSpec, RunSpec};
+use crate::design::{FILTER_TABLES, FilterSpec, HealthSpec, NoiseSpec, OnlyWithSpec, ReferenceSpec, RunSpec};
 use fusion_models::registry::{self, Registration, Role};
 use fusion_models::sim::SimulationSpec;
 use schemars::{JsonSchema, schema_for};
@@ -32,6 +32,7 @@ pub fn design() -> Value {
     let sections = [
         ("run", s.of::<RunSpec>("run")),
         ("filter", s.of::<FilterSpec>("filter")),
+        ("health", s.of::<HealthSpec>("health")),
         ("process", s.any(Role::Process, "The process model: what moves the state.")),
         (
             "sensor",

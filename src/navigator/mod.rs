@@ -6,6 +6,8 @@ pub use error::FeedError;
 
 use crate::assembly::{Assembly, StreamLayout, assemble, declared_streams};
 use crate::config::{Diagnostics, Document, Files};
+use crate::health::{Health, NamedReason, Names};
+use crate::observe::Filters;
 use crate::run::examine::build;
 use crate::solution::{Solution, SolutionReader};
 use fusion_core::runner::{Event, Observer, Row, RunError, StreamId};
@@ -47,6 +49,7 @@ pub struct Navigator {
     reader: SolutionReader,
     /// Rows fed so far, per stream.
     counts: Vec<u64>,
+    names: Names,
 }
 
 impl Navigator {
@@ -101,7 +104,14 @@ impl Navigator {
     pub fn from_assembly(assembly: Assembly) -> Self {
         let reader = SolutionReader::new(&assembly.layout, assembly.process.clone());
         let counts = vec![0; assembly.streams.len()];
-        Self { assembly, reader, counts }
+        let filters = Filters::of(&assembly);
+        let names = filters.outermost().map(|own| Names::new(own, &assembly)).unwrap_or_default();
+        Self {
+            assembly,
+            reader,
+            counts,
+            names,
+        }
     }
 
     /// The number of a stream, for [`Navigator::feed_stream`].
@@ -188,6 +198,19 @@ impl Navigator {
     #[must_use]
     pub fn belief(&self) -> Option<&Belief> {
         self.assembly.runner.started().then(|| self.assembly.runner.belief())
+    }
+
+    /// How far the estimate can be believed. Changes are told to the observer of
+    /// [`Navigator::feed_stream`], of filters inside stages too.
+    #[must_use]
+    pub fn health(&self) -> &Health {
+        self.assembly.runner.health()
+    }
+
+    /// The reasons for the health, in the names of the design.
+    #[must_use]
+    pub fn health_reasons(&self) -> Vec<NamedReason> {
+        self.health().reasons.iter().map(|r| self.names.of(*r)).collect()
     }
 
     /// What the filter still waits for before it can start: initialiser and reason.

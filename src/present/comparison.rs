@@ -1,5 +1,6 @@
 //! Several runs beside each other.
 
+use super::health;
 use super::judged::NEES;
 use super::run::NED;
 use super::sensors::{count_columns, counts, sum};
@@ -31,11 +32,13 @@ pub fn sections(runs: &[(&str, &Summary)]) -> Vec<Section> {
         s.velocity.map_or_else(Vec::new, |a| a.rms.map(Cell::Real).into())
     });
     let attitude = of_score(attitude_columns(), attitude);
+    let healths = runs.iter().filter_map(|(name, s)| Some((*name, s.health.first()?)));
     vec![
         Section::new(format!("Position against the reference{drift}"), position),
         Section::new("Velocity against the reference", velocity),
         Section::new("Attitude against the reference", attitude),
         Section::new("Measurements of all sensors together", [measurements(runs)]),
+        Section::new("Health, share of the time", [health::shares("run", healths)]),
         Section::new("Consistency (3 is expected), filter time per epoch", [consistency(runs)]),
     ]
 }

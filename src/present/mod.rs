@@ -10,6 +10,7 @@
 
 pub mod campaign;
 pub mod comparison;
+pub mod health;
 pub mod html;
 pub mod json;
 mod judged;

@@ -1,5 +1,6 @@
 //! The result of one run.
 
+use super::health;
 use super::judged::{NEES, axis_name, consistency, is_judged_as_block};
 use super::sensors::{count_columns, counts, residual_rows, row_name};
 use super::text;
@@ -34,7 +35,7 @@ impl Summary {
         Page {
             title: self.description.clone(),
             warnings: self.warnings(),
-            sections: [self.facts(), self.data()]
+            sections: [self.facts(), health::section(&self.health), self.data()]
                 .into_iter()
                 .chain(self.measurements())
                 .chain(self.errors())
@@ -47,6 +48,13 @@ impl Summary {
     #[must_use]
     pub fn facts(&self) -> Section {
         let mut t = Table::list();
+        for health in &self.health {
+            let name = match health.filter.as_str() {
+                "" => "health".to_owned(),
+                filter => format!("health of `{filter}`"),
+            };
+            t.row([name, health::line(health)]);
+        }
         t.row(["backend", &self.backend]);
         match self.started {
             Some(at) => t.row_in(Unit::of_si("s"), [Cell::text("started"), Cell::Fixed(at, 3)]),
@@ -175,6 +183,7 @@ impl Summary {
                 waits => format!("the filter never started: {waits}"),
             });
         }
+        all.extend(health::warnings(&self.health));
         for s in self.sources.iter().filter(|s| s.used == 0) {
             all.push(format!("source `{}` delivered no rows ({} read)", s.name, s.rows));
         }

@@ -3,6 +3,7 @@
 use super::page::Run;
 use super::recording::{InputTrack, Quantity, SensorTrack, mounted_attitude};
 use super::trace::{Columns, Samples, Trace};
+use crate::health::{FilterHealth, State};
 use crate::present::{Unit, residual_rows};
 use crate::run::Summary;
 use fusion_core::geometry::so3;
@@ -32,6 +33,8 @@ struct RunData {
     sensors: Vec<SensorData>,
     inputs: Vec<InputData>,
     outages: Vec<(f64, f64)>,
+    /// From, to and state of the design's own filter, where it was coasting or worse.
+    health: Vec<(f64, f64, &'static str)>,
 }
 
 #[derive(Serialize)]
@@ -208,6 +211,7 @@ impl Share {
             true_path: points(&r.true_path),
             sensors: sensors.map(|s| self.sensor(s, run.summary, &shift)).collect(),
             inputs: r.inputs.iter().filter(|i| !i.trace.is_empty()).map(|i| self.input(i)).collect(),
+            health: ill_health(run.summary),
             outages: run.summary.score.iter().flat_map(|s| &s.drift).map(|d| (d.from, d.to)).collect(),
         }
     }
@@ -259,6 +263,13 @@ impl Share {
             table: TableData::of_trace(&i.trace, self.capacity, &[], true),
         }
     }
+}
+
+/// When the design's own filter was coasting, degraded or lost.
+fn ill_health(summary: &Summary) -> Vec<(f64, f64, &'static str)> {
+    let spells = summary.health.first().map(FilterHealth::spells).unwrap_or_default();
+    let ill = spells.into_iter().filter(|s| s.state >= State::Coasting);
+    ill.map(|s| (s.from, s.to, s.state.word())).collect()
 }
 
 /// RFC 4648, padded.

@@ -106,7 +106,11 @@ fn result(runs: &[Run<'_>]) -> Markup {
 fn compared(runs: &[Run<'_>]) -> Markup {
     match runs {
         [] => html! {},
-        [run] => sections(&run.summary.errors()),
+        [run] => {
+            let health = crate::present::health::section(&run.summary.health);
+            let all: Vec<_> = [health].into_iter().chain(run.summary.errors()).collect();
+            sections(&all)
+        }
         _ => {
             let named: Vec<_> = runs.iter().map(|r| (r.name, r.summary)).collect();
             sections(&comparison::sections(&named))

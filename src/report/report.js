@@ -23,6 +23,9 @@
   const span = data.span.map(t => t - zero);
   if (!(span[1] > span[0])) span[1] = span[0] + 1;
   const outages = runs[0] ? runs[0].outages.map(w => w.map(t => t - zero)) : [];
+  /** Colours of ill health, from bad to worse. */
+  const ill = { coasting: "run3", degraded: "denied", lost: "bad" };
+  const health = runs[0] ? runs[0].health.map(([a, b, state]) => [a - zero, b - zero, state]) : [];
   const empty = d => d.t.length === 0 || !d.c.some(c => c.some(v => v === v));
   const plus = (a, b, k) => a.map((v, i) => v + k * b[i]);
   /** Index of the sample nearest to time t. */
@@ -206,12 +209,19 @@
     }
     if (s.kind === "cross") ctx.stroke(); else ctx.fill();
   });
-  /** Outages in grey behind the curves; the gate's mode above them. */
+  /** Outages in grey behind the curves, ill health as a band at their foot; the gate's mode above them. */
   const shades = u => clip(u, ctx => {
     ctx.fillStyle = color("shade");
     for (const [a, b] of outages) {
       const x = u.valToPos(a, "x", true);
       ctx.fillRect(x, u.bbox.top, u.valToPos(b, "x", true) - x, u.bbox.height);
+    }
+    const px = uPlot.pxRatio, worst = Object.keys(ill);
+    for (const [a, b, state] of health) {
+      // The worse stands out by height too, not by colour alone.
+      const x = u.valToPos(a, "x", true), height = (3 + 3 * worst.indexOf(state)) * px;
+      ctx.fillStyle = color(ill[state]);
+      ctx.fillRect(x, u.bbox.top + u.bbox.height - height, Math.max(u.valToPos(b, "x", true) - x, px), height);
     }
   });
   const strips = (u, spec) => {
@@ -349,7 +359,8 @@
   };
 
   const truth = q => runs.map(r => r.quantities[q].truth).find(t => !empty(t));
-  const hasOutages = outages.length ? [["shade", "shade", "outage"]] : [];
+  const states = Object.keys(ill).filter(state => health.some(h => h[2] === state));
+  const shaded = (outages.length ? [["shade", "shade", "outage"]] : []).concat(states.map(s => ["block", ill[s], s]));
   const names = runs.map(r => r.name);
   const label = (i, text) => several ? names[i] : text;
   /** Both edges of a band of that half width, about a curve or about 0. */
@@ -410,7 +421,7 @@
     entries.push(["band", several ? "soft" : "run0", "±3σ"]);
     if (fixes.some(s => s.used.t.length)) entries.push(["dot", "fix", "fix"]);
     if (fixes.some(s => s.rejected.t.length)) entries.push(["cross", "bad", "rejected fix"]);
-    const grid = section(name.toLowerCase(), errors ? `${name} and its error` : name, entries.concat(hasOutages), !errors);
+    const grid = section(name.toLowerCase(), errors ? `${name} and its error` : name, entries.concat(shaded), !errors);
     axes.forEach((axis, a) => {
       const series = [], wrong = [];
       painted.forEach(([r, i]) => { const d = r.quantities[q].estimate; if (!empty(d)) band(series, i, d.t, d.c[a + 3], d.c[a]); });
@@ -443,7 +454,7 @@
       if (all.some(s => !s.updates.c[1]?.every(v => v !== v))) entries.push(["cross", several ? "soft" : "bad", "rejected"]);
       entries.push(["dash", "soft", "expected mean"]);
       if (all.some(s => s.gated)) entries.push(["gate", "bad", "gate"], ["block", "track", "gate in track"], ["block", "denied", "gate in denial"]);
-      const grid = section("innovations", "Innovations and gates", entries.concat(hasOutages));
+      const grid = section("innovations", "Innovations and gates", entries.concat(shaded));
       for (const name of sensors) {
         const own = painted.map(([r, i]) => ({ i, s: r.sensors.find(s => s.name === name) })).filter(o => o.s);
         const size = i => 1.6 + 0.4 * Math.min(i, 4);
@@ -488,7 +499,7 @@
     if (inputs.length) {
       const triple = inputs.some(i => i.table.c.length === 3);
       const entries = triple ? [["line", "run0", "x or north"], ["line", "run1", "y or east"], ["line", "run2", "z or down"]] : [];
-      const grid = section("data", "Sensor data", entries.concat(hasOutages));
+      const grid = section("data", "Sensor data", entries.concat(shaded));
       for (const i of inputs) {
         const three = i.table.c.length === 3;
         const series = i.table.c.map((y, k) => ({ kind: "line", t: i.table.t, y, color: runColor(k), width: 1.25, label: three ? "xyz"[k] : "" }));

@@ -14,6 +14,7 @@ pub use summary::{FinalState, InsideScore, Summary};
 use crate::assembly::{Assembly, assemble, declared_streams, imu_stream};
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::{Design, Named, ReferenceSpec};
+use crate::health::HealthRecord;
 use crate::observe::{Counters, FilterScore, Filters, Finals, Heard, Hub, RunObserver, Statistics, Timing};
 use crate::rows::{Feed, outages as silences};
 use crate::score::Outage;
@@ -94,6 +95,7 @@ impl<'a> Run<'a> {
         let mut counters = Counters::default();
         let mut statistics = Statistics::new(&filters, from, &self.data.rows.disturbable());
         let mut finals = Finals::new(&filters);
+        let mut health = HealthRecord::new(&filters, &self.assembly);
         let scored = filters.iter().filter(|_| !reference.is_empty());
         let outages = outages(self.design, &self.assembly);
         let rules = |filter: &Heard| reference.rules(self.design, if filter.is_outermost() { &outages } else { &[] });
@@ -105,6 +107,7 @@ impl<'a> Run<'a> {
         hub.add(&mut counters);
         hub.add(&mut statistics);
         hub.add(&mut finals);
+        hub.add(&mut health);
         scores.iter_mut().for_each(|score| hub.add(score));
         files.estimates.iter_mut().for_each(|file| hub.add(file));
         files.updates.iter_mut().for_each(|file| hub.add(file));
@@ -123,6 +126,7 @@ impl<'a> Run<'a> {
         let summary = Summary {
             description: self.design.run.description.clone(),
             backend: self.design.filter.backend_name(),
+            health: health.finish(),
             started: counters.started,
             waiting: if has_started { Vec::new() } else { runner.waits_for() },
             epochs: counters.epochs,

@@ -1,5 +1,6 @@
 //! What a run results in.
 
+use crate::health::FilterHealth;
 use crate::observe::SensorStatistics;
 use crate::rows::SourceStatistics;
 use crate::score::Score;
@@ -41,6 +42,8 @@ pub struct Summary {
     pub description: String,
     /// The backend: chart, update, form.
     pub backend: String,
+    /// What the filters said of themselves: the design's own first, then those inside stages.
+    pub health: Vec<FilterHealth>,
     /// When the filter started \[s\]; none if it never did.
     pub started: Option<f64>,
     /// What it was still waiting for at the end.

@@ -1,6 +1,7 @@
 //! What the runner tells: typed events, to observers that are independent of each other.
 
 use crate::filter::{FilterError, Step, Update};
+use crate::health::Health;
 use crate::runner::StreamId;
 use crate::state::Belief;
 use crate::time::Time;
@@ -126,6 +127,11 @@ pub enum Event<'a> {
     Failed {
         /// Why.
         error: FilterError,
+    },
+    /// The filter's health has changed: its state, or the reasons for it.
+    Health {
+        /// What it is now.
+        health: &'a Health,
     },
     /// An event of a filter inside a stage.
     Nested {

@@ -17,6 +17,7 @@ mod parts;
 mod rows;
 mod serving;
 mod stages;
+mod watching;
 
 pub use event::{Discard, Event, Halt, Observer, Observers, RowId};
 pub use nested::{Nested, Outlet};

@@ -6,6 +6,7 @@ use super::rows::{Consumer, Entry, Queue, Row, Rows};
 use super::{Discard, Event, Halt, InitialiserUnit, Observer, Port, RunError, Sensor, StageUnit, StreamId, WrongWidth};
 use crate::filter::Estimator;
 use crate::gate::Outcome;
+use crate::health::{Limits, Monitor};
 use crate::model::Process;
 use crate::state::Belief;
 use crate::time::{Time, nanos};
@@ -63,6 +64,9 @@ pub struct Runner {
     pub(super) noise: Vec<f64>,
     pub(super) process: Arc<dyn Process>,
     pub(super) estimator: Box<dyn Estimator>,
+    pub(super) limits: Limits,
+    /// None before the first row, and while a row is processed.
+    pub(super) monitor: Option<Box<Monitor>>,
 }
 
 impl Runner {
@@ -97,6 +101,8 @@ impl Runner {
             noise: Vec::new(),
             process,
             estimator,
+            limits: Limits::DEFAULT,
+            monitor: None,
         }
     }
 
@@ -234,10 +240,7 @@ impl Runner {
     }
 
     /// Takes a row and processes everything it completes.
-    ///
-    /// # Errors
-    /// A row of the wrong width, which changes nothing; an observer that cannot go on.
-    pub fn feed(&mut self, row: &Row<'_>, observer: &mut dyn Observer) -> Result<(), RunError> {
+    pub(super) fn take_row(&mut self, row: &Row<'_>, observer: &mut dyn Observer) -> Result<(), RunError> {
         let (wanted, found) = (self.streams.get(row.stream).map_or(0, |s| s.width), row.values.len());
         if found != wanted {
             return Err(WrongWidth { wanted, found }.into());
@@ -250,10 +253,7 @@ impl Runner {
     }
 
     /// Processes everything that has been held back: the end of the log.
-    ///
-    /// # Errors
-    /// An observer that cannot go on.
-    pub fn finish(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
+    pub(super) fn take_end(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
         self.listen(observer);
         self.drain(Time::MAX, observer)?;
         self.finish_stages(observer)?;

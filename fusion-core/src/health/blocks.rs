@@ -1,0 +1,118 @@
+//! Whether the belief itself is plausible: calibration near what was declared, σ above its floor.
+
+use super::pulse::Held;
+use super::{Limits, Reason};
+use crate::state::{Belief, Block, Dynamics, Kind, Layout, StateRole};
+use crate::time::Time;
+use std::sync::Arc;
+
+/// Follows the blocks of the layout.
+#[derive(Clone, Debug)]
+pub(super) struct Blocks {
+    layout: Arc<Layout>,
+    start: Time,
+    /// State and variance at the start; a variance no smaller than the one declared.
+    initial: Vec<f64>,
+    variance: Vec<f64>,
+    /// By block.
+    held: Vec<Held>,
+    difference: Vec<f64>,
+}
+
+impl Blocks {
+    pub(super) fn new(layout: &Layout) -> Self {
+        Self {
+            layout: Arc::new(layout.clone()),
+            start: Time::MIN,
+            initial: layout.initial().to_vec(),
+            variance: vec![0.0; layout.dim()],
+            held: vec![Held::default(); layout.blocks().len()],
+            difference: vec![0.0; layout.dim()],
+        }
+    }
+
+    /// The filter starts from this belief.
+    pub(super) fn start(&mut self, belief: &Belief) {
+        self.start = belief.time;
+        self.initial.clone_from(&belief.x);
+        for b in self.layout.blocks() {
+            let declared = b.sigma.iter().map(|s| s * s);
+            let both = declared.zip(belief.covariance.variances(b));
+            for (out, (declared, written)) in self.variance[b.tangent_range()].iter_mut().zip(both) {
+                *out = declared.max(written);
+            }
+        }
+        self.held.fill(Held::default());
+    }
+
+    /// Whether no axis of the attitude has a 1σ above `allowed`.
+    pub(super) fn attitude_within(&self, belief: &Belief, allowed: f64) -> bool {
+        let mut attitudes = self.layout.blocks().iter().filter(|b| is_angle(b));
+        attitudes.all(|b| belief.covariance.variances(b).all(|v| v <= allowed * allowed))
+    }
+
+    /// Judges a belief.
+    pub(super) fn hear(&mut self, belief: &Belief, limits: &Limits) {
+        let elapsed = belief.time.seconds_since(self.start);
+        let Self {
+            layout,
+            initial,
+            variance,
+            held,
+            difference,
+            ..
+        } = self;
+        for (b, held) in layout.blocks().iter().zip(held) {
+            let holds = match b.role {
+                StateRole::Kinematic => {
+                    let floor = floor(b, limits).powi(2);
+                    belief.covariance.variances(b).any(|v| v < floor)
+                }
+                StateRole::Calibration => {
+                    let difference = &mut difference[b.tangent_range()];
+                    b.kind.minus(&belief.x[b.storage_range()], &initial[b.storage_range()], difference);
+                    let allowed = variance[b.tangent_range()]
+                        .iter()
+                        .enumerate()
+                        .map(|(k, v)| v + wandered(b, k, elapsed));
+                    let is_far = |(d, v): (&f64, f64)| v > 0.0 && d.powi(2) > limits.calibration.powi(2) * v;
+                    difference.iter().zip(allowed).any(is_far)
+                }
+                StateRole::Nuisance => false,
+            };
+            held.hear(belief.time, holds);
+        }
+    }
+
+    /// Puts what is told at `now` into `reasons`.
+    pub(super) fn tell(&self, now: Time, limits: &Limits, reasons: &mut Vec<Reason>) {
+        let told = self.held.iter().enumerate().filter(|(_, held)| held.is_told(now, limits));
+        reasons.extend(told.map(|(block, _)| match self.layout.blocks()[block].role {
+            StateRole::Kinematic => Reason::Floor { block },
+            _ => Reason::Calibration { block },
+        }));
+    }
+}
+
+/// Variance of what axis `k` of a block has wandered by itself in `elapsed` seconds.
+fn wandered(block: &Block, k: usize, elapsed: f64) -> f64 {
+    match &block.dynamics {
+        Dynamics::Process | Dynamics::Constant => 0.0,
+        Dynamics::RandomWalk { psd } => psd[k] * elapsed,
+        Dynamics::GaussMarkov { sigma, .. } => sigma[k] * sigma[k],
+    }
+}
+
+fn is_angle(block: &Block) -> bool {
+    block.role == StateRole::Kinematic && matches!(block.kind, Kind::Attitude | Kind::Angle)
+}
+
+/// The least 1σ of a kinematic block; 0 of one that is neither position, velocity nor attitude.
+fn floor(block: &Block, limits: &Limits) -> f64 {
+    match block.kind {
+        Kind::Geodetic | Kind::Position => limits.floor.position,
+        Kind::Velocity => limits.floor.velocity,
+        Kind::Attitude | Kind::Angle => limits.floor.attitude,
+        Kind::Scalar | Kind::Vector(_) => 0.0,
+    }
+}

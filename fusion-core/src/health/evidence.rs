@@ -1,0 +1,202 @@
+//! What one sensor says for or against the belief.
+
+use super::pulse::{Held, Pulse};
+use super::{Limits, Reason, Watched};
+use crate::consistency::chi_square_quantile;
+use crate::filter::{Update, Verdict};
+use crate::time::Time;
+
+/// The least number of measurements that innovations are averaged over.
+const WINDOW: f64 = 10.0;
+/// One measurement alone counts for at most so much of the limit: it takes three.
+const SHARE: f64 = 1.0 / 2.5;
+/// The mean grows to so much of the limit and no further, so that good measurements bring it back
+/// within half of what it is averaged over.
+const MOST: f64 = 1.5;
+/// Rejections in a row that count.
+const STREAK: u32 = 3;
+/// Measurements used after a re-acquisition before the sensor is trusted as before.
+const PROVEN: u32 = 5;
+/// A pause of so many periods ends a streak of rejections.
+const PAUSE: f64 = 10.0;
+/// What a consistent filter would see: beyond it a rejected residual contradicts the estimate's σ.
+const EXPECTED: f64 = 0.999;
+
+/// The mean NIS per residual row, forgetting exponentially, of which no single one has too much of
+/// a share.
+#[derive(Clone, Copy, Debug)]
+struct Mean {
+    value: f64,
+    limit: f64,
+}
+
+impl Mean {
+    /// With the limit as a root mean square.
+    const fn new(limit: f64) -> Self {
+        Self {
+            value: 1.0,
+            limit: limit * limit,
+        }
+    }
+
+    fn add(&mut self, nis_per_row: f64, window: f64) {
+        let most = self.limit * window * SHARE;
+        // `min` takes what is not a number for the most.
+        self.value += (nis_per_row.min(most) - self.value) / window;
+        self.value = self.value.min(MOST * self.limit);
+    }
+
+    fn is_beyond(&self) -> bool {
+        self.value > self.limit
+    }
+}
+
+/// Rejections in a row whose residuals the covariance does not explain.
+#[derive(Clone, Copy, Debug)]
+struct Streak {
+    first: Time,
+    latest: Time,
+    count: u32,
+}
+
+/// What the sensors from outside say together.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Others {
+    /// When one of them was used last.
+    pub(super) supported: Option<Time>,
+    /// How many of them are being rejected,
+    pub(super) rejected: usize,
+    /// and how many have been for so long that the filter may be lost.
+    pub(super) rejected_long: usize,
+}
+
+impl Streak {
+    /// Whether it is long enough.
+    fn lasts(&self, time: f64) -> bool {
+        self.count >= STREAK && self.latest.seconds_since(self.first) >= time
+    }
+}
+
+/// Follows one sensor.
+#[derive(Clone, Debug)]
+pub(super) struct Evidence {
+    /// Whether its rows come from outside: not from a stage, which may have reasons to be silent,
+    /// and whose rows are often no measurement.
+    pub(super) is_outside: bool,
+    rows: f64,
+    expected: f64,
+    pulse: Pulse,
+    degraded: Mean,
+    lost: Mean,
+    streak: Option<Streak>,
+    /// When it was re-acquired, and how many have been used since.
+    reacquired: Option<(Time, u32)>,
+    held: [Held; 6],
+}
+
+impl Evidence {
+    /// Of a sensor.
+    pub(super) fn new(sensor: Watched, limits: &Limits) -> Self {
+        Self {
+            is_outside: sensor.is_outside,
+            rows: sensor.rows.max(1) as f64,
+            expected: chi_square_quantile(EXPECTED, sensor.rows as f64),
+            pulse: Pulse::default(),
+            degraded: Mean::new(limits.innovations),
+            lost: Mean::new(limits.innovations_lost),
+            streak: None,
+            reacquired: None,
+            held: [Held::default(); 6],
+        }
+    }
+
+    /// The filter starts anew.
+    pub(super) fn restart(&mut self, time: Time) {
+        self.pulse.restart(time);
+        (self.degraded.value, self.lost.value) = (1.0, 1.0);
+        (self.streak, self.reacquired) = (None, None);
+        self.held = [Held::default(); 6];
+    }
+
+    /// Whether it is from outside and being rejected for so long \[s\], or at all.
+    pub(super) fn is_rejected(&self, now: Time, time: f64) -> bool {
+        let pause = PAUSE * self.pulse.period();
+        let is_fresh = |s: &Streak| pause <= 0.0 || now.seconds_since(s.latest) <= pause;
+        let is_rejected = |s: Streak| is_fresh(&s) && (time <= 0.0 || s.lasts(time));
+        self.is_outside && self.streak.is_some_and(is_rejected)
+    }
+
+    /// Hears what became of a measurement.
+    pub(super) fn hear(&mut self, time: Time, update: &Update<'_>, limits: &Limits) {
+        self.pulse.beat(time);
+        match update.verdict {
+            Verdict::Accepted => {
+                self.streak = None;
+                let period = self.pulse.period();
+                // Until the period is known the shortest window does.
+                let window = if period > 0.0 { WINDOW.max(limits.window / period) } else { WINDOW };
+                self.degraded.add(update.nis / self.rows, window);
+                self.lost.add(update.nis / self.rows, window);
+                if let Some((_, used)) = &mut self.reacquired {
+                    *used = used.saturating_add(1);
+                }
+            }
+            Verdict::Reacquired => {
+                self.streak = None;
+                self.reacquired = Some((time, 0));
+            }
+            Verdict::Rejected if update.nis > self.expected => self.rejected(time),
+            Verdict::Rejected | Verdict::Undefined(_) | Verdict::Unusable => {}
+        }
+    }
+
+    fn rejected(&mut self, time: Time) {
+        let pause = PAUSE * self.pulse.period();
+        let fresh = Streak {
+            first: time,
+            latest: time,
+            count: 0,
+        };
+        let streak = self.streak.get_or_insert(fresh);
+        if pause > 0.0 && time.seconds_since(streak.latest) > pause {
+            *streak = fresh;
+        }
+        streak.latest = time;
+        streak.count = streak.count.saturating_add(1);
+    }
+
+    /// Puts what is told at `now` of it, sensor number `sensor`, into `reasons`.
+    pub(super) fn judge(&mut self, sensor: usize, now: Time, others: Others, limits: &Limits, reasons: &mut Vec<Reason>) {
+        let lasts = |time| self.streak.is_some_and(|s| s.lasts(time));
+        let is_rejected = lasts(limits.rejected) || (others.rejected > 1 && self.is_rejected(now, 0.0));
+        let is_alone = self.streak.is_some_and(|s| others.supported.is_none_or(|used| used < s.first));
+        let is_lost = self.is_outside && lasts(limits.rejected_lost) && (is_alone || others.rejected_long > 1);
+        if let Some((time, used)) = self.reacquired
+            && used >= PROVEN
+            && now.seconds_since(time) > limits.reacquired
+        {
+            self.reacquired = None;
+        }
+        let conditions = [
+            (self.lost.is_beyond(), Reason::Innovations { sensor, lost: true }),
+            (is_lost, Reason::Rejected { sensor, lost: true }),
+            (self.degraded.is_beyond(), Reason::Innovations { sensor, lost: false }),
+            (is_rejected, Reason::Rejected { sensor, lost: false }),
+            (self.reacquired.is_some(), Reason::Reacquired { sensor }),
+            (self.is_outside && self.pulse.is_silent(now, limits), Reason::Silent { sensor }),
+        ];
+        let mut told = [false; 6];
+        for (k, (held, (holds, _))) in self.held.iter_mut().zip(conditions).enumerate() {
+            held.hear(now, holds);
+            // The graver of two that are of one kind is told.
+            told[k] = held.is_told(now, limits) && !(matches!(k, 2 | 3) && told[k - 2]);
+        }
+        reasons.extend(
+            conditions
+                .iter()
+                .zip(told)
+                .filter(|(_, told)| *told)
+                .map(|((_, reason), _)| *reason),
+        );
+    }
+}

@@ -1,0 +1,82 @@
+//! What a filter's health is judged by.
+
+/// Bounds of health.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// A filter is aligned once no axis of its attitude has a greater 1σ \[rad\], and until one has twice as much.
+    pub aligned: f64,
+    /// Gaps of the input up to this length are of no account \[s\].
+    pub coasting: f64,
+    /// Innovations, root mean square in units of their σ, beyond which the filter is degraded.
+    pub innovations: f64,
+    /// And beyond which it is lost.
+    pub innovations_lost: f64,
+    /// The time over which innovations are averaged \[s\]; ten measurements at least.
+    pub window: f64,
+    /// The time for which a sensor may be rejected \[s\]: three measurements at least.
+    pub rejected: f64,
+    /// The time after which the filter is lost, where no other sensor has been used meanwhile \[s\].
+    pub rejected_lost: f64,
+    /// The time after a sensor was re-acquired \[s\]: five measurements at least.
+    pub reacquired: f64,
+    /// The number of its own periods for which a sensor may be silent,
+    pub silent_periods: f64,
+    /// and this time at least \[s\].
+    pub silent: f64,
+    /// How far a calibration parameter may be from its initial value, in units of its initial σ.
+    pub calibration: f64,
+    /// The least 1σ of the motion.
+    pub floor: Floor,
+    /// How long a reason is told after it has ceased to hold \[s\].
+    pub hold: f64,
+}
+
+/// The least 1σ that an estimate of the motion can have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Floor {
+    /// Of each axis of position \[m\].
+    pub position: f64,
+    /// Of each axis of velocity \[m/s\].
+    pub velocity: f64,
+    /// Of each axis of attitude, and of a heading \[rad\].
+    pub attitude: f64,
+}
+
+impl Limits {
+    /// Those of a design that says nothing.
+    ///
+    /// | limit | reason |
+    /// |---|---|
+    /// | 15° | sin of it is within 1 % of the angle: small enough to be linearised about |
+    /// | 3 and 10 σ | recorded logs in good health stay below 2.5 σ over 10 s |
+    /// | 2 s of rejections | three fixes at 1 Hz; wrong fixes in a row are rarer than single ones |
+    /// | 30 s to *lost* | the time after which gates re-acquire |
+    /// | 30 periods | a tunnel or a street canyon; what lasts longer is a loss |
+    /// | 5 σ of calibration | one axis in 2 million of a correct declaration |
+    /// | floors | a hundredth of what the best sensors measure |
+    pub const DEFAULT: Self = Self {
+        aligned: 15.0 * core::f64::consts::PI / 180.0,
+        coasting: 0.2,
+        innovations: 3.0,
+        innovations_lost: 10.0,
+        window: 10.0,
+        rejected: 2.0,
+        rejected_lost: 30.0,
+        reacquired: 10.0,
+        silent_periods: 30.0,
+        silent: 5.0,
+        calibration: 5.0,
+        floor: Floor {
+            position: 1e-4,
+            velocity: 1e-5,
+            attitude: 1e-7,
+        },
+        hold: 5.0,
+    };
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}

@@ -1,0 +1,154 @@
+//! Health: what a filter can say of itself without a reference.
+//!
+//! A [`Monitor`] hears the events of one filter and judges what it can be judged by: whether its
+//! sensors agree with it as well as its covariance says, whether its input and its sensors are
+//! there, whether its belief is sound and its calibration plausible. The [`Health`] is the worst of
+//! the [`Reason`]s that hold, and the runner tells every change as
+//! [`Event::Health`](crate::runner::Event::Health).
+//!
+//! A monitor has bounded memory and allocates nothing once it has been made; a copy goes on bit for
+//! bit as the original would. It changes nothing in the filter.
+//!
+//! Not here: whether the estimate is *right*. An error that no sensor contradicts is not seen: a
+//! slow common error, an axis that nothing observes.
+
+mod blocks;
+mod evidence;
+mod limits;
+mod monitor;
+mod pulse;
+#[cfg(test)]
+mod tests;
+
+pub use limits::{Floor, Limits};
+pub use monitor::{Monitor, Watched};
+
+use crate::runner::StreamId;
+use crate::time::Time;
+use core::fmt;
+
+/// How far a filter can be believed. The later of two is the worse.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum State {
+    /// Nothing speaks against the belief.
+    Good,
+    /// It has not started, or its attitude is still too uncertain to be linearised about.
+    #[default]
+    Aligning,
+    /// Its input is missing: the belief moves by what is declared of the vehicle.
+    Coasting,
+    /// Something speaks against the belief, or it lacks a sensor.
+    Degraded,
+    /// The belief is to be discarded.
+    Lost,
+}
+
+impl State {
+    /// All, from the best to the worst.
+    pub const ALL: [Self; 5] = [Self::Good, Self::Aligning, Self::Coasting, Self::Degraded, Self::Lost];
+
+    /// In a word.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Good => "good",
+            Self::Aligning => "aligning",
+            Self::Coasting => "coasting",
+            Self::Degraded => "degraded",
+            Self::Lost => "lost",
+        }
+    }
+}
+
+impl fmt::Display for State {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.word())
+    }
+}
+
+/// Why a filter is not in good health.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Reason {
+    /// There is no usable input.
+    InputGap,
+    /// The input has been missing for too long: the filter waits for its initialisers.
+    Stopped,
+    /// A step of the estimator was refused, because it would not have been finite.
+    Refused,
+    /// A number of the belief is not finite, or a variance is negative.
+    Unsound,
+    /// The 1σ of a kinematic block is below the declared floor.
+    Floor {
+        /// Number of the block in the layout.
+        block: usize,
+    },
+    /// A calibration parameter is many of its initial 1σ away from its initial value.
+    Calibration {
+        /// Number of the block in the layout.
+        block: usize,
+    },
+    /// The innovations of a sensor that are used are far larger than their covariance says.
+    Innovations {
+        /// The sensor's number.
+        sensor: usize,
+        /// So much larger that the estimate does not follow it at all.
+        lost: bool,
+    },
+    /// A sensor is being rejected, and the estimate's own σ does not grow to where the residuals
+    /// would be explained.
+    Rejected {
+        /// The sensor's number.
+        sensor: usize,
+        /// For long, and no other sensor has been used meanwhile.
+        lost: bool,
+    },
+    /// A sensor was re-acquired against the estimate a short while ago.
+    Reacquired {
+        /// The sensor's number.
+        sensor: usize,
+    },
+    /// A sensor has been silent for many of its own periods.
+    Silent {
+        /// The sensor's number.
+        sensor: usize,
+    },
+    /// A stream that stages read has been silent for many of its own periods.
+    StreamSilent {
+        /// The stream.
+        stream: StreamId,
+    },
+}
+
+impl Reason {
+    /// The state that it stands for.
+    #[must_use]
+    pub const fn state(self) -> State {
+        match self {
+            Self::InputGap => State::Coasting,
+            Self::Stopped | Self::Refused | Self::Unsound => State::Lost,
+            Self::Innovations { lost: true, .. } | Self::Rejected { lost: true, .. } => State::Lost,
+            _ => State::Degraded,
+        }
+    }
+}
+
+/// The state of a filter, since when, and why.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Health {
+    /// The state.
+    pub state: State,
+    /// Since when there is this state for these reasons.
+    pub since: Time,
+    /// All reasons that hold; none of *good* and *aligning*.
+    pub reasons: Vec<Reason>,
+}
+
+impl Health {
+    /// Before the first row.
+    pub const UNKNOWN: Self = Self {
+        state: State::Aligning,
+        since: Time::MIN,
+        reasons: Vec::new(),
+    };
+}

@@ -1,0 +1,205 @@
+//! The observer that judges a filter's health by its events.
+
+use super::blocks::Blocks;
+use super::evidence::{Evidence, Others};
+use super::pulse::{Held, Pulse};
+use super::{Health, Limits, Reason, State};
+use crate::filter::{Update, Verdict};
+use crate::runner::{Event, StreamId};
+use crate::state::{Belief, Layout};
+use crate::time::Time;
+
+/// What a monitor has to know of a sensor.
+#[derive(Clone, Copy, Debug)]
+pub struct Watched {
+    /// Numbers in its residual.
+    pub rows: usize,
+    /// Whether its rows come from outside, not from a stage.
+    pub is_outside: bool,
+}
+
+/// Judges the health of one filter.
+#[derive(Clone, Debug)]
+pub struct Monitor {
+    limits: Limits,
+    sensors: Vec<Evidence>,
+    /// When a sensor from outside was used last.
+    supported: Option<Time>,
+    /// Streams that only stages read.
+    streams: Vec<(StreamId, Pulse, Held)>,
+    blocks: Blocks,
+    phase: Phase,
+    /// The time of the latest judgement.
+    now: Time,
+    /// Where the input ends, while there is none.
+    gap: Option<Time>,
+    refused: Held,
+    unsound: Held,
+    health: Health,
+    /// Lent to the next judgement.
+    reasons: Vec<Reason>,
+}
+
+/// How far a filter has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    Waiting,
+    Stopped,
+    Aligning,
+    Aligned,
+}
+
+impl Monitor {
+    /// Of a filter with these states and sensors; `streams` are those that only stages read.
+    #[must_use]
+    pub fn new(
+        limits: Limits,
+        layout: &Layout,
+        sensors: impl IntoIterator<Item = Watched>,
+        streams: impl IntoIterator<Item = StreamId>,
+    ) -> Self {
+        let sensors: Vec<_> = sensors.into_iter().map(|s| Evidence::new(s, &limits)).collect();
+        let streams: Vec<_> = streams.into_iter().map(|s| (s, Pulse::default(), Held::default())).collect();
+        // Each reason once at most: six of a sensor, four of the filter.
+        let most = 6 * sensors.len() + streams.len() + layout.blocks().len() + 4;
+        Self {
+            limits,
+            sensors,
+            supported: None,
+            streams,
+            blocks: Blocks::new(layout),
+            phase: Phase::Waiting,
+            now: Time::MIN,
+            gap: None,
+            refused: Held::default(),
+            unsound: Held::default(),
+            health: Health {
+                reasons: Vec::with_capacity(most),
+                ..Health::UNKNOWN
+            },
+            reasons: Vec::with_capacity(most),
+        }
+    }
+
+    /// The health now.
+    #[must_use]
+    pub const fn health(&self) -> &Health {
+        &self.health
+    }
+
+    /// Hears of a row that is fed, of any stream.
+    pub fn row(&mut self, stream: StreamId, stamp: Time) {
+        if let Some((_, pulse, _)) = self.streams.iter_mut().find(|(s, ..)| *s == stream) {
+            pulse.beat(stamp);
+        }
+    }
+
+    /// Hears an event; whether the health has changed.
+    pub fn hear(&mut self, event: &Event<'_>) -> bool {
+        let now = match event {
+            Event::Started { belief } => self.start(belief),
+            Event::Estimate { belief } => self.estimate(belief),
+            Event::Updated { sensor, update, time, .. } => {
+                self.updated(*sensor, *time, update);
+                *time
+            }
+            Event::Coasting { since, time } => {
+                self.gap.get_or_insert(*since);
+                *time
+            }
+            Event::Resumed { time, .. } => {
+                self.gap = None;
+                *time
+            }
+            Event::Stopped { time, .. } => {
+                (self.phase, self.gap) = (Phase::Stopped, None);
+                *time
+            }
+            Event::Failed { .. } => {
+                self.refused.hear(self.now, true);
+                self.now
+            }
+            Event::Discarded { .. } | Event::Step(_) | Event::Health { .. } | Event::Nested { .. } => return false,
+        };
+        self.judge(now)
+    }
+
+    fn start(&mut self, belief: &Belief) -> Time {
+        self.phase = Phase::Aligning;
+        self.gap = None;
+        (self.refused, self.unsound) = Default::default();
+        self.supported = None;
+        self.blocks.start(belief);
+        self.sensors.iter_mut().for_each(|s| s.restart(belief.time));
+        for (_, pulse, held) in &mut self.streams {
+            pulse.restart(belief.time);
+            *held = Held::default();
+        }
+        self.estimate(belief)
+    }
+
+    fn estimate(&mut self, belief: &Belief) -> Time {
+        // Once aligned it may fall back by as much again, so that the state does not flicker.
+        let allowed = self.limits.aligned * if self.phase == Phase::Aligned { 2.0 } else { 1.0 };
+        let is_aligned = self.blocks.attitude_within(belief, allowed);
+        self.phase = if is_aligned { Phase::Aligned } else { Phase::Aligning };
+        self.unsound.hear(belief.time, !belief.is_sound());
+        self.blocks.hear(belief, &self.limits);
+        belief.time
+    }
+
+    fn updated(&mut self, sensor: usize, time: Time, update: &Update<'_>) {
+        let Some(evidence) = self.sensors.get_mut(sensor) else { return };
+        evidence.hear(time, update, &self.limits);
+        if evidence.is_outside && matches!(update.verdict, Verdict::Accepted | Verdict::Reacquired) {
+            self.supported = Some(time);
+        }
+    }
+
+    /// Collects the reasons; whether they, or the state, have changed.
+    fn judge(&mut self, now: Time) -> bool {
+        self.now = now;
+        let (limits, reasons) = (&self.limits, &mut self.reasons);
+        reasons.clear();
+        if matches!(self.phase, Phase::Aligning | Phase::Aligned) {
+            if self.gap.is_some_and(|since| now.seconds_since(since) > limits.coasting) {
+                reasons.push(Reason::InputGap);
+            }
+            for (held, reason) in [(&self.refused, Reason::Refused), (&self.unsound, Reason::Unsound)] {
+                if held.is_told(now, limits) {
+                    reasons.push(reason);
+                }
+            }
+            self.blocks.tell(now, limits, reasons);
+            let rejected = |time| self.sensors.iter().filter(|s| s.is_rejected(now, time)).count();
+            let others = Others {
+                supported: self.supported,
+                rejected: rejected(0.0),
+                rejected_long: rejected(limits.rejected_lost),
+            };
+            for (number, sensor) in self.sensors.iter_mut().enumerate() {
+                sensor.judge(number, now, others, limits, reasons);
+            }
+            for (stream, pulse, held) in &mut self.streams {
+                held.hear(now, pulse.is_silent(now, limits));
+                if held.is_told(now, limits) {
+                    reasons.push(Reason::StreamSilent { stream: *stream });
+                }
+            }
+        } else if self.phase == Phase::Stopped {
+            reasons.push(Reason::Stopped);
+        }
+        let least = if self.phase == Phase::Aligned {
+            State::Good
+        } else {
+            State::Aligning
+        };
+        let state = reasons.iter().map(|r| r.state()).fold(least, State::max);
+        let has_changed = state != self.health.state || *reasons != self.health.reasons;
+        if has_changed {
+            (self.health.state, self.health.since) = (state, now);
+            core::mem::swap(reasons, &mut self.health.reasons);
+        }
+        has_changed
+    }
+}

@@ -1,0 +1,68 @@
+//! Whether something that comes again and again still comes.
+
+use super::Limits;
+use crate::time::Time;
+
+/// Pauses beyond this many periods are not learnt in full: the sensor was away.
+const LONGEST: f64 = 4.0;
+/// Pauses that the period is a mean of.
+const MEMORY: f64 = 16.0;
+
+/// Learns the period of a sensor.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Pulse {
+    last: Option<Time>,
+    period: f64,
+}
+
+impl Pulse {
+    /// One came.
+    pub(super) fn beat(&mut self, time: Time) {
+        if let Some(last) = self.last {
+            let pause = time.seconds_since(last);
+            if pause <= 0.0 {
+                return;
+            }
+            self.period = if self.period > 0.0 {
+                self.period + (pause.min(LONGEST * self.period) - self.period) / MEMORY
+            } else {
+                pause
+            };
+        }
+        self.last = Some(time);
+    }
+
+    /// The pause before `time` is not its own.
+    pub(super) fn restart(&mut self, time: Time) {
+        self.last = self.last.map(|_| time);
+    }
+
+    /// Its mean period \[s\]; 0 until two have come.
+    pub(super) const fn period(&self) -> f64 {
+        self.period
+    }
+
+    /// Whether nothing has come for too long.
+    pub(super) fn is_silent(&self, now: Time, limits: &Limits) -> bool {
+        let allowed = limits.silent.max(limits.silent_periods * self.period);
+        self.period > 0.0 && self.last.is_some_and(|last| now.seconds_since(last) > allowed)
+    }
+}
+
+/// A condition that is still told for a while after it has ceased.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Held(Option<Time>);
+
+impl Held {
+    /// Hears whether the condition holds now.
+    pub(super) fn hear(&mut self, now: Time, holds: bool) {
+        if holds {
+            self.0 = Some(now);
+        }
+    }
+
+    /// Whether it is told.
+    pub(super) fn is_told(&self, now: Time, limits: &Limits) -> bool {
+        self.0.is_some_and(|last| now.seconds_since(last) <= limits.hold)
+    }
+}

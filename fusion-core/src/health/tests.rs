@@ -1,0 +1,446 @@
+//! Each reason is provoked once, and once almost.
+
+use super::*;
+use crate::covariance::FormKind;
+use crate::filter::{FilterError, Update, Verdict};
+use crate::gate::Mode;
+use crate::runner::{Event, RowId};
+use crate::state::{Attitude, Belief, Declaration, Dynamics, Layout, LayoutBuilder, Manifold, StateRole, Vector, Velocity};
+use nalgebra::{SVector, UnitQuaternion, Vector3};
+
+const POSITION: usize = 0;
+const SPEED: usize = 1;
+/// Fed by a stage.
+const WHEELS: usize = 2;
+/// A stream that only a stage reads.
+const STREAM: StreamId = 7;
+
+/// Blocks of the layout.
+const VELOCITY: usize = 1;
+const BIAS: usize = 2;
+
+fn layout() -> Layout {
+    fn block<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M::Value, sigma: &[f64], role: StateRole, dynamics: Dynamics) {
+        let declaration = Declaration {
+            name: name.to_owned(),
+            owner: String::new(),
+            unit: "",
+            initial,
+            sigma: sigma.to_vec(),
+            role,
+            dynamics,
+        };
+        b.declare::<M>(declaration).unwrap();
+    }
+    let mut b = LayoutBuilder::new();
+    let moves = || (StateRole::Kinematic, Dynamics::Process);
+    let (role, dynamics) = moves();
+    block::<Attitude>(&mut b, "attitude", UnitQuaternion::identity(), &[0.02; 3], role, dynamics);
+    let (role, dynamics) = moves();
+    block::<Velocity>(&mut b, "velocity", Vector3::zeros(), &[0.1; 3], role, dynamics);
+    // 0.1 at first; a variance of 0.01 is added in 100 s.
+    let walk = Dynamics::RandomWalk { psd: vec![1e-4; 2] };
+    block::<Vector<2>>(&mut b, "bias", SVector::zeros(), &[0.1; 2], StateRole::Calibration, walk);
+    b.finish()
+}
+
+fn at(t: f64) -> Time {
+    Time::from_seconds(t)
+}
+
+/// A filter that is aligned at 0 s, and what it is told.
+struct Bench {
+    layout: Layout,
+    monitor: Monitor,
+    belief: Belief,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let layout = layout();
+        let sensor = |rows, is_outside| Watched { rows, is_outside };
+        let sensors = [sensor(3, true), sensor(3, true), sensor(2, false)];
+        let monitor = Monitor::new(Limits::DEFAULT, &layout, sensors, [STREAM]);
+        let belief = Belief::initial(&layout, &FormKind::Joseph.form(), at(0.0));
+        let mut bench = Self { layout, monitor, belief };
+        let belief = bench.belief.clone();
+        bench.hear(&Event::Started { belief: &belief });
+        assert_eq!(bench.monitor.health().state, State::Good);
+        bench
+    }
+
+    fn hear(&mut self, event: &Event<'_>) -> bool {
+        self.monitor.hear(event)
+    }
+
+    fn estimate(&mut self, t: f64) {
+        self.belief.time = at(t);
+        let belief = self.belief.clone();
+        self.hear(&Event::Estimate { belief: &belief });
+    }
+
+    fn update(&mut self, sensor: usize, t: f64, verdict: Verdict, nis: f64) {
+        let update = Update {
+            verdict,
+            value: &[],
+            predicted: &[],
+            noise: &[],
+            residual: &[],
+            innovation_sigma: &[],
+            nis,
+            statistic: nis,
+            threshold: 0.0,
+            mode: Mode::Track,
+            weight: 1.0,
+        };
+        let row = RowId {
+            stream: 0,
+            number: 0,
+            stamp: at(t),
+            arrival: at(t),
+            disturbed: false,
+        };
+        let time = at(t);
+        self.hear(&Event::Updated { sensor, update, time, row });
+    }
+
+    /// Once a second, from `from` to `to`.
+    fn updates(&mut self, sensor: usize, from: u32, to: u32, verdict: Verdict, nis: f64) {
+        for t in from..=to {
+            self.update(sensor, f64::from(t), verdict, nis);
+            self.estimate(f64::from(t));
+        }
+    }
+
+    fn reasons(&self) -> &[Reason] {
+        let health = self.monitor.health();
+        let worst = health.reasons.iter().map(|r| r.state()).max();
+        assert_eq!(health.state, worst.unwrap_or(State::Good));
+        &health.reasons
+    }
+}
+
+use Verdict::{Accepted, Reacquired, Rejected};
+
+#[test]
+fn a_filter_aligns_until_its_attitude_is_certain() {
+    let mut bench = Bench::new();
+    let uncertain = |bench: &mut Bench, sigma: f64| {
+        let block = bench.layout.blocks()[0].clone();
+        bench.belief.covariance.set_sigmas(&block, &[0.02, 0.02, sigma]);
+    };
+    uncertain(&mut bench, 0.5);
+    let belief = bench.belief.clone();
+    assert!(bench.hear(&Event::Started { belief: &belief }));
+    assert_eq!(bench.monitor.health().state, State::Aligning);
+    uncertain(&mut bench, 0.262); // 15 deg are 0.2618
+    bench.estimate(1.0);
+    assert_eq!(bench.monitor.health().state, State::Aligning);
+    uncertain(&mut bench, 0.261);
+    bench.estimate(2.0);
+    assert_eq!((bench.monitor.health().state, bench.monitor.health().since), (State::Good, at(2.0)));
+    // It falls back at twice as much.
+    uncertain(&mut bench, 0.523);
+    bench.estimate(3.0);
+    assert_eq!(bench.monitor.health().state, State::Good);
+    uncertain(&mut bench, 0.524);
+    bench.estimate(4.0);
+    assert_eq!(bench.monitor.health().state, State::Aligning);
+}
+
+#[test]
+fn a_gap_of_the_input_is_coasting_until_the_input_is_back() {
+    let mut bench = Bench::new();
+    let gap = |bench: &mut Bench, to: f64| {
+        let (since, time) = (at(10.0), at(to));
+        bench.hear(&Event::Coasting { since, time });
+    };
+    gap(&mut bench, 10.2);
+    assert_eq!(bench.reasons(), []);
+    bench.estimate(10.21);
+    assert_eq!(bench.reasons(), [Reason::InputGap]);
+    gap(&mut bench, 12.0);
+    assert_eq!(bench.monitor.health().since, at(10.21));
+    let (since, time) = (at(10.0), at(13.0));
+    bench.hear(&Event::Resumed { since, time });
+    assert_eq!(bench.reasons(), []);
+}
+
+#[test]
+fn a_filter_that_has_stopped_is_lost_until_it_starts_again() {
+    let mut bench = Bench::new();
+    bench.updates(POSITION, 1, 5, Rejected, 1e4);
+    let (since, time) = (at(5.0), at(6.0));
+    bench.hear(&Event::Stopped { since, time });
+    assert_eq!(bench.reasons(), [Reason::Stopped]);
+    bench.belief.time = at(7.0);
+    let belief = bench.belief.clone();
+    bench.hear(&Event::Started { belief: &belief });
+    assert_eq!(bench.reasons(), []);
+}
+
+#[test]
+fn a_refused_step_and_an_unsound_belief_are_lost_for_a_while() {
+    let mut bench = Bench::new();
+    bench.estimate(1.0);
+    bench.hear(&Event::Failed {
+        error: FilterError::Diverged(at(1.0)),
+    });
+    assert_eq!(bench.reasons(), [Reason::Refused]);
+    bench.estimate(6.0);
+    assert_eq!(bench.reasons(), [Reason::Refused]);
+    bench.estimate(6.1);
+    assert_eq!(bench.reasons(), []);
+    let sound = bench.belief.clone();
+    bench.belief.x[5] = f64::NAN;
+    bench.estimate(7.0);
+    assert_eq!(bench.reasons(), [Reason::Unsound]);
+    bench.belief = sound;
+    bench.estimate(12.1);
+    assert_eq!(bench.reasons(), []);
+}
+
+#[test]
+fn a_sigma_below_its_floor_degrades() {
+    let mut bench = Bench::new();
+    let block = bench.layout.blocks()[VELOCITY].clone();
+    bench.belief.covariance.set_sigmas(&block, &[0.1, 1.01e-5, 0.1]);
+    bench.estimate(1.0);
+    assert_eq!(bench.reasons(), []);
+    bench.belief.covariance.set_sigmas(&block, &[0.1, 0.99e-5, 0.1]);
+    bench.estimate(2.0);
+    assert_eq!(bench.reasons(), [Reason::Floor { block: VELOCITY }]);
+}
+
+#[test]
+fn a_calibration_far_from_its_initial_value_degrades_unless_it_may_have_walked_there() {
+    let mut bench = Bench::new();
+    let bias = bench.layout.blocks()[BIAS].storage;
+    bench.belief.x[bias + 1] = -0.49;
+    bench.estimate(0.5);
+    assert_eq!(bench.reasons(), []);
+    bench.belief.x[bias + 1] = -0.51;
+    bench.estimate(1.0);
+    assert_eq!(bench.reasons(), [Reason::Calibration { block: BIAS }]);
+    // 5 √(0.01 + 1e-4 · 100 s) = 0.707.
+    bench.belief.x[bias + 1] = -0.7;
+    bench.estimate(100.0);
+    assert_eq!(bench.reasons(), []);
+    bench.belief.x[bias + 1] = -0.72;
+    bench.estimate(101.0);
+    assert_eq!(bench.reasons(), [Reason::Calibration { block: BIAS }]);
+}
+
+#[test]
+fn innovations_are_too_large_where_their_mean_is_and_not_where_one_is() {
+    let mut bench = Bench::new();
+    // 3² of 3 rows are 27.
+    bench.updates(POSITION, 1, 60, Accepted, 26.0);
+    assert_eq!(bench.reasons(), []);
+    bench.updates(POSITION, 61, 90, Accepted, 29.0);
+    assert_eq!(
+        bench.reasons(),
+        [Reason::Innovations {
+            sensor: POSITION,
+            lost: false
+        }]
+    );
+    let mut bench = Bench::new();
+    bench.updates(POSITION, 1, 10, Accepted, 3.0);
+    bench.updates(POSITION, 11, 11, Accepted, 1e9);
+    bench.updates(POSITION, 12, 30, Accepted, 3.0);
+    bench.updates(POSITION, 31, 31, Accepted, f64::NAN);
+    assert_eq!(bench.reasons(), []);
+    bench.updates(POSITION, 32, 34, Accepted, 1e9);
+    assert_eq!(
+        bench.reasons(),
+        [Reason::Innovations {
+            sensor: POSITION,
+            lost: true
+        }]
+    );
+    // Half of ten measurements bring the mean back, and the reason is held for 5 s.
+    bench.updates(POSITION, 35, 45, Accepted, 3.0);
+    assert_eq!(bench.reasons(), []);
+}
+
+#[test]
+fn innovations_of_a_fast_sensor_are_averaged_over_ten_seconds() {
+    let mut bench = Bench::new();
+    let told = |bench: &mut Bench, from: u32, to: u32, nis: f64| {
+        for k in from..=to {
+            let t = f64::from(k) * 0.01;
+            bench.update(WHEELS, t, Accepted, nis);
+            bench.estimate(t);
+        }
+        bench.reasons().to_vec()
+    };
+    // 4² σ for 3 s of 10 s: 16 − 13.5 e^{−0.3} = 6.0 < 9; for 9 s: 10.5.
+    assert_eq!(told(&mut bench, 1, 300, 2.0 * 16.0), []);
+    assert_eq!(
+        told(&mut bench, 301, 900, 2.0 * 16.0),
+        [Reason::Innovations {
+            sensor: WHEELS,
+            lost: false
+        }]
+    );
+}
+
+#[test]
+fn a_sensor_rejected_for_long_degrades_where_its_covariance_does_not_explain_it() {
+    let mut bench = Bench::new();
+    bench.updates(POSITION, 1, 10, Accepted, 3.0);
+    // 99.9 % of χ² of 3: 16.27. A follower of a rejected leader has a small one.
+    bench.updates(POSITION, 11, 30, Rejected, 16.0);
+    assert_eq!(bench.reasons(), []);
+    bench.updates(POSITION, 31, 32, Rejected, 16.5);
+    assert_eq!(bench.reasons(), []);
+    bench.updates(POSITION, 33, 33, Rejected, 16.5);
+    assert_eq!(
+        bench.reasons(),
+        [Reason::Rejected {
+            sensor: POSITION,
+            lost: false
+        }]
+    );
+    bench.updates(POSITION, 34, 39, Accepted, 3.0);
+    assert_eq!(bench.reasons(), []);
+    // Three at 100 Hz are no streak.
+    for k in 0..100 {
+        bench.update(SPEED, 40.0 + 0.01 * f64::from(k), Rejected, 100.0);
+        bench.estimate(40.0 + 0.01 * f64::from(k));
+    }
+    assert_eq!(bench.reasons(), []);
+}
+
+#[test]
+fn rejections_on_either_side_of_a_long_pause_are_no_streak() {
+    let mut bench = Bench::new();
+    bench.updates(WHEELS, 1, 10, Accepted, 2.0);
+    bench.updates(WHEELS, 11, 12, Rejected, 100.0);
+    bench.updates(WHEELS, 100, 101, Rejected, 100.0);
+    assert_eq!(bench.reasons(), []);
+    bench.updates(WHEELS, 102, 102, Rejected, 100.0);
+    assert_eq!(
+        bench.reasons(),
+        [Reason::Rejected {
+            sensor: WHEELS,
+            lost: false
+        }]
+    );
+}
+
+#[test]
+fn two_sensors_rejected_at_once_degrade_at_once() {
+    let mut bench = Bench::new();
+    let rejected = |sensor| Reason::Rejected { sensor, lost: false };
+    for sensor in [POSITION, SPEED, WHEELS] {
+        bench.updates(sensor, 1, 10, Accepted, 2.0);
+    }
+    bench.update(POSITION, 11.0, Rejected, 100.0);
+    bench.update(WHEELS, 11.0, Rejected, 100.0);
+    assert_eq!(bench.reasons(), []);
+    bench.update(SPEED, 11.2, Rejected, 100.0);
+    assert_eq!(bench.reasons(), [rejected(POSITION), rejected(SPEED)]);
+    // One after the other, each used meanwhile.
+    let mut bench = Bench::new();
+    for (sensor, verdict) in [(POSITION, Rejected), (POSITION, Accepted), (SPEED, Rejected), (SPEED, Accepted)] {
+        bench.update(sensor, 11.0, verdict, 100.0);
+        assert_eq!(bench.reasons(), []);
+    }
+}
+
+#[test]
+fn a_filter_is_lost_when_all_that_comes_from_outside_has_been_rejected_for_long() {
+    let lost = |sensor| Reason::Rejected { sensor, lost: true };
+    let mut bench = Bench::new();
+    bench.updates(POSITION, 1, 30, Rejected, 100.0);
+    assert_eq!(bench.monitor.health().state, State::Degraded);
+    // What a stage makes of the input does not support it.
+    bench.update(WHEELS, 30.5, Accepted, 2.0);
+    bench.updates(POSITION, 31, 31, Rejected, 100.0);
+    assert_eq!(bench.reasons(), [lost(POSITION)]);
+    let mut bench = Bench::new();
+    bench.updates(POSITION, 1, 30, Rejected, 100.0);
+    bench.update(SPEED, 30.5, Accepted, 2.0);
+    bench.updates(POSITION, 31, 60, Rejected, 100.0);
+    assert_eq!(
+        bench.reasons(),
+        [Reason::Rejected {
+            sensor: POSITION,
+            lost: false
+        }]
+    );
+    // Two that contradict it for so long need no third.
+    for t in 61..=92 {
+        bench.update(SPEED, f64::from(t), Rejected, 100.0);
+        bench.update(POSITION, f64::from(t), Rejected, 100.0);
+    }
+    assert_eq!(bench.reasons(), [lost(POSITION), lost(SPEED)]);
+}
+
+#[test]
+fn a_reacquired_sensor_degrades_until_it_is_proven() {
+    let mut bench = Bench::new();
+    bench.updates(POSITION, 1, 1, Reacquired, 100.0);
+    assert_eq!(bench.reasons(), [Reason::Reacquired { sensor: POSITION }]);
+    bench.updates(POSITION, 2, 16, Accepted, 3.0);
+    assert_eq!(bench.reasons(), [Reason::Reacquired { sensor: POSITION }]);
+    bench.updates(POSITION, 17, 17, Accepted, 3.0);
+    assert_eq!(bench.reasons(), []);
+    // A slow one takes five measurements.
+    bench.update(SPEED, 20.0, Reacquired, 100.0);
+    for k in 1..5 {
+        bench.update(SPEED, 20.0 + 20.0 * f64::from(k), Accepted, 3.0);
+    }
+    assert!(bench.reasons().contains(&Reason::Reacquired { sensor: SPEED }));
+}
+
+#[test]
+fn a_sensor_that_falls_silent_degrades_after_thirty_of_its_own_periods() {
+    let mut bench = Bench::new();
+    for (sensor, period) in [(POSITION, 10.0), (SPEED, 0.1), (WHEELS, 0.1)] {
+        for k in 0..5 {
+            bench.update(sensor, period * f64::from(k), Accepted, 3.0);
+        }
+    }
+    let silent = |sensor| Reason::Silent { sensor };
+    // From 0.4 s on, for 5 s at least. What a stage emits may pause.
+    bench.estimate(5.39);
+    assert_eq!(bench.reasons(), []);
+    bench.estimate(5.41);
+    assert_eq!(bench.reasons(), [silent(SPEED)]);
+    bench.estimate(339.0);
+    assert_eq!(bench.reasons(), [silent(SPEED)]);
+    bench.estimate(341.0);
+    assert_eq!(bench.reasons(), [silent(POSITION), silent(SPEED)]);
+}
+
+#[test]
+fn a_stream_of_a_stage_that_falls_silent_degrades() {
+    let mut bench = Bench::new();
+    for k in 0..10 {
+        bench.monitor.row(STREAM, at(f64::from(k)));
+        bench.monitor.row(STREAM + 1, at(0.1 * f64::from(k)));
+    }
+    bench.estimate(38.9);
+    assert_eq!(bench.reasons(), []);
+    bench.estimate(39.1);
+    assert_eq!(bench.reasons(), [Reason::StreamSilent { stream: STREAM }]);
+    bench.monitor.row(STREAM, at(40.0));
+    bench.estimate(45.0);
+    assert_eq!(bench.reasons(), []);
+}
+
+#[test]
+fn a_copy_goes_on_as_the_original_would() {
+    let mut bench = Bench::new();
+    bench.updates(POSITION, 1, 4, Rejected, 50.0);
+    let mut copy = bench.monitor.clone();
+    bench.updates(POSITION, 5, 40, Rejected, 50.0);
+    let original = core::mem::replace(&mut bench.monitor, copy.clone());
+    bench.updates(POSITION, 5, 40, Rejected, 50.0);
+    copy = bench.monitor.clone();
+    assert_eq!(original.health(), copy.health());
+    assert_eq!(copy.health().state, State::Lost);
+}

@@ -1,0 +1,90 @@
+//! The runner's own health: every event passes its monitor on the way to the observer.
+
+use super::{Event, Halt, Observer, Row, RunError, Runner};
+use crate::health::{Health, Limits, Monitor, Watched};
+
+/// Lets a monitor hear every event first, and tells what changes of the health.
+struct Watch<'a, 'b> {
+    monitor: &'a mut Monitor,
+    observer: &'b mut dyn Observer,
+}
+
+impl Observer for Watch<'_, '_> {
+    fn on(&mut self, event: &Event<'_>) -> Result<(), Halt> {
+        let has_changed = self.monitor.hear(event);
+        self.observer.on(event)?;
+        if has_changed {
+            let health = self.monitor.health();
+            self.observer.on(&Event::Health { health })?;
+        }
+        Ok(())
+    }
+
+    fn wants_steps(&self) -> bool {
+        self.observer.wants_steps()
+    }
+}
+
+impl Runner {
+    /// Says what the health is judged by; to be called before the first row.
+    pub fn set_limits(&mut self, limits: Limits) {
+        self.limits = limits;
+    }
+
+    /// The health of the filter.
+    #[must_use]
+    pub fn health(&self) -> &Health {
+        static UNKNOWN: Health = Health::UNKNOWN;
+        self.monitor.as_ref().map_or(&UNKNOWN, |monitor| monitor.health())
+    }
+
+    /// Takes a row and processes everything it completes.
+    ///
+    /// # Errors
+    /// A row of the wrong width, which changes nothing; an observer that cannot go on.
+    pub fn feed(&mut self, row: &Row<'_>, observer: &mut dyn Observer) -> Result<(), RunError> {
+        self.watched(observer, |runner, watch| {
+            watch.monitor.row(row.stream, row.time);
+            runner.take_row(row, watch)
+        })
+    }
+
+    /// Processes everything that has been held back: the end of the log.
+    ///
+    /// # Errors
+    /// An observer that cannot go on.
+    pub fn finish(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
+        self.watched(observer, |runner, watch| runner.take_end(watch))
+    }
+
+    /// Does `work` while the monitor hears. Meanwhile a copy of the runner, which looks ahead, has none.
+    fn watched<T>(&mut self, observer: &mut dyn Observer, work: impl FnOnce(&mut Self, &mut Watch<'_, '_>) -> T) -> T {
+        let mut monitor = self.monitor.take().unwrap_or_else(|| Box::new(self.new_monitor()));
+        let monitored = &mut *monitor;
+        let done = work(
+            self,
+            &mut Watch {
+                monitor: monitored,
+                observer,
+            },
+        );
+        self.monitor = Some(monitor);
+        done
+    }
+
+    fn new_monitor(&self) -> Monitor {
+        let is_outside = |stream| self.stages.iter().all(|s| s.output != stream);
+        let sensors = self.sensors.iter().map(|s| Watched {
+            rows: s.model.size().residual,
+            is_outside: is_outside(s.port.stream),
+        });
+        let is_read = |stream: &usize| {
+            let mut inputs = self.stages.iter().flat_map(|s| &s.inputs);
+            inputs.any(|port| port.stream == *stream)
+        };
+        let is_heard = |stream: &usize| self.sensors.iter().any(|s| s.port.stream == *stream);
+        let is_input = |stream: &usize| self.input.as_ref().is_some_and(|input| input.port.stream == *stream);
+        let silent = (0..self.streams.len()).filter(|s| is_outside(*s) && is_read(s) && !is_heard(s) && !is_input(s));
+        Monitor::new(self.limits, self.estimator.layout(), sensors, silent)
+    }
+}

@@ -1,0 +1,99 @@
+//! Reasons with the names of the design.
+
+use crate::assembly::Assembly;
+use crate::observe::Heard;
+use core::fmt;
+use fusion_core::health::{Reason, State};
+use serde::{Serialize, Serializer};
+
+/// A reason for the health of a filter, in the names of the design.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct NamedReason {
+    /// What it is: `no_input`, `stopped`, `refused`, `unsound`, `floor`, `calibration`,
+    /// `innovations`, `rejected`, `reacquired`, `silent`.
+    pub reason: &'static str,
+    /// The sensor, stream or block; empty where it is the filter as a whole.
+    pub of: String,
+    /// The state that it stands for.
+    #[serde(serialize_with = "word")]
+    pub state: State,
+}
+
+impl NamedReason {
+    /// In a few words, with the sensor, stream or block.
+    fn words(&self) -> &'static str {
+        match (self.reason, self.state) {
+            ("no_input", _) => "no input",
+            ("stopped", _) => "stopped for want of input",
+            ("refused", _) => "a step was refused",
+            ("unsound", _) => "the belief is not sound",
+            ("floor", _) => "σ below its floor",
+            ("calibration", _) => "far from its initial value",
+            ("innovations", State::Lost) => "innovations beyond all σ",
+            ("innovations", _) => "innovations too large",
+            ("rejected", State::Lost) => "rejected for long, and no other is used",
+            ("rejected", _) => "rejected",
+            ("reacquired", _) => "re-acquired",
+            _ => "silent",
+        }
+    }
+}
+
+impl fmt::Display for NamedReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.of.as_str() {
+            "" => f.write_str(self.words()),
+            name => write!(f, "`{name}` {}", self.words()),
+        }
+    }
+}
+
+/// A state as its word.
+pub(super) fn word<S: Serializer>(state: &State, s: S) -> Result<S::Ok, S::Error> {
+    s.serialize_str(state.word())
+}
+
+/// The names of a filter's sensors, blocks and streams, by number.
+#[derive(Clone, Debug, Default)]
+pub struct Names {
+    sensors: Vec<String>,
+    blocks: Vec<String>,
+    streams: Vec<String>,
+}
+
+impl Names {
+    /// Those of a filter that is heard; of the outermost one, `assembly` has the streams.
+    #[must_use]
+    pub fn new(filter: &Heard, assembly: &Assembly) -> Self {
+        let streams = if filter.is_outermost() { &assembly.streams[..] } else { &[] };
+        Self {
+            sensors: filter.sensors.iter().map(|s| s.name.clone()).collect(),
+            blocks: filter.layout.blocks().iter().map(|b| filter.named(&b.name)).collect(),
+            streams: streams.iter().map(|s| s.name.clone()).collect(),
+        }
+    }
+
+    /// A reason in these names.
+    #[must_use]
+    pub fn of(&self, reason: Reason) -> NamedReason {
+        let (word, all, number) = match reason {
+            Reason::InputGap => ("no_input", None, 0),
+            Reason::Stopped => ("stopped", None, 0),
+            Reason::Refused => ("refused", None, 0),
+            Reason::Unsound => ("unsound", None, 0),
+            Reason::Floor { block } => ("floor", Some(&self.blocks), block),
+            Reason::Calibration { block } => ("calibration", Some(&self.blocks), block),
+            Reason::Innovations { sensor, .. } => ("innovations", Some(&self.sensors), sensor),
+            Reason::Rejected { sensor, .. } => ("rejected", Some(&self.sensors), sensor),
+            Reason::Reacquired { sensor } => ("reacquired", Some(&self.sensors), sensor),
+            Reason::Silent { sensor } => ("silent", Some(&self.sensors), sensor),
+            Reason::StreamSilent { stream } => ("silent", Some(&self.streams), stream),
+            other => (other.state().word(), None, 0),
+        };
+        NamedReason {
+            reason: word,
+            of: all.and_then(|names| names.get(number)).cloned().unwrap_or_default(),
+            state: reason.state(),
+        }
+    }
+}

@@ -1,0 +1,227 @@
+//! Keeps the health of every filter of a run over time.
+
+use super::reason::{NamedReason, Names, word};
+use crate::assembly::Assembly;
+use crate::observe::{Filters, RunEvent, RunObserver};
+use fusion_core::health::{Health, State};
+use fusion_core::runner::{Event, Halt};
+use fusion_core::time::Time;
+use serde::Serialize;
+
+/// Changes that are kept of a filter; the others are counted.
+const KEPT: usize = 1000;
+
+/// A change of the health.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Transition {
+    /// When \[s\].
+    pub time: f64,
+    /// The state from then on.
+    #[serde(serialize_with = "word")]
+    pub state: State,
+    /// All reasons that hold from then on; the state may be the same as before.
+    pub reasons: Vec<NamedReason>,
+}
+
+/// Time spent in each state \[s\].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Spent {
+    /// Good.
+    pub good: f64,
+    /// Aligning.
+    pub aligning: f64,
+    /// Coasting.
+    pub coasting: f64,
+    /// Degraded.
+    pub degraded: f64,
+    /// Lost.
+    pub lost: f64,
+}
+
+impl Spent {
+    /// In `state`.
+    #[must_use]
+    pub const fn of(&self, state: State) -> f64 {
+        match state {
+            State::Good => self.good,
+            State::Aligning => self.aligning,
+            State::Coasting => self.coasting,
+            State::Degraded => self.degraded,
+            State::Lost => self.lost,
+        }
+    }
+
+    fn add(&mut self, state: State, seconds: f64) {
+        let spent = match state {
+            State::Good => &mut self.good,
+            State::Aligning => &mut self.aligning,
+            State::Coasting => &mut self.coasting,
+            State::Degraded => &mut self.degraded,
+            State::Lost => &mut self.lost,
+        };
+        *spent += seconds;
+    }
+
+    /// In all of them.
+    #[must_use]
+    pub fn total(&self) -> f64 {
+        State::ALL.iter().map(|s| self.of(*s)).sum()
+    }
+}
+
+/// The health of a filter over a run.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct FilterHealth {
+    /// The stage that it is inside of, after those around it, with dots; empty of the design's own.
+    pub filter: String,
+    /// The state at the end.
+    #[serde(serialize_with = "word")]
+    pub state: State,
+    /// When it was good for the first time \[s\].
+    pub aligned: Option<f64>,
+    /// The worst state from then on; of one that never was good, the worst of all.
+    #[serde(serialize_with = "word")]
+    pub worst: State,
+    /// Time spent in each state \[s\], from the first row to the last estimate.
+    pub spent: Spent,
+    /// The time of the last estimate \[s\].
+    pub until: f64,
+    /// The changes in order of time, the first thousand.
+    pub transitions: Vec<Transition>,
+    /// How many more there were.
+    pub further_transitions: u64,
+}
+
+impl FilterHealth {
+    /// Whether it has been good ever since it had aligned.
+    #[must_use]
+    pub fn is_good(&self) -> bool {
+        self.aligned.is_some() && self.worst == State::Good
+    }
+}
+
+/// A stretch of time in one state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spell {
+    /// When it began \[s\].
+    pub from: f64,
+    /// When it ended \[s\].
+    pub to: f64,
+    /// The state.
+    pub state: State,
+    /// Why, each once, in the order in which they came.
+    pub reasons: Vec<NamedReason>,
+}
+
+impl FilterHealth {
+    /// The stretches of one state each, as far as the changes are kept.
+    #[must_use]
+    pub fn spells(&self) -> Vec<Spell> {
+        let mut all: Vec<Spell> = Vec::new();
+        let ends = self.transitions.iter().skip(1).map(|t| t.time).chain([self.until]);
+        for (change, end) in self.transitions.iter().zip(ends) {
+            match all.last_mut().filter(|last| last.state == change.state) {
+                Some(last) => {
+                    last.to = end;
+                    let new = change.reasons.iter().filter(|r| !last.reasons.contains(r));
+                    let new: Vec<NamedReason> = new.cloned().collect();
+                    last.reasons.extend(new);
+                }
+                None => all.push(Spell {
+                    from: change.time,
+                    to: end,
+                    state: change.state,
+                    reasons: change.reasons.clone(),
+                }),
+            }
+        }
+        all
+    }
+}
+
+/// Hears the health of all filters.
+#[derive(Debug)]
+pub struct HealthRecord {
+    /// By filter.
+    followed: Vec<Followed>,
+}
+
+#[derive(Debug)]
+struct Followed {
+    names: Names,
+    health: FilterHealth,
+    /// Up to when the time spent is counted.
+    counted: Option<Time>,
+}
+
+impl HealthRecord {
+    /// Of the filters of an assembly.
+    #[must_use]
+    pub fn new(filters: &Filters, assembly: &Assembly) -> Self {
+        let followed = filters.iter().map(|filter| Followed {
+            names: Names::new(filter, assembly),
+            health: FilterHealth {
+                filter: filter.stages.join("."),
+                ..FilterHealth::default()
+            },
+            counted: None,
+        });
+        Self {
+            followed: followed.collect(),
+        }
+    }
+
+    /// The health of each filter, the outermost first.
+    #[must_use]
+    pub fn finish(self) -> Vec<FilterHealth> {
+        self.followed.into_iter().map(|f| f.health).collect()
+    }
+}
+
+impl Followed {
+    fn reach(&mut self, time: Time) {
+        let since = *self.counted.get_or_insert(time);
+        if time > since {
+            self.health.spent.add(self.health.state, time.seconds_since(since));
+            self.counted = Some(time);
+            self.health.until = time.seconds();
+        }
+    }
+
+    fn change(&mut self, health: &Health) {
+        self.reach(health.since);
+        let own = &mut self.health;
+        own.state = health.state;
+        own.worst = own.worst.max(health.state);
+        if own.aligned.is_none() && health.state == State::Good {
+            (own.aligned, own.worst) = (Some(health.since.seconds()), State::Good);
+        }
+        if own.transitions.len() == KEPT {
+            own.further_transitions += 1;
+            return;
+        }
+        own.transitions.push(Transition {
+            time: health.since.seconds(),
+            state: health.state,
+            reasons: health.reasons.iter().map(|r| self.names.of(*r)).collect(),
+        });
+    }
+}
+
+impl RunObserver for HealthRecord {
+    fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
+        match event {
+            RunEvent::Row(row) => {
+                let waiting = self.followed.iter_mut().filter(|f| f.counted.is_none());
+                waiting.for_each(|f| f.reach(row.time));
+            }
+            RunEvent::Estimate { filter, belief, .. } => self.followed[filter.number].reach(belief.time),
+            RunEvent::Filter {
+                filter,
+                event: Event::Health { health },
+            } => self.followed[filter.number].change(health),
+            _ => {}
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,107 @@
+//! The health of a run: a line at the top, and what happened when.
+
+use super::tree::{Cell, Column, Section, Table};
+use super::unit::Unit;
+use crate::health::{FilterHealth, NamedReason, State};
+
+/// Spells of ill health that are listed.
+const SPELLS: usize = 20;
+/// Reasons that are named in a line.
+const REASONS: usize = 4;
+
+/// In a line: the state at the end, and the time in each that is not good.
+pub(super) fn line(health: &FilterHealth) -> String {
+    let ill = [State::Lost, State::Degraded, State::Coasting].into_iter();
+    let ill: Vec<String> = ill
+        .filter(|s| health.spent.of(*s) > 0.0)
+        .map(|s| format!("{s} for {:.1} s", health.spent.of(s)))
+        .collect();
+    match (health.is_good(), ill.is_empty()) {
+        (true, true) => "good".to_owned(),
+        (_, true) => format!("{} at the end", health.state),
+        _ => format!("{}; {} at the end", ill.join(", "), health.state),
+    }
+}
+
+/// A sentence for each filter that was not in good health.
+pub(super) fn warnings(all: &[FilterHealth]) -> impl Iterator<Item = String> {
+    let ill = all.iter().filter(|h| h.spent.degraded + h.spent.lost > 0.0);
+    ill.filter_map(|health| {
+        let spells = health.spells();
+        let first = spells.iter().find(|s| s.state >= State::Degraded)?;
+        let whose = match health.filter.as_str() {
+            "" => String::new(),
+            name => format!(" of `{name}`"),
+        };
+        let why = named(&first.reasons);
+        Some(format!(
+            "health{whose}: {} from {:.1} s on: {why} ({})",
+            first.state,
+            first.from,
+            line(health)
+        ))
+    })
+}
+
+/// The first few reasons.
+fn named(reasons: &[NamedReason]) -> String {
+    let mut named = reasons.iter().take(REASONS).map(ToString::to_string).collect::<Vec<_>>().join(", ");
+    if reasons.len() > REASONS {
+        named += &format!(" and {} more", reasons.len() - REASONS);
+    }
+    named
+}
+
+/// The share of the time that each spent in each state, and the state at the end; `what` they are.
+pub(super) fn shares<'a>(what: &str, all: impl IntoIterator<Item = (&'a str, &'a FilterHealth)>) -> Table {
+    let columns = State::ALL.map(|s| Column::number(s.word()));
+    let mut t = Table::new([Column::text(what)].into_iter().chain(columns).chain([Column::text("at the end")]));
+    for (name, health) in all.into_iter().filter(|(_, h)| h.spent.total() > 0.0) {
+        let shares = State::ALL.map(|s| Cell::Share(health.spent.of(s) / health.spent.total()));
+        let end = Cell::text(health.state.word());
+        t.row([Cell::text(name)].into_iter().chain(shares).chain([end]));
+    }
+    t
+}
+
+/// What happened when; nothing of filters that were good since they aligned.
+#[must_use]
+pub fn section(all: &[FilterHealth]) -> Section {
+    let ill = || all.iter().filter(|h| !h.is_good() && !h.transitions.is_empty());
+    fn name(health: &FilterHealth) -> &str {
+        if health.filter.is_empty() {
+            "the design's own"
+        } else {
+            &health.filter
+        }
+    }
+    let mut t = Table::new([
+        Column::text("filter"),
+        Column::with_unit("from", Unit::of_si("s")),
+        Column::with_unit("for", Unit::of_si("s")),
+        Column::text("health"),
+        Column::text("because"),
+    ]);
+    let mut notes = Vec::new();
+    for health in ill() {
+        let spells = health.spells();
+        for spell in spells.iter().take(SPELLS) {
+            let times = [spell.from, spell.to - spell.from].map(Cell::Seconds);
+            let words = [Cell::text(spell.state.word()), Cell::text(named(&spell.reasons))];
+            t.row([Cell::text(name(health))].into_iter().chain(times).chain(words));
+        }
+        if spells.len() > SPELLS {
+            notes.push(format!(
+                "The first {SPELLS} of {} are listed; summary.json has them all.",
+                spells.len()
+            ));
+        }
+        if health.further_transitions > 0 {
+            notes.push(format!("{} further changes were not kept.", health.further_transitions));
+        }
+    }
+    Section {
+        notes,
+        ..Section::new("Health", [shares("filter", ill().map(|h| (name(h), h))), t])
+    }
+}
