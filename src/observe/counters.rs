@@ -48,7 +48,7 @@ impl RunObserver for Counters {
                 }
                 _ => {}
             },
-            RunEvent::Row(_) | RunEvent::Reference { .. } | RunEvent::Truth { .. } => {}
+            RunEvent::Row(_) | RunEvent::Outside { .. } | RunEvent::Reference { .. } | RunEvent::Truth { .. } => {}
         }
         Ok(())
     }

@@ -13,6 +13,13 @@ use fusion_core::state::Belief;
 pub enum RunEvent<'a> {
     /// A row goes to the filter; the events that it causes follow.
     Row(&'a Row<'a>),
+    /// A row does not go to the filter: it is stamped before or after the time that is run.
+    Outside {
+        /// The row.
+        row: &'a Row<'a>,
+        /// Whether it is after.
+        is_after: bool,
+    },
     /// The estimate of an epoch, after every measurement that is valid at that time was used.
     Estimate {
         /// Whose estimate it is.

@@ -54,6 +54,14 @@ impl<'a> Hub<'a> {
         tell(&mut self.observers, &RunEvent::Row(row))
     }
 
+    /// A row that is not fed, being before or after the time that is run.
+    ///
+    /// # Errors
+    /// The first of an observer.
+    pub fn outside(&mut self, row: &Row<'_>, is_after: bool) -> Result<(), Halt> {
+        tell(&mut self.observers, &RunEvent::Outside { row, is_after })
+    }
+
     /// An epoch of a reference that comes along with the data.
     pub fn reference(&mut self, epoch: ReferenceEpoch) {
         self.comparisons.iter_mut().for_each(|c| c.push(epoch));

@@ -11,6 +11,7 @@
 //! each once, and tells every observer a [`RunEvent`]. The first observer that cannot go on stops
 //! the run.
 
+mod consumers;
 mod counters;
 mod event;
 mod files;
@@ -21,6 +22,7 @@ mod score;
 mod statistics;
 mod timing;
 
+pub use consumers::{ConsumerCounts, Consumers};
 pub use counters::Counters;
 pub use event::{RunEvent, RunObserver};
 pub use files::{EstimateFile, UpdateFile};

@@ -6,7 +6,7 @@ use super::sensors::{count_columns, counts, residual_rows, row_name};
 use super::text;
 use super::tree::{Cell, Column, Page, Section, Table};
 use super::unit::Unit;
-use crate::observe::SensorStatistics;
+use crate::observe::{ConsumerCounts, SensorStatistics};
 use crate::run::{FinalState, InsideScore, Summary};
 use crate::score::{Axes, Consistency, Score, Verdict};
 use crate::solution::rpy_of;
@@ -120,6 +120,7 @@ impl Summary {
         }
         vec![
             Section::new("Sensors", [counted]),
+            Section::new("Rows that were not used", [left_out(&self.consumers)]),
             Section::new("Longest rejection streaks", [streaks(&self.sensors)]),
             Section::new("Innovations of accepted measurements", [innovations(&self.sensors)]),
         ]
@@ -226,6 +227,29 @@ fn axes(state: &FinalState) -> Vec<(String, f64, f64)> {
     let sigma = |k: usize| state.sigma.get(k).copied().unwrap_or(f64::NAN);
     let values = state.value.iter().enumerate();
     values.map(|(k, value)| (name(k), *value, sigma(k))).collect()
+}
+
+/// The consumers with rows that were neither used nor judged by a gate; columns and cells only of
+/// what there was.
+fn left_out(consumers: &[ConsumerCounts]) -> Table {
+    /// Used, rejected, unusable stand with the sensors.
+    const JUDGED: usize = 3;
+    let titles = ConsumerCounts::default()
+        .outcomes()
+        .into_iter()
+        .skip(JUDGED)
+        .map(|(title, _)| title);
+    let columns = [Column::text("consumer"), Column::text("stream"), Column::number("rows")];
+    let mut t = Table::new(columns.into_iter().chain(titles.map(Column::number)));
+    for c in consumers {
+        let counts = || c.outcomes().into_iter().skip(JUDGED).map(|(_, count)| count);
+        if counts().any(|count| count > 0) {
+            let cells = counts().map(|count| Cell::count((count > 0).then_some(count)));
+            let names = [Cell::text(&c.name), Cell::text(&c.stream), Cell::Count(c.rows)];
+            t.row(names.into_iter().chain(cells));
+        }
+    }
+    t
 }
 
 fn streaks(sensors: &[SensorStatistics]) -> Table {

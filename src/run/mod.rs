@@ -15,7 +15,7 @@ use crate::assembly::{Assembly, assemble, declared_streams, imu_stream};
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::{Design, Named, ReferenceSpec};
 use crate::health::HealthRecord;
-use crate::observe::{Counters, FilterScore, Filters, Finals, Heard, Hub, RunObserver, Statistics, Timing};
+use crate::observe::{Consumers, Counters, FilterScore, Filters, Finals, Heard, Hub, RunObserver, Statistics, Timing};
 use crate::rows::{Feed, outages as silences};
 use crate::score::Outage;
 use crate::world::{IMU, SimulatedRows};
@@ -93,6 +93,7 @@ impl<'a> Run<'a> {
         let from = self.design.reference.as_ref().and_then(|r| r.block.from);
         let from = from.map(|t| Time::from_seconds(t.si()));
         let mut counters = Counters::default();
+        let mut consumers = Consumers::new(&self.assembly.runner);
         let mut statistics = Statistics::new(&filters, from, &self.data.rows.disturbable());
         let mut finals = Finals::new(&filters);
         let mut health = HealthRecord::new(&filters, &self.assembly);
@@ -105,6 +106,7 @@ impl<'a> Run<'a> {
         let mut files = Files::create(self.design, self.options, &filters)?;
         let mut hub = Hub::new(&filters, &reference.comparison(self.design));
         hub.add(&mut counters);
+        hub.add(&mut consumers);
         hub.add(&mut statistics);
         hub.add(&mut finals);
         hub.add(&mut health);
@@ -140,6 +142,7 @@ impl<'a> Run<'a> {
             sensors: statistics.finish(last.time),
             sources: self.data.rows.statistics(),
             parameters,
+            consumers: consumers.finish(),
             unused_rows: counters.unused_rows,
             failures: counters.failures,
             further_failures: counters.further_failures,
@@ -163,6 +166,7 @@ fn feed(
     let (mut timing, mut count) = (Timing::default(), 0_u32);
     while let Some(row) = data.rows.next()? {
         if row.time < start || row.time > stop {
+            hub.outside(&row, row.time > stop).map_err(stopped)?;
             continue;
         }
         count = count.wrapping_add(1);

@@ -1,7 +1,7 @@
 //! What a run results in.
 
 use crate::health::FilterHealth;
-use crate::observe::SensorStatistics;
+use crate::observe::{ConsumerCounts, SensorStatistics};
 use crate::rows::SourceStatistics;
 use crate::score::Score;
 use fusion_core::state::{Belief, Kind, Layout, StateRole};
@@ -60,6 +60,8 @@ pub struct Summary {
     pub sources: Vec<SourceStatistics>,
     /// Estimated parameters at the end.
     pub parameters: Vec<FinalState>,
+    /// What became of every row, by consumer.
+    pub consumers: Vec<ConsumerCounts>,
     /// Rows that came too late or held no number, by consumer.
     pub unused_rows: Vec<(String, u64)>,
     /// What the estimator could not do: the first ten reasons.

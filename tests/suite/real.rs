@@ -78,6 +78,17 @@ fn the_car_with_single_point_gnss_is_within_its_bounds() {
     // horizontal RMS of before the slow GNSS error was a state, 1.405 m, within 3 %.
     is_honest(&score);
     assert!(score.horizontal_rms <= 1.447, "{}", score.horizontal_rms);
+    // Every row that a source delivered is in one count of each of its consumers.
+    let of_sources = summary.consumers.iter().filter_map(|c| {
+        let source = summary.sources.iter().find(|s| s.name == c.stream)?;
+        Some((c, source.used))
+    });
+    for (c, delivered) in of_sources {
+        let counted: u64 = c.outcomes().iter().map(|(_, count)| count).sum();
+        assert_eq!((c.rows, counted), (delivered, delivered), "{c:?}");
+    }
+    let fixes = summary.consumers.iter().find(|c| c.name == "gnss_position").unwrap();
+    assert!(fixes.used == 2470 && fixes.before_run > 50 && fixes.before_start > 50, "{fixes:?}");
     // It starts by itself, at the first fix that moves.
     assert!((130.0..136.0).contains(&summary.started.unwrap()));
 }
@@ -127,6 +138,20 @@ fn the_drive_drifts_little_in_half_a_minute_without_gnss() {
         "{} {drifts:?}",
         rms(&drifts)
     );
+}
+
+#[test]
+fn the_attitude_reference_knows_its_errors_where_nothing_disturbs_it() {
+    let Some(summary) = real("broad", &[], &[]) else { return };
+    let (own, inside) = (summary.score.unwrap(), &summary.inside[0].score);
+    for score in [&own, inside] {
+        let nees = score.nees_attitude.unwrap();
+        // 3 is ideal; a factor of 2, as required.
+        assert!((1.5..=6.0).contains(&nees.mean), "{nees:?}");
+    }
+    // As before the noise was doubled: 1.586° and 0.516°.
+    let [heading, inclination] = [own.heading_rmse_deg, own.inclination_rmse_deg].map(Option::unwrap);
+    assert!(heading < 1.6 && inclination < 0.53, "{heading} {inclination}");
 }
 
 #[test]

@@ -19,6 +19,9 @@ pub(super) struct Stream {
     pub(super) width: usize,
 }
 
+/// What the process is called as a consumer of rows.
+pub(super) const PROCESS: &str = "process";
+
 /// A measurement that waits for the input sample that covers it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Waiting {
@@ -196,6 +199,14 @@ impl Runner {
         self.lag = self.buffer.max(apart) + delay + ahead;
     }
 
+    /// Who takes rows without an event of their own, the process and the stages: name and stream of
+    /// each input.
+    pub fn takers(&self) -> impl Iterator<Item = (&str, StreamId)> {
+        let process = self.input.iter().map(|input| (PROCESS, input.port.stream));
+        let stages = self.stages.iter();
+        process.chain(stages.flat_map(|unit| unit.inputs.iter().map(|port| (unit.name.as_str(), port.stream))))
+    }
+
     /// The sensors, in order of their numbers.
     #[must_use]
     pub fn sensors(&self) -> &[Sensor] {
@@ -292,7 +303,7 @@ impl Runner {
             Ok(())
         };
         if let Some(input) = &self.input {
-            offer(Consumer::Input, &input.port, "process")?;
+            offer(Consumer::Input, &input.port, PROCESS)?;
         }
         if !self.started {
             for (u, unit) in self.initialisers.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! Serving the consumers: rows to initialisers, stages, the process and the sensors.
 
 use super::intake::{Sample, Taken};
-use super::ordering::{Runner, Waiting};
+use super::ordering::{PROCESS, Runner, Waiting};
 use super::rows::{Consumer, Entry};
 use super::{Discard, Event, Halt, Observer, RowId};
 use crate::filter::{Observed, Verdict};
@@ -89,7 +89,7 @@ impl Runner {
     fn discard_input(&self, time: Time, row: usize, why: Discard, observer: &mut dyn Observer) -> Result<(), Halt> {
         let columns = self.input.as_ref().map_or(&[][..], |input| &input.port.columns);
         observer.on(&Event::Discarded {
-            consumer: "process",
+            consumer: PROCESS,
             time,
             row: self.rows.get(row).id(columns),
             why,

@@ -1,0 +1,167 @@
+//! What became of every row, for each of its consumers.
+
+use super::{RunEvent, RunObserver};
+use fusion_core::filter::Verdict;
+use fusion_core::runner::{Discard, Event, Halt, Runner, StreamId};
+use serde::Serialize;
+
+/// What became of the rows of one consumer: the process, a stage or a sensor. Each row is in exactly
+/// one of the counts after `rows`, which add up to it.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct ConsumerCounts {
+    /// The consumer; `stage.sensor` inside a stage.
+    pub name: String,
+    /// The stream that it reads.
+    pub stream: String,
+    /// Rows of the stream.
+    pub rows: u64,
+    /// Those that it took: of a sensor, those that corrected the estimate.
+    pub used: u64,
+    /// Those that the sensor's gate rejected.
+    pub rejected: u64,
+    /// Those without a value at the estimate, or that could not be used.
+    pub unusable: u64,
+    /// Those before `start` under `[run]`.
+    pub before_run: u64,
+    /// Those after `stop` under `[run]`.
+    pub after_run: u64,
+    /// Those not later than what started the filter.
+    pub before_start: u64,
+    /// Those that came too late for the buffer.
+    pub late: u64,
+    /// Those that held a number that is not finite.
+    pub not_finite: u64,
+    /// Those with a number outside what the instrument can measure.
+    pub out_of_range: u64,
+    /// Those with a number that differs from its neighbours by more than the vehicle can change.
+    pub spikes: u64,
+    /// Those whose stamp was far ahead of all others.
+    pub time_jumps: u64,
+    /// Those left out for a reason that has no count of its own yet.
+    pub otherwise: u64,
+}
+
+impl ConsumerCounts {
+    /// All counts of what became of a row, with the words for them.
+    #[must_use]
+    pub const fn outcomes(&self) -> [(&'static str, u64); 12] {
+        [
+            ("used", self.used),
+            ("rejected", self.rejected),
+            ("unusable", self.unusable),
+            ("before the run", self.before_run),
+            ("after the run", self.after_run),
+            ("before the start", self.before_start),
+            ("late", self.late),
+            ("not finite", self.not_finite),
+            ("out of range", self.out_of_range),
+            ("spikes", self.spikes),
+            ("time jumps", self.time_jumps),
+            ("otherwise", self.otherwise),
+        ]
+    }
+
+    fn discard(&mut self, why: &Discard) {
+        let count = match why {
+            Discard::BeforeStart => &mut self.before_start,
+            Discard::Late { .. } => &mut self.late,
+            Discard::NotFinite => &mut self.not_finite,
+            Discard::OutOfRange { .. } => &mut self.out_of_range,
+            Discard::Spike { .. } => &mut self.spikes,
+            Discard::TimeJump { .. } => &mut self.time_jumps,
+            _ => &mut self.otherwise,
+        };
+        *count += 1;
+    }
+
+    fn judge(&mut self, verdict: &Verdict) {
+        let count = match verdict {
+            Verdict::Accepted | Verdict::Reacquired => &mut self.used,
+            Verdict::Rejected => &mut self.rejected,
+            Verdict::Undefined(_) | Verdict::Unusable => &mut self.unusable,
+        };
+        *count += 1;
+    }
+}
+
+/// Follows the rows to the consumers of the outermost filter.
+#[derive(Debug)]
+pub struct Consumers {
+    /// Each with the number of its stream: first the process and the stages, then the sensors.
+    followed: Vec<(StreamId, ConsumerCounts)>,
+    /// Where the sensors begin, in order of their numbers.
+    first_sensor: usize,
+    /// Rows fed, and those outside the run: before and after; by stream.
+    fed: Vec<[u64; 3]>,
+}
+
+impl Consumers {
+    /// Those of `runner`.
+    #[must_use]
+    pub fn new(runner: &Runner) -> Self {
+        let streams: Vec<&str> = runner.streams().map(|(name, _)| name).collect();
+        let follow = |(name, stream): (&str, StreamId)| {
+            let counts = ConsumerCounts {
+                name: name.to_owned(),
+                stream: streams.get(stream).copied().unwrap_or_default().to_owned(),
+                ..ConsumerCounts::default()
+            };
+            (stream, counts)
+        };
+        let sensors = runner.sensors().iter().map(|s| (s.name.as_str(), s.port.stream));
+        let mut followed: Vec<_> = runner.takers().map(follow).collect();
+        let first_sensor = followed.len();
+        followed.extend(sensors.map(follow));
+        Self {
+            followed,
+            first_sensor,
+            fed: vec![[0; 3]; streams.len()],
+        }
+    }
+
+    /// What became of the rows: of the process, the stages and the sensors, in this order.
+    #[must_use]
+    pub fn finish(self) -> Vec<ConsumerCounts> {
+        let Self {
+            followed,
+            first_sensor,
+            fed,
+        } = self;
+        let finish = |(number, (stream, mut counts)): (usize, (StreamId, ConsumerCounts))| {
+            let [inside, before, after] = fed[stream];
+            (counts.before_run, counts.after_run) = (before, after);
+            let known = |c: &ConsumerCounts| c.outcomes().into_iter().map(|(_, n)| n).sum::<u64>();
+            counts.rows = inside + before + after;
+            if number < first_sensor {
+                // A row that is taken has no event: it is one that was not discarded.
+                counts.used = counts.rows.saturating_sub(known(&counts));
+            } else if counts.rows == 0 {
+                // What a stage emits is not fed.
+                counts.rows = known(&counts);
+            }
+            counts
+        };
+        followed.into_iter().enumerate().map(finish).collect()
+    }
+}
+
+impl RunObserver for Consumers {
+    fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
+        match event {
+            RunEvent::Row(row) => self.fed[row.stream][0] += 1,
+            RunEvent::Outside { row, is_after } => self.fed[row.stream][1 + usize::from(*is_after)] += 1,
+            RunEvent::Filter { filter, event } if filter.is_outermost() => match event {
+                Event::Updated { sensor, update, .. } => self.followed[self.first_sensor + sensor].1.judge(&update.verdict),
+                Event::Discarded { consumer, row, why, .. } => {
+                    let is_it = |(stream, counts): &&mut (StreamId, ConsumerCounts)| *stream == row.stream && counts.name == *consumer;
+                    if let Some((_, counts)) = self.followed.iter_mut().find(is_it) {
+                        counts.discard(why);
+                    }
+                }
+                _ => {}
+            },
+            _ => {}
+        }
+        Ok(())
+    }
+}
