@@ -4,7 +4,7 @@
 //! then stays, so that later calls allocate nothing and the kernels touch only what is there.
 
 use crate::state::{Layout, Manifold, Quantity, Signal, Slot, Tangent};
-use nalgebra::SMatrix;
+use nalgebra::{SMatrix, SVector};
 
 /// Row length of a padded matrix of `n` columns: the next multiple of 8 doubles.
 #[must_use]
@@ -213,6 +213,8 @@ pub struct Transition {
     pub(crate) before: NoiseBlocks,
     /// Noise added after Φ.
     pub(crate) after: NoiseBlocks,
+    /// Noise added after Φ as far as the variance stays below a bound: axis, variance, bound.
+    bounded: Vec<(u16, f64, f64)>,
 }
 
 impl Transition {
@@ -224,6 +226,7 @@ impl Transition {
             phi: BlockMatrix::identity(n),
             before: NoiseBlocks::with_room(n),
             after: NoiseBlocks::with_room(n),
+            bounded: Vec::with_capacity(n),
         }
     }
 
@@ -232,6 +235,7 @@ impl Transition {
         self.phi.reset();
         self.before.entries.clear();
         self.after.entries.clear();
+        self.bounded.clear();
     }
 
     /// Sets the block ∂row/∂col of Φ (whole, with its identity on the diagonal).
@@ -250,6 +254,26 @@ impl Transition {
         B: Tangent<C>,
     {
         self.after.add(row.tangent, col.tangent, block, 1.0);
+    }
+
+    /// Adds `variance` to the noise after Φ, per axis of `slot`, but no more than lifts the variance of
+    /// the axis to `bound`: for an error that is known not to grow for ever.
+    pub fn noise_up_to<A, const R: usize>(&mut self, slot: Slot<A>, variance: &SVector<f64, R>, bound: &SVector<f64, R>)
+    where
+        A: Tangent<R>,
+    {
+        for k in 0..R {
+            self.bounded.push(((slot.tangent + k) as u16, variance[k], bound[k]));
+        }
+    }
+
+    /// Turns the bounded noise into noise; `variance` tells that of an axis before the step.
+    pub(crate) fn settle(&mut self, variance: impl Fn(usize) -> f64) {
+        for &(axis, q, bound) in &self.bounded {
+            let room = (bound - variance(axis.into())).max(0.0);
+            self.after.entries.push((axis, axis, q.min(room)));
+        }
+        self.bounded.clear();
     }
 
     /// The noise added before Φ, element by element (row, column, value), both triangles; elements may

@@ -7,11 +7,14 @@ use crate::design::{Design, Draft, Named, ProcessDesign, SourceDesign};
 use fusion_core::filter::{Estimator, Filter};
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::model::{Measurement, Process, Size};
-use fusion_core::runner::{InitialiserUnit, Port, Runner, Sensor, StageUnit};
+use fusion_core::runner::{InitialiserUnit, InputLimits, Port, Runner, Sensor, StageUnit};
 use fusion_core::state::{Block, Dynamics, Layout, LayoutBuilder};
 use fusion_models::block::{Build, BuildError};
 use fusion_models::earth::Gravity;
 use std::sync::Arc;
+
+/// How far ahead of all others a stamp may be where nothing is declared \[s\].
+const LONGEST_JUMP: f64 = 10.0;
 
 /// A design, built.
 #[derive(Debug)]
@@ -58,6 +61,7 @@ pub(crate) fn check(draft: &Draft, d: &mut Diagnostics) {
 /// What a runner consists of.
 pub(super) struct Parts {
     pub(super) input: Option<Port>,
+    pub(super) limits: InputLimits,
     pub(super) sensors: Vec<Sensor>,
     pub(super) stages: Vec<StageUnit>,
     pub(super) initialisers: Vec<InitialiserUnit>,
@@ -133,7 +137,10 @@ impl<'a, P> Assembler<'a, P> {
     /// The assembly, where nothing is wrong.
     fn assemble(&mut self) -> Option<Assembly> {
         let (process, parts, infos) = self.blocks();
-        self.finish(process?, parts, infos)
+        let mut assembly = self.finish(process?, parts, infos)?;
+        let longest = self.design.run.longest_jump.map_or(LONGEST_JUMP, |t| t.si());
+        assembly.runner.limit_jumps(longest);
+        Some(assembly)
     }
 
     /// Builds and connects the blocks. Without a process no other block is built, but all are connected.
@@ -153,12 +160,13 @@ impl<'a, P> Assembler<'a, P> {
             self.streams.push(StreamLayout::of(&stage.name, None, &stage.block.output()));
         }
         let filters = self.filters();
-        let input = self.input_port();
+        let (input, limits) = (self.input_port(), self.input_limits());
         let (sensors, infos) = self.sensors(models);
         let mut stages = self.stages(is_moved);
         stages.extend(filters);
         let parts = Parts {
             input,
+            limits,
             sensors,
             stages,
             initialisers: self.initialisers(is_moved),
@@ -282,6 +290,7 @@ impl<'a, P> Assembler<'a, P> {
         }
         if let Some(input) = parts.input {
             runner.set_input(input);
+            runner.limit_input(parts.limits);
         }
         parts.sensors.into_iter().for_each(|s| runner.add_sensor(s));
         parts.stages.into_iter().for_each(|s| runner.add_stage(s));

@@ -4,9 +4,9 @@ use super::StreamLayout;
 use super::assemble::Assembler;
 use super::streams::StreamChannel;
 use crate::config::{Diagnostic, Node};
-use fusion_core::runner::{Port, StreamId};
+use fusion_core::runner::{InputLimits, Port, StreamId};
 use fusion_models::block::{Channel, Listen, Shape};
-use fusion_models::units::Dimension;
+use fusion_models::units::{Dimension, range};
 
 impl<P> Assembler<'_, P> {
     pub(super) fn position(&self, stream: &str) -> StreamId {
@@ -33,6 +33,49 @@ impl<P> Assembler<'_, P> {
                 self.d.push(Diagnostic::error(message).at(place).help("remove `source`"));
                 None
             }
+        }
+    }
+
+    /// What the samples of the process may be like.
+    pub(super) fn input_limits(&mut self) -> InputLimits {
+        let Some(process) = self.process else {
+            return InputLimits::default();
+        };
+        let (spec, channels) = (&process.block.input, process.block.model.input());
+        if channels.is_empty() && process.node.get("input").is_some() {
+            let message = "this process is driven by time alone and has no input";
+            let place = process.node.place_of("input");
+            self.d.push(Diagnostic::error(message).at(place).help("remove `input`"));
+        }
+        let names: Vec<&str> = channels.iter().map(|c| c.name.as_ref()).collect();
+        for name in spec
+            .range
+            .keys()
+            .filter(|name| !channels.is_empty() && !names.contains(&name.as_str()))
+        {
+            let place = process.node.place_of(&format!("input.range.{name}"));
+            let unknown = Diagnostic::error(format!("this process is not driven by `{name}`")).at(place);
+            self.d.push(unknown.suggest(name, &names, "its channels are"));
+        }
+        let mut range = Vec::new();
+        for channel in &channels {
+            let dimensions = vec![channel.dimension; channel.width];
+            let declared = spec.range.get(channel.name.as_ref());
+            let limits = declared.map(|limits| limits.si::<range::Positive>(&dimensions));
+            match limits {
+                Some(Ok(limits)) => range.extend(limits),
+                None => range.extend(dimensions.iter().map(|_| f64::INFINITY)),
+                Some(Err(why)) => {
+                    let place = process.node.place_of(&format!("input.range.{}", channel.name));
+                    self.d.push(Diagnostic::error(why.to_string()).at(place));
+                }
+            }
+        }
+        let default = InputLimits::default();
+        InputLimits {
+            range,
+            longest_interval: spec.longest_interval.map(|t| t.si()),
+            longest_gap: spec.longest_gap.map_or(default.longest_gap, |t| t.si()),
         }
     }
 

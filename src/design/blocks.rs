@@ -1,6 +1,6 @@
 //! What the tables of blocks are read as: each block with its name, its place and its siblings.
 
-use super::{NoiseSpec, OnlyWithSpec};
+use super::{InputSpec, NoiseSpec, OnlyWithSpec};
 use crate::config::Node;
 use crate::source::SourceSpec;
 use fusion_models::block::{GateSpec, LossSpec, ProcessSpec, SensorSpec};
@@ -76,4 +76,6 @@ pub struct ProcessDesign {
     pub model: Box<dyn ProcessSpec>,
     /// The source of its input.
     pub source: Option<String>,
+    /// What its input may be like.
+    pub input: InputSpec,
 }

@@ -17,6 +17,7 @@
 mod blocks;
 mod filter;
 mod health;
+mod input;
 mod leaders;
 mod names;
 mod nested;
@@ -29,6 +30,7 @@ pub mod schema;
 pub use blocks::{Fault, Named, ProcessDesign, SensorCommon, SensorDesign, SimulationDesign, SourceDesign};
 pub use filter::{ChartSpec, FilterSpec, FormSpec, PresetSpec, UpdateSpec};
 pub use health::{FloorSpec, HealthSpec, InnovationsSpec, RejectedSpec, SilentSpec};
+pub use input::InputSpec;
 pub use leaders::OnlyWithSpec;
 pub(crate) use nested::TABLES as FILTER_TABLES;
 pub use noise::NoiseSpec;

@@ -1,7 +1,7 @@
 //! From a document to a design: every table read, every mistake kept.
 
 use super::{
-    Fault, FilterSpec, HealthSpec, Named, ProcessDesign, ReferenceSpec, RunSpec, SensorCommon, SensorDesign, SimulationDesign,
+    Fault, FilterSpec, HealthSpec, InputSpec, Named, ProcessDesign, ReferenceSpec, RunSpec, SensorCommon, SensorDesign, SimulationDesign,
     SourceDesign, leaders, names, nested,
 };
 use crate::config::{Diagnostic, Diagnostics, Document, Entry, Node, Value, did_you_mean};
@@ -296,6 +296,8 @@ fn read_process(root: &Node, d: &mut Diagnostics) -> Option<Named<ProcessDesign>
     #[serde(deny_unknown_fields)]
     struct Common {
         source: Option<String>,
+        #[serde(default)]
+        input: InputSpec,
     }
     let Some(node) = root.get("process") else {
         let help = "add a [process] table, or [stage.NAME.process] for a filter inside a stage, e.g. type = \"strapdown\"; `fusion blocks` lists the process models";
@@ -303,12 +305,10 @@ fn read_process(root: &Node, d: &mut Diagnostics) -> Option<Named<ProcessDesign>
         return None;
     };
     let mut own = node.clone();
-    let common: Option<Common> = own.split_off(&["source"]).read(d);
+    let common: Option<Common> = own.split_off(&["source", "input"]).read(d);
     let model = own.read_block("process model", &registry::names(Role::Process), d)?;
-    let block = ProcessDesign {
-        model,
-        source: common?.source,
-    };
+    let Common { source, input } = common?;
+    let block = ProcessDesign { model, source, input };
     Some(Named {
         name: "process".to_owned(),
         node: node.clone(),

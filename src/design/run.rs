@@ -23,6 +23,9 @@ pub struct RunSpec {
     pub output_rate: Option<Positive<dim::Frequency>>,
     /// Seed of everything random: faults and simulated errors.
     pub seed: u64,
+    /// How far ahead of all others a stamp may be, 10 s by default: a row whose stamp is further ahead
+    /// waits until a second one confirms it, and is not used if none does.
+    pub longest_jump: Option<Positive<dim::Duration>>,
     /// How far out of order live rows may arrive.
     pub reorder: NonNegative<dim::Duration>,
 }

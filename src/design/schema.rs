@@ -9,7 +9,7 @@
 //! Not here  units and ranges beyond what JSON Schema can say: those are checked on reading
 
 use crate::config::INCLUDE;
-use crate::design::{FILTER_TABLES, FilterSpec, HealthSpec, NoiseSpec, OnlyWithSpec, ReferenceSpec, RunSpec};
+use crate::design::{FILTER_TABLES, FilterSpec, HealthSpec, InputSpec, NoiseSpec, OnlyWithSpec, ReferenceSpec, RunSpec};
 use fusion_models::registry::{self, Registration, Role};
 use fusion_models::sim::SimulationSpec;
 use schemars::{JsonSchema, schema_for};
@@ -160,6 +160,7 @@ impl Builder {
     /// What stands beside the fields of a block and is read by others.
     fn add_siblings(&mut self) {
         let noise = self.of::<NoiseSpec>("noise");
+        let input = self.of::<InputSpec>("input");
         let source = |description: &str| json!({ "type": "string", "description": description });
         let enabled = json!({ "type": "boolean", "default": true, "description": "False leaves the block out." });
         let only_with = self.of::<OnlyWithSpec>("only_with");
@@ -171,11 +172,11 @@ impl Builder {
                 continue;
             };
             match block.role {
-                Role::Process => property(
-                    schema,
-                    "source",
-                    source("The source of its input; none for a process driven by time alone."),
-                ),
+                Role::Process => {
+                    let what = "The source of its input; none for a process driven by time alone.";
+                    property(schema, "source", source(what));
+                    property(schema, "input", input.clone());
+                }
                 Role::Sensor => {
                     property(schema, "source", source("The source or stage that it reads or that times it."));
                     property(schema, "noise", noise.clone());

@@ -194,6 +194,15 @@ impl Navigator {
         Some(self.reader.read(self.assembly.runner.belief()))
     }
 
+    /// The solution at `seconds` if no row comes until then: rows that are still held back are used, and
+    /// the rest of the time is predicted; where the input is missing, with the vehicle's agility, so that
+    /// σ grows. `None` until the filter has started, and where it would have stopped by then. The
+    /// filter itself does not change. For a time before that of [`Navigator::solution`] it is that one.
+    pub fn solution_at(&mut self, seconds: f64) -> Option<Solution> {
+        let belief = self.assembly.runner.predicted(Time::from_seconds(seconds))?;
+        Some(self.reader.read(&belief))
+    }
+
     /// The whole belief: state and covariance; `None` until the filter has started.
     #[must_use]
     pub fn belief(&self) -> Option<&Belief> {

@@ -95,6 +95,12 @@ pub trait Estimator: core::fmt::Debug + Send {
     /// [`FilterError`]; the belief stays sound.
     fn predict(&mut self, to: Time, input: &Input<'_>) -> Result<(), FilterError>;
 
+    /// Moves the belief to `to` without input, which has been missing for `missing` seconds by then.
+    ///
+    /// # Errors
+    /// [`FilterError`]; the belief stays sound.
+    fn coast(&mut self, to: Time, missing: f64) -> Result<(), FilterError>;
+
     /// Offers a measurement valid now. `others` is the latest outcome of each sensor of the design,
     /// for gates that depend on it; it may be empty.
     fn update<'a>(&'a mut self, observed: &Observed<'a>, gate: &mut dyn Gate, others: &[Option<Outcome>], loss: &dyn Loss) -> Update<'a>;

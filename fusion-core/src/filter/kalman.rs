@@ -9,7 +9,7 @@ use crate::covariance::{Covariance, Form};
 use crate::gate::{Answer, Decision, Gate, GateInput, Mode, Outcome};
 use crate::linear::{BlockMatrix, Transition};
 use crate::loss::Loss;
-use crate::model::{Input, Process, SignalBuffer, Size};
+use crate::model::{Gap, Input, Process, SignalBuffer, Size};
 use crate::state::{Belief, Dynamics, Layout, View};
 use crate::time::{Time, nanos};
 use std::sync::Arc;
@@ -113,6 +113,12 @@ impl Signals {
     }
 }
 
+/// What moves the state over a step.
+enum Drive<'a> {
+    Input(Input<'a>),
+    Nothing(Gap),
+}
+
 /// Dynamics that a tangent coordinate has by itself.
 #[derive(Clone, Copy, Debug)]
 enum OwnDynamics {
@@ -178,15 +184,56 @@ impl Filter {
         }
     }
 
+    /// Moves the belief to `to` in steps that the process allows; `drive` says what moves it through
+    /// the part of the way from one number of seconds to another.
+    fn advance<'a>(&mut self, to: Time, drive: impl Fn(f64, f64) -> Drive<'a>) -> Result<(), FilterError> {
+        self.forget_steps();
+        let from = self.belief.time;
+        if to < from {
+            return Err(FilterError::Backwards { from, to });
+        }
+        let total = to.seconds_since(from);
+        if total <= 0.0 {
+            return Ok(());
+        }
+        let steps = (total / self.process.max_step()).ceil().clamp(1.0, 1e6);
+        self.x_before.copy_from_slice(&self.belief.x);
+        if steps > 1.0 {
+            self.p_before.copy_from(&self.belief.covariance);
+        }
+        for k in 1..=steps as usize {
+            let part = |k: usize| total / steps * k as f64;
+            let end = if k == steps as usize { to } else { from.shifted(nanos(part(k))) };
+            if self.step(&drive(part(k - 1), part(k)), end, total / steps) {
+                continue;
+            }
+            self.belief.time = from;
+            self.belief.x.copy_from_slice(&self.x_before);
+            if steps > 1.0 {
+                self.belief.covariance.copy_from(&self.p_before);
+            }
+            self.forget_steps();
+            return Err(FilterError::Diverged(to));
+        }
+        Ok(())
+    }
+
     /// One step to `to`; false where its result is not finite, with a state then to be restored and
     /// a covariance as before.
-    fn step(&mut self, input: &Input<'_>, to: Time, dt: f64) -> bool {
+    fn step(&mut self, drive: &Drive<'_>, to: Time, dt: f64) -> bool {
         let prior = self.prior();
         self.transition.reset();
-        self.process.linearise(&self.belief.x, input, dt, &mut self.transition);
+        match drive {
+            Drive::Input(input) => {
+                self.process.linearise(&self.belief.x, input, dt, &mut self.transition);
+                self.process.propagate(&mut self.belief.x, input, dt);
+            }
+            Drive::Nothing(gap) => self.coast_step(gap),
+        }
         // The process moves under the state it was linearised at, so blocks decay after it.
-        self.process.propagate(&mut self.belief.x, input, dt);
         self.decay(dt);
+        let covariance = &self.belief.covariance;
+        self.transition.settle(|axis| covariance.marginal_at::<1>(axis).x);
         let is_sound = self.belief.x.iter().all(|v| v.is_finite()) && self.belief.covariance.predict(&self.transition, &mut self.work.work);
         if !is_sound {
             return false;
@@ -198,6 +245,19 @@ impl Filter {
             posterior: f.belief.clone(),
         });
         true
+    }
+
+    /// Moves the state through a part of a gap; a process that cannot coast holds its latest sample.
+    fn coast_step(&mut self, gap: &Gap) {
+        let (process, x, sample) = (&self.process, &mut self.belief.x, &mut self.signals.sample);
+        sample.resize(process.input_dim(), 0.0);
+        if !process.coast(x, gap, sample, &mut self.transition) {
+            let (held, dt) = (Input::held(sample), gap.duration());
+            process.linearise(x, &held, dt, &mut self.transition);
+            process.propagate(x, &held, dt);
+        }
+        self.signals.interval = 0.0;
+        self.signals.forget();
     }
 
     /// Random walks and Gauss-Markov decay of the blocks that have them.
@@ -406,35 +466,19 @@ impl Estimator for Filter {
     }
 
     fn predict(&mut self, to: Time, input: &Input<'_>) -> Result<(), FilterError> {
-        self.forget_steps();
-        let from = self.belief.time;
-        if to < from {
-            return Err(FilterError::Backwards { from, to });
-        }
-        let total = to.seconds_since(from);
-        if total > 0.0 {
-            let steps = (total / self.process.max_step()).ceil().clamp(1.0, 1e6);
-            self.x_before.copy_from_slice(&self.belief.x);
-            if steps > 1.0 {
-                self.p_before.copy_from(&self.belief.covariance);
-            }
-            for k in 1..=steps as usize {
-                let part = nanos(total / steps * k as f64);
-                let end = if k == steps as usize { to } else { from.shifted(part) };
-                if self.step(input, end, total / steps) {
-                    continue;
-                }
-                self.belief.time = from;
-                self.belief.x.copy_from_slice(&self.x_before);
-                if steps > 1.0 {
-                    self.belief.covariance.copy_from(&self.p_before);
-                }
-                self.forget_steps();
-                return Err(FilterError::Diverged(to));
-            }
-        }
+        self.advance(to, |_, _| Drive::Input(*input))?;
         self.signals.hold(input);
         Ok(())
+    }
+
+    fn coast(&mut self, to: Time, missing: f64) -> Result<(), FilterError> {
+        let before = missing - to.seconds_since(self.belief.time);
+        self.advance(to, |from, to| {
+            Drive::Nothing(Gap {
+                from: before + from,
+                to: before + to,
+            })
+        })
     }
 
     fn update<'a>(&'a mut self, observed: &Observed<'a>, gate: &mut dyn Gate, others: &[Option<Outcome>], loss: &dyn Loss) -> Update<'a> {

@@ -28,12 +28,30 @@ impl<'a> Input<'a> {
     }
 }
 
+/// A part of a gap in the input: it lasts from `from` to `to` seconds after the input was lost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gap {
+    /// Its beginning \[s\].
+    pub from: f64,
+    /// Its end \[s\].
+    pub to: f64,
+}
+
+impl Gap {
+    /// How long it lasts \[s\].
+    #[must_use]
+    pub const fn duration(&self) -> f64 {
+        self.to - self.from
+    }
+}
+
 /// Extends the samples of the input stream by what the process needs besides, such as neighbouring
 /// samples. Unlike a process it has a memory.
 pub trait Preparation: Debug + Send {
-    /// Takes the sample of an interval of `interval` seconds; 0 for the first of a stream, which
-    /// covers no time and is not run over. Writes to `out` what has become of it or of those
-    /// before it: every interval once, in order.
+    /// Takes the sample of an interval of `interval` seconds; 0 for the first of a stream or the first
+    /// after a gap, which covers no time and is not run over, and before which nothing counts any
+    /// more. Writes to `out` what has become of it or of those before it: every interval once, in
+    /// order.
     fn take(&mut self, interval: f64, sample: &[f64], out: &mut Prepared);
 
     /// Writes what it has held back: no sample follows.
@@ -108,6 +126,22 @@ pub trait Process: Debug + Send + Sync {
     /// Writes Φ and the discrete noise of the step that [`Process::propagate`] would take from
     /// `x`: the process's blocks only, in the canonical chart.
     fn linearise(&self, x: &[f64], input: &Input<'_>, dt: f64, out: &mut Transition);
+
+    /// By how much the vehicle may change each number of an input sample from one sample to the next,
+    /// in the units of the sample; what is beyond it is looked at twice before it is believed. Empty
+    /// where nothing is known, infinite for a number that may change freely.
+    fn agility(&self) -> &[f64] {
+        &[]
+    }
+
+    /// Moves the process's blocks of `x` through a part of a gap in the input, as the vehicle would
+    /// most likely go on, and writes to `out` Φ of that step and as noise what the vehicle may have
+    /// changed by. Writes to `sample` the input under which it goes on so: the signals are evaluated
+    /// with it. False, with nothing changed, where the process cannot do without input.
+    fn coast(&self, x: &mut [f64], gap: &Gap, sample: &mut [f64], out: &mut Transition) -> bool {
+        let _ = (x, gap, sample, out);
+        false
+    }
 
     /// Writes the signals at `x`, and their Jacobians where `out` wants them.
     fn signals(&self, x: &[f64], input: &Input<'_>, out: &mut SignalsOut<'_>) {

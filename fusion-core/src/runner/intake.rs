@@ -1,8 +1,9 @@
 //! The input of the process: rows become samples over intervals.
 
-use super::Port;
-use crate::model::{Input, Preparation, Prepared};
-use crate::time::Time;
+use super::guard::Guard;
+use super::{Discard, InputLimits, Port};
+use crate::model::{Input, Preparation, Prepared, Process};
+use crate::time::{Time, nanos};
 use std::collections::VecDeque;
 
 /// A sample of the process input and the interval that it covers.
@@ -28,8 +29,14 @@ pub(super) struct Intake {
     pub(super) port: Port,
     preparation: Option<Box<dyn Preparation>>,
     prepared: Prepared,
+    guard: Guard,
+    pace: Pace,
+    /// Where coasting ends \[ns\].
+    longest_gap: i64,
     /// The latest row: where it ends, and its values.
     latest: Option<(Time, Vec<f64>)>,
+    /// Where the gap reaches that is being coasted through.
+    coasted: Option<Time>,
     /// Intervals whose samples are still being prepared.
     intervals: VecDeque<(Time, Time)>,
     /// Samples that are ready; the first may have been run over in part.
@@ -38,27 +45,42 @@ pub(super) struct Intake {
 }
 
 /// What a row of the input did.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Taken {
     /// It opened the first interval.
     First,
     /// It closed one and opened the next.
     Sample,
-    /// It does not come after this one and was not taken.
-    After(Time),
+    /// It ends a gap that began at `since`: its sample begins at `start`, and what lies between is to
+    /// be coasted through before [`Intake::resume`] takes it.
+    Resumes { since: Time, start: Time },
+    /// It was not taken.
+    Not(Discard),
 }
 
 impl Intake {
     pub(super) fn new(port: Port, preparation: Option<Box<dyn Preparation>>) -> Self {
-        Self {
+        let mut intake = Self {
             port,
             preparation,
             prepared: Prepared::default(),
+            guard: Guard::default(),
+            pace: Pace::default(),
+            longest_gap: 0,
             latest: None,
+            coasted: None,
             intervals: VecDeque::with_capacity(4),
             ready: VecDeque::with_capacity(4),
             spare: Vec::new(),
-        }
+        };
+        intake.limit(InputLimits::default());
+        intake
+    }
+
+    pub(super) fn limit(&mut self, limits: InputLimits) {
+        self.guard.range = limits.range;
+        self.pace.declared = limits.longest_interval.map(nanos);
+        self.longest_gap = nanos(limits.longest_gap);
     }
 
     /// Whether there is a row that opens an interval.
@@ -71,38 +93,107 @@ impl Intake {
         self.latest.as_ref().map(|(_, values)| values.as_slice())
     }
 
-    /// Takes the row `values` that ends at `time`.
-    pub(super) fn take(&mut self, time: Time, values: &[f64]) -> Taken {
-        let Some((end, latest)) = &mut self.latest else {
+    /// Where the latest row ends: where a gap begins.
+    pub(super) fn end(&self) -> Option<Time> {
+        self.latest.as_ref().map(|(end, _)| *end)
+    }
+
+    /// The time up to which there is input, or has been coasted.
+    fn covered(&self) -> Option<Time> {
+        self.coasted.or(self.end())
+    }
+
+    /// Takes the row `values` that ends at `time`; all are finite.
+    pub(super) fn take(&mut self, time: Time, values: &[f64], process: &dyn Process) -> Taken {
+        if let Some(now) = self.covered().filter(|now| time <= *now) {
+            return Taken::Not(Discard::Late { now });
+        }
+        let is_late = |end: Time| self.coasted.is_some() || time > end.shifted(self.pace.longest());
+        let is_gap = self.end().is_some_and(is_late);
+        if is_gap {
+            self.guard.forget();
+        }
+        if let Err(why) = self.guard.judge(values, process) {
+            return Taken::Not(why);
+        }
+        let Some(end) = self.end() else {
             // The first row closes an interval of unknown length: it only opens the next one.
-            self.latest = Some((time, values.to_vec()));
-            if let Some(preparation) = &mut self.preparation {
-                preparation.take(0.0, values, &mut self.prepared);
-            }
+            self.open(time, values);
             return Taken::First;
         };
-        if time <= *end {
-            return Taken::After(*end);
+        self.pace.learn(time.nanos().saturating_sub(end.nanos()));
+        if !is_gap {
+            self.push(end, time, values);
+            return Taken::Sample;
         }
-        let interval = (*end, time);
+        let start = time.shifted(-self.pace.usual).max(self.covered().unwrap_or(end));
+        Taken::Resumes { since: end, start }
+    }
+
+    /// Takes the row that ends a gap: its sample covers `start` to `time`.
+    pub(super) fn resume(&mut self, start: Time, time: Time, values: &[f64]) {
+        self.coasted = None;
+        self.open(start, values);
+        self.push(start, time, values);
+    }
+
+    /// Forgets the input: the next row is a first one.
+    pub(super) fn close(&mut self) {
+        self.latest = None;
+        self.coasted = None;
+    }
+
+    /// A row that opens an interval at `time`, before which nothing counts.
+    fn open(&mut self, time: Time, values: &[f64]) {
+        let (end, latest) = self.latest.get_or_insert_default();
         *end = time;
         latest.clear();
         latest.extend_from_slice(values);
-        self.intervals.push_back(interval);
-        match &mut self.preparation {
-            None => self.prepared.push(values, &[]),
-            Some(preparation) => preparation.take(time.seconds_since(interval.0), values, &mut self.prepared),
+        if let Some(preparation) = &mut self.preparation {
+            preparation.take(0.0, values, &mut self.prepared);
         }
-        self.make_ready();
-        Taken::Sample
     }
 
-    /// No row follows.
+    /// The sample of an interval.
+    fn push(&mut self, from: Time, to: Time, values: &[f64]) {
+        let (end, latest) = self.latest.get_or_insert_default();
+        *end = to;
+        latest.clear();
+        latest.extend_from_slice(values);
+        self.intervals.push_back((from, to));
+        match &mut self.preparation {
+            None => self.prepared.push(values, &[]),
+            Some(preparation) => preparation.take(to.seconds_since(from), values, &mut self.prepared),
+        }
+        self.make_ready();
+    }
+
+    /// No row follows, or none for a while.
     pub(super) fn finish(&mut self) {
         if let Some(preparation) = &mut self.preparation {
             preparation.finish(&mut self.prepared);
         }
         self.make_ready();
+    }
+
+    /// The end of the next step through a gap, which is due when a later row than that is processed.
+    pub(super) fn coasting_due(&self) -> Option<Time> {
+        self.covered().map(|covered| covered.shifted(self.pace.longest()))
+    }
+
+    /// Notes that the gap has been coasted through up to `time`.
+    pub(super) const fn coast(&mut self, time: Time) {
+        self.coasted = Some(time);
+    }
+
+    /// Whether a gap is being coasted through.
+    pub(super) const fn is_coasting(&self) -> bool {
+        self.coasted.is_some()
+    }
+
+    /// Whether a gap that lasts until `time` is longer than can be coasted through.
+    pub(super) fn is_lost(&self, time: Time) -> bool {
+        self.end().is_some_and(|end| time > end.shifted(self.longest_gap))
     }
 
     fn make_ready(&mut self) {
@@ -125,5 +216,55 @@ impl Intake {
     /// Takes the memory of a sample that has been run over.
     pub(super) fn give_back(&mut self, sample: Sample) {
         self.spare.push(sample);
+    }
+}
+
+/// Intervals that the usual one is the median of.
+const LEARNT: usize = 16;
+/// One sample stands for no more than this many usual intervals, where nothing is declared.
+const MOST_INTERVALS: i64 = 10;
+/// Nor is less than this a gap \[ns\]: stamps jitter.
+const LEAST_GAP: i64 = 100_000_000;
+/// What a sample may stand for before the usual interval is known \[ns\].
+const UNKNOWN: i64 = 1_000_000_000;
+
+/// How densely the rows come: the usual interval, learnt from them.
+#[derive(Clone, Debug)]
+struct Pace {
+    declared: Option<i64>,
+    latest: [i64; LEARNT],
+    count: usize,
+    /// The median of the latest intervals, renewed when they have all been replaced \[ns\].
+    usual: i64,
+}
+
+impl Default for Pace {
+    fn default() -> Self {
+        Self {
+            declared: None,
+            latest: [0; LEARNT],
+            count: 0,
+            usual: UNKNOWN / MOST_INTERVALS,
+        }
+    }
+}
+
+impl Pace {
+    fn learn(&mut self, interval: i64) {
+        self.latest[self.count % LEARNT] = interval;
+        self.count += 1;
+        // At 4, 8 and 16 intervals, then whenever all are new.
+        if self.count.is_multiple_of(LEARNT) || self.count == 4 || self.count == 8 {
+            let mut known = self.latest;
+            let known = &mut known[..self.count.min(LEARNT)];
+            known.sort_unstable();
+            self.usual = known[known.len() / 2];
+        }
+    }
+
+    /// The longest time that one sample stands for \[ns\].
+    fn longest(&self) -> i64 {
+        let learnt = self.usual.saturating_mul(MOST_INTERVALS).max(LEAST_GAP);
+        self.declared.unwrap_or(learnt)
     }
 }

@@ -8,12 +8,15 @@
 //! An input sample is valid over the interval that ends at its stamp. A measurement inside that
 //! interval waits for the sample and then splits it.
 
+mod coasting;
 mod event;
+mod guard;
 mod intake;
 mod look_ahead;
 mod nested;
 mod ordering;
 mod parts;
+mod quarantine;
 mod rows;
 mod serving;
 mod stages;
@@ -22,7 +25,7 @@ mod watching;
 pub use event::{Discard, Event, Halt, Observer, Observers, RowId};
 pub use nested::{Nested, Outlet};
 pub use ordering::Runner;
-pub use parts::{Emitter, Initialiser, InitialiserUnit, Noise, Port, Sensor, Stage, StageUnit};
+pub use parts::{Emitter, Initialiser, InitialiserUnit, InputLimits, Noise, Port, Sensor, Stage, StageUnit};
 pub use rows::Row;
 
 use thiserror::Error;
@@ -57,5 +60,7 @@ impl From<Halt> for RunError {
     }
 }
 
+#[cfg(test)]
+mod gap_tests;
 #[cfg(test)]
 mod tests;

@@ -2,8 +2,9 @@
 
 use super::intake::Intake;
 use super::parts::Emitted;
+use super::quarantine::{Admission, Held, Quarantine};
 use super::rows::{Consumer, Entry, Queue, Row, Rows};
-use super::{Discard, Event, Halt, InitialiserUnit, Observer, Port, RunError, Sensor, StageUnit, StreamId, WrongWidth};
+use super::{Discard, Event, Halt, InitialiserUnit, InputLimits, Observer, Port, RowId, RunError, Sensor, StageUnit, StreamId, WrongWidth};
 use crate::filter::Estimator;
 use crate::gate::Outcome;
 use crate::health::{Limits, Monitor};
@@ -45,12 +46,17 @@ pub struct Runner {
     pub(super) outcomes: Vec<Option<Outcome>>,
     pub(super) stages: Vec<StageUnit>,
     pub(super) initialisers: Vec<InitialiserUnit>,
+    /// The initialisers as they were added, for another start.
+    pub(super) pristine: Vec<InitialiserUnit>,
+    /// What was believed before the filter stopped.
+    pub(super) last: Option<Belief>,
+    quarantine: Quarantine,
     buffer: i64,
     lag: i64,
     pub(super) queue: Queue,
     pub(super) rows: Rows,
-    watermark: Time,
-    released: Time,
+    pub(super) watermark: Time,
+    pub(super) released: Time,
     pub(super) started: bool,
     pub(super) start_after: Time,
     /// In order.
@@ -86,6 +92,9 @@ impl Runner {
             outcomes: Vec::new(),
             stages: Vec::new(),
             initialisers: Vec::new(),
+            pristine: Vec::new(),
+            last: None,
+            quarantine: Quarantine::new(f64::INFINITY),
             buffer,
             lag: buffer,
             queue: Queue::new(),
@@ -135,6 +144,19 @@ impl Runner {
         self.hold_back();
     }
 
+    /// Says what the input may be like; call it after [`Runner::set_input`].
+    pub fn limit_input(&mut self, limits: InputLimits) {
+        if let Some(input) = &mut self.input {
+            input.limit(limits);
+        }
+    }
+
+    /// Rows whose stamps are more than `seconds` ahead of all others wait until a second one confirms
+    /// them; infinite at first. A row that none confirms is discarded.
+    pub fn limit_jumps(&mut self, seconds: f64) {
+        self.quarantine = Quarantine::new(seconds);
+    }
+
     /// Adds a sensor.
     pub fn add_sensor(&mut self, sensor: Sensor) {
         let m = sensor.model.size().residual;
@@ -156,6 +178,7 @@ impl Runner {
 
     /// Adds an initialiser; without any, the filter starts at its first row.
     pub fn add_initialiser(&mut self, unit: InitialiserUnit) {
+        self.pristine.push(unit.clone());
         self.initialisers.push(unit);
         self.hold_back();
     }
@@ -257,15 +280,42 @@ impl Runner {
             return Err(WrongWidth { wanted, found }.into());
         }
         self.listen(observer);
+        match self.quarantine.admit(row, self.watermark) {
+            Admission::Use => {}
+            Admission::Wait => return Ok(()),
+            Admission::Confirms(held) => self.admit(&held.row(), observer)?,
+            Admission::Refutes(held) => self.refuse(&held, observer)?,
+            Admission::Replaces(held) => return Ok(self.refuse(&held, observer)?),
+        }
+        Ok(self.admit(row, observer)?)
+    }
+
+    fn admit(&mut self, row: &Row<'_>, observer: &mut dyn Observer) -> Result<(), Halt> {
         self.watermark = self.watermark.max(row.time);
         self.enqueue(row, observer)?;
-        self.drain(self.watermark.shifted(-self.lag), observer)?;
-        Ok(())
+        self.drain(self.watermark.shifted(-self.lag), observer)
+    }
+
+    /// Discards a row whose stamp no other has confirmed, for all its consumers.
+    fn refuse(&mut self, held: &Held, observer: &mut dyn Observer) -> Result<(), Halt> {
+        let row = held.row();
+        let (now, arrival) = (self.watermark, self.watermark);
+        self.consumers().each(row.stream, |_, port, consumer| {
+            observer.on(&Event::Discarded {
+                consumer,
+                time: row.time.shifted(-port.delay),
+                row: RowId::of(&row, arrival, &port.columns),
+                why: Discard::TimeJump { now },
+            })
+        })
     }
 
     /// Processes everything that has been held back: the end of the log.
     pub(super) fn take_end(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
         self.listen(observer);
+        if let Some(held) = self.quarantine.finish() {
+            self.refuse(&held, observer)?;
+        }
         self.drain(Time::MAX, observer)?;
         self.finish_stages(observer)?;
         self.serve_waiting(observer)?;
@@ -284,13 +334,12 @@ impl Runner {
     /// Puts a row into the queue, once for each consumer.
     pub(super) fn enqueue(&mut self, row: &Row<'_>, observer: &mut dyn Observer) -> Result<(), Halt> {
         let at = self.rows.put(row, self.watermark);
-        let mut offer = |consumer: Consumer, port: &Port, name: &str| {
-            if port.stream != row.stream {
-                return Ok(());
-            }
+        let released = self.released;
+        let (mut rows, mut queue) = (core::mem::take(&mut self.rows), core::mem::take(&mut self.queue));
+        let offered = self.consumers().each(row.stream, |consumer, port, name| {
             let time = row.time.shifted(-port.delay);
-            if time < self.released {
-                let (row, why) = (self.rows.get(at).id(&port.columns), Discard::Late { now: self.released });
+            if time < released {
+                let (row, why) = (rows.get(at).id(&port.columns), Discard::Late { now: released });
                 return observer.on(&Event::Discarded {
                     consumer: name,
                     time,
@@ -298,18 +347,72 @@ impl Runner {
                     why,
                 });
             }
-            self.rows.hold(at);
-            self.queue.put(Entry { time, consumer, row: at });
+            rows.hold(at);
+            queue.put(Entry { time, consumer, row: at });
             Ok(())
+        });
+        (self.rows, self.queue) = (rows, queue);
+        self.rows.free_unused(at);
+        offered
+    }
+
+    /// Who takes rows now.
+    fn consumers(&self) -> Consumers<'_> {
+        Consumers {
+            input: self.input.as_ref(),
+            initialisers: if self.started { &[] } else { &self.initialisers },
+            stages: &self.stages,
+            sensors: &self.sensors,
+            ranks: &self.ranks,
+        }
+    }
+
+    /// Serves the queue up to `until`.
+    pub(super) fn drain(&mut self, until: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
+        loop {
+            let next = self.queue.first().map(|e| e.time).filter(|time| *time <= until);
+            let horizon = next.unwrap_or(until.min(self.watermark));
+            if self.coast_before(horizon, observer)? {
+                // Stages may have emitted rows that come first.
+                continue;
+            }
+            let Some(entry) = next.and_then(|_| self.queue.take()) else {
+                return Ok(());
+            };
+            self.released = entry.time;
+            if self.epoch.is_some_and(|epoch| epoch < entry.time) {
+                self.tell_epoch(observer)?;
+            }
+            self.dispatch(entry, observer)?;
+        }
+    }
+}
+
+/// Who takes rows.
+struct Consumers<'a> {
+    input: Option<&'a Intake>,
+    initialisers: &'a [InitialiserUnit],
+    stages: &'a [StageUnit],
+    sensors: &'a [Sensor],
+    ranks: &'a [usize],
+}
+
+impl Consumers<'_> {
+    /// Calls `offer` for everyone who listens to `stream`, with port and name.
+    fn each(&self, stream: StreamId, mut offer: impl FnMut(Consumer, &Port, &str) -> Result<(), Halt>) -> Result<(), Halt> {
+        let mut offer = |consumer, port: &Port, name: &str| {
+            if port.stream == stream {
+                offer(consumer, port, name)
+            } else {
+                Ok(())
+            }
         };
-        if let Some(input) = &self.input {
+        if let Some(input) = self.input {
             offer(Consumer::Input, &input.port, PROCESS)?;
         }
-        if !self.started {
-            for (u, unit) in self.initialisers.iter().enumerate() {
-                for (i, port) in unit.inputs.iter().enumerate() {
-                    offer(Consumer::Initialiser(u, i), port, &unit.name)?;
-                }
+        for (u, unit) in self.initialisers.iter().enumerate() {
+            for (i, port) in unit.inputs.iter().enumerate() {
+                offer(Consumer::Initialiser(u, i), port, &unit.name)?;
             }
         }
         for (u, unit) in self.stages.iter().enumerate() {
@@ -319,19 +422,6 @@ impl Runner {
         }
         for (s, sensor) in self.sensors.iter().enumerate() {
             offer(Consumer::Sensor(self.ranks[s], s), &sensor.port, &sensor.name)?;
-        }
-        self.rows.free_unused(at);
-        Ok(())
-    }
-
-    /// Serves the queue up to `until`.
-    pub(super) fn drain(&mut self, until: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
-        while let Some(entry) = self.queue.take(until) {
-            self.released = entry.time;
-            if self.epoch.is_some_and(|epoch| epoch < entry.time) {
-                self.tell_epoch(observer)?;
-            }
-            self.dispatch(entry, observer)?;
         }
         Ok(())
     }

@@ -28,6 +28,28 @@ impl Port {
     }
 }
 
+/// What the input of the process may be like.
+#[derive(Clone, Debug, PartialEq)]
+pub struct InputLimits {
+    /// The largest magnitude per number of a sample, as its instrument measures; empty: any.
+    pub range: Vec<f64>,
+    /// The longest time \[s\] that one sample stands for. By default ten times what is usual among the
+    /// samples, and at least 0.1 s.
+    pub longest_interval: Option<f64>,
+    /// The longest gap \[s\] that is coasted through; after that the filter starts anew.
+    pub longest_gap: f64,
+}
+
+impl Default for InputLimits {
+    fn default() -> Self {
+        Self {
+            range: Vec::new(),
+            longest_interval: None,
+            longest_gap: 60.0,
+        }
+    }
+}
+
 /// The noise of a sensor: constant, or read from columns of its rows.
 #[derive(Clone, Debug)]
 pub struct Noise {
@@ -87,6 +109,13 @@ pub struct Sensor {
 pub trait Stage: Debug + Send {
     /// Sees a row of its input number `input`; `view` is the estimate once there is one.
     fn row(&mut self, input: usize, time: Time, row: &[f64], view: Option<&View<'_>>, out: &mut Emitter<'_>);
+
+    /// Hears that the stream that drives the process is silent, and that the estimate has gone on to
+    /// `time` without it. Only stages that listen to that stream hear it. What is emitted is valid at
+    /// `time` or later.
+    fn silence(&mut self, time: Time, view: &View<'_>, out: &mut Emitter<'_>) {
+        let _ = (time, view, out);
+    }
 
     /// What a filter inside it still waits for before it can start: names and reasons.
     fn waits_for(&self) -> Vec<(String, String)> {

@@ -58,7 +58,7 @@ pub(super) struct Entry {
 /// Entries by time of validity, then consumer, then arrival.
 ///
 /// Sorted, not a heap: rows come nearly in order, and one in order is put at the end at once.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Queue(VecDeque<Entry>);
 
 impl Queue {
@@ -79,9 +79,14 @@ impl Queue {
         self.0.iter().find(|e| is_it(e))
     }
 
-    /// Takes the first entry, unless it is later than `until`.
-    pub(super) fn take(&mut self, until: Time) -> Option<Entry> {
-        self.0.front().is_some_and(|e| e.time <= until).then(|| self.0.pop_front())?
+    /// The entry that comes first.
+    pub(super) fn first(&self) -> Option<&Entry> {
+        self.0.front()
+    }
+
+    /// Takes the first entry.
+    pub(super) fn take(&mut self) -> Option<Entry> {
+        self.0.pop_front()
     }
 }
 
@@ -97,10 +102,29 @@ pub(super) struct Slot {
 impl Slot {
     /// Its identity for a consumer that reads `columns`, or does not say which.
     pub(super) fn id(&self, columns: &[usize]) -> RowId {
-        let is_hit = |range: &Range<usize>| columns.is_empty() || columns.iter().any(|c| range.contains(c));
         RowId {
-            disturbed: self.disturbed.iter().any(is_hit),
+            disturbed: is_disturbed(&self.disturbed, columns),
             ..self.id
+        }
+    }
+}
+
+/// Whether one of `ranges` holds one of `columns`, or any at all where they are not said.
+fn is_disturbed(ranges: &[Range<usize>], columns: &[usize]) -> bool {
+    ranges
+        .iter()
+        .any(|range| columns.is_empty() || columns.iter().any(|c| range.contains(c)))
+}
+
+impl RowId {
+    /// Of a row that arrives at `arrival`, for a consumer that reads `columns`, or does not say which.
+    pub(super) fn of(row: &Row<'_>, arrival: Time, columns: &[usize]) -> Self {
+        Self {
+            stream: row.stream,
+            number: row.number,
+            stamp: row.time,
+            arrival,
+            disturbed: is_disturbed(row.disturbed, columns),
         }
     }
 }
@@ -114,13 +138,7 @@ pub(super) struct Rows {
 
 impl Rows {
     pub(super) fn put(&mut self, row: &Row<'_>, arrival: Time) -> usize {
-        let id = RowId {
-            stream: row.stream,
-            number: row.number,
-            stamp: row.time,
-            arrival,
-            disturbed: false,
-        };
+        let id = RowId::of(row, arrival, &[]);
         let at = self.free.pop().unwrap_or_else(|| {
             self.slots.push(Slot {
                 values: Vec::new(),

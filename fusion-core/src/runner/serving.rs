@@ -7,7 +7,7 @@ use super::{Discard, Event, Halt, Observer, RowId};
 use crate::filter::{Observed, Verdict};
 use crate::gate::Outcome;
 use crate::model::Input;
-use crate::state::Belief;
+use crate::state::{Belief, Layout, StateRole};
 use crate::time::Time;
 
 impl Runner {
@@ -32,7 +32,7 @@ impl Runner {
         })
     }
 
-    fn tell_steps(&self, observer: &mut dyn Observer) -> Result<(), Halt> {
+    pub(super) fn tell_steps(&self, observer: &mut dyn Observer) -> Result<(), Halt> {
         self.estimator.steps().iter().try_for_each(|step| observer.on(&Event::Step(step)))
     }
 
@@ -61,6 +61,9 @@ impl Runner {
         }
         let form = self.estimator.belief().covariance.form().clone();
         let mut belief = Belief::initial(self.estimator.layout(), &form, time);
+        if let Some(last) = self.last.take() {
+            keep_calibration(self.estimator.layout(), &last, &mut belief);
+        }
         for u in &self.initialisers {
             u.initialiser.write(time, self.estimator.layout(), &mut belief);
         }
@@ -78,10 +81,11 @@ impl Runner {
         if !self.value.iter().all(|v| v.is_finite()) {
             return self.discard_input(time, row, Discard::NotFinite, observer);
         }
-        match input.take(time, &self.value) {
+        match input.take(time, &self.value, self.process.as_ref()) {
             Taken::First => {}
             Taken::Sample => self.run_ready(observer)?,
-            Taken::After(now) => return self.discard_input(time, row, Discard::Late { now }, observer),
+            Taken::Resumes { since, start } => self.resume(since, start, time, observer)?,
+            Taken::Not(why) => return self.discard_input(time, row, why, observer),
         }
         self.start_if_ready(time, observer)
     }
@@ -138,7 +142,7 @@ impl Runner {
     }
 
     /// Moves the estimate to `to` by holding the latest input, or by time alone.
-    fn hold_to(&mut self, to: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
+    pub(super) fn hold_to(&mut self, to: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
         if to <= self.estimator.belief().time {
             return Ok(());
         }
@@ -160,8 +164,13 @@ impl Runner {
             input.finish();
         }
         self.run_ready(observer)?;
+        let is_coasting = self.input.as_ref().is_some_and(|input| input.is_coasting());
         while let Some(waiting) = self.waiting.pop_front() {
-            self.hold_to(waiting.time, observer)?;
+            if is_coasting {
+                self.coast_estimate(waiting.time, observer)?;
+            } else {
+                self.hold_to(waiting.time, observer)?;
+            }
             self.offer(waiting, None, observer)?;
             self.epoch = Some(waiting.time);
         }
@@ -172,19 +181,11 @@ impl Runner {
         if !self.is_driven() {
             self.start_if_ready(time, observer)?;
         }
+        let waiting = Waiting { time, sensor, row };
         // What started the filter is not used a second time.
         if !self.started || time <= self.start_after {
-            let s = &self.sensors[sensor];
-            let (id, why) = (self.rows.get(row).id(&s.port.columns), Discard::BeforeStart);
-            self.rows.release(row);
-            return observer.on(&Event::Discarded {
-                consumer: &s.name,
-                time,
-                row: id,
-                why,
-            });
+            return self.discard_early(waiting, observer);
         }
-        let waiting = Waiting { time, sensor, row };
         if !self.is_driven() {
             self.hold_to(time, observer)?;
             self.epoch = Some(time);
@@ -195,9 +196,23 @@ impl Runner {
         self.offer(waiting, None, observer)
     }
 
+    /// Discards a measurement that the filter has not started for, and releases its row.
+    pub(super) fn discard_early(&mut self, measurement: Waiting, observer: &mut dyn Observer) -> Result<(), Halt> {
+        let Waiting { time, sensor, row } = measurement;
+        let s = &self.sensors[sensor];
+        let (id, why) = (self.rows.get(row).id(&s.port.columns), Discard::BeforeStart);
+        self.rows.release(row);
+        observer.on(&Event::Discarded {
+            consumer: &s.name,
+            time,
+            row: id,
+            why,
+        })
+    }
+
     /// Offers a measurement to the estimator, which stands at its time, and releases its row;
     /// `during` is the sample that is being run over.
-    fn offer(&mut self, measurement: Waiting, during: Option<&Sample>, observer: &mut dyn Observer) -> Result<(), Halt> {
+    pub(super) fn offer(&mut self, measurement: Waiting, during: Option<&Sample>, observer: &mut dyn Observer) -> Result<(), Halt> {
         let Waiting { time, sensor, row } = measurement;
         let id = self.gather(sensor, row);
         let leader = self.sensors[sensor].gate.leader();
@@ -256,5 +271,14 @@ impl Runner {
         let m = s.model.size().residual;
         s.noise.fill(&data.values, &mut self.noise[..m * m]);
         data.id(&s.port.columns)
+    }
+}
+
+/// Writes what `last` knows of the calibration to `belief`: a filter that starts again does not lose it.
+fn keep_calibration(layout: &Layout, last: &Belief, belief: &mut Belief) {
+    for block in layout.blocks().iter().filter(|b| b.role == StateRole::Calibration) {
+        let storage = block.storage_range();
+        belief.x[storage.clone()].copy_from_slice(&last.x[storage]);
+        belief.covariance.set_block(block, &last.covariance.block(block));
     }
 }

@@ -19,7 +19,13 @@ impl Runner {
     }
 
     /// Takes the rows that a stage has emitted.
-    fn enqueue_emitted(&mut self, unit: usize, emitted: Emitted, disturbed: bool, observer: &mut dyn Observer) -> Result<(), Halt> {
+    pub(super) fn enqueue_emitted(
+        &mut self,
+        unit: usize,
+        emitted: Emitted,
+        disturbed: bool,
+        observer: &mut dyn Observer,
+    ) -> Result<(), Halt> {
         let output = self.stages[unit].output;
         let everything = 0..self.streams[output].width;
         for (time, values) in emitted.rows() {

@@ -6,7 +6,7 @@ use crate::time::Time;
 use std::sync::Arc;
 
 /// What the filter believes at one instant. Clone it to save it, assign it to restore it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Belief {
     /// The instant it is valid at.
     pub time: Time,

@@ -16,12 +16,13 @@
 use crate::block::{Build, BuildError, Channel, ProcessSpec};
 use crate::earth::rates::earth_rate_n;
 use crate::param::VectorParam;
+use crate::process::agility::{Agility, AgilitySpec};
 use crate::process::kinematic;
 use crate::units::{Axes, Latitude, dim, range};
 use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3;
 use fusion_core::linear::Transition;
-use fusion_core::model::{Input, Process, SignalsOut};
+use fusion_core::model::{Gap, Input, Process, SignalsOut};
 use fusion_core::state::{Attitude, Dynamics, Param, Signal, Slot, Vector};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
@@ -42,6 +43,9 @@ pub struct AttitudeOnlySpec {
     /// How the quaternion is integrated.
     #[serde(default)]
     integration: Integration,
+    /// How fast the vehicle can change its motion, for gaps and spikes of the samples.
+    #[serde(default)]
+    agility: AgilitySpec,
 }
 
 /// How a quaternion is integrated over a sample.
@@ -82,6 +86,8 @@ impl ProcessSpec for AttitudeOnlySpec {
             gyro_psd: kinematic::psd(self.gyro_noise.si()),
             w_ie_n: lat.map_or_else(Vector3::zeros, earth_rate_n),
             integration: self.integration,
+            agility: (&self.agility).into(),
+            changes: Agility::from(&self.agility).changes(),
         }))
     }
 }
@@ -95,6 +101,9 @@ struct AttitudeOnly {
     gyro_psd: Matrix3<f64>,
     w_ie_n: Vector3<f64>,
     integration: Integration,
+    agility: Agility,
+    /// By how much the numbers of a sample may change, and three that it does not have.
+    changes: [f64; 6],
 }
 
 impl Integration {
@@ -141,6 +150,18 @@ impl Process for AttitudeOnly {
             out.set(a, *bias, &(self.integration.slope(&turn) * -dt));
         }
         out.noise_trapezoid(a, a, &(self.gyro_psd * dt));
+    }
+
+    fn agility(&self) -> &[f64] {
+        &self.changes[..3]
+    }
+
+    fn coast(&self, x: &mut [f64], gap: &Gap, sample: &mut [f64], out: &mut Transition) -> bool {
+        let (variance, bound) = self.agility.attitude(gap, f64::INFINITY);
+        out.noise_up_to(self.attitude, &variance, &bound);
+        let rate = self.attitude.read(x).inverse_transform_vector(&self.w_ie_n) + kinematic::value(&self.gyro_bias, x);
+        sample.copy_from_slice(rate.as_slice());
+        true
     }
 
     fn signals(&self, x: &[f64], input: &Input<'_>, out: &mut SignalsOut<'_>) {

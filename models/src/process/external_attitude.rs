@@ -21,6 +21,7 @@
 use crate::block::{Build, BuildError, Channel, ProcessSpec};
 use crate::earth::{Gravity, LocalEarth};
 use crate::param::VectorParam;
+use crate::process::agility::{Agility, AgilitySpec};
 use crate::process::kinematic::{Kinematic, psd, value};
 use crate::process::strapdown::error_model::{self, Blocks};
 use crate::process::strapdown::mechanisation::{self, Nav};
@@ -29,7 +30,7 @@ use crate::units::{Axes, dim, range};
 use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3;
 use fusion_core::linear::Transition;
-use fusion_core::model::{Input, Preparation, Process, SignalsOut};
+use fusion_core::model::{Gap, Input, Preparation, Process, SignalsOut};
 use fusion_core::state::{Param, Signal, Vector};
 use nalgebra::{Matrix3, Vector3, Vector4};
 use schemars::JsonSchema;
@@ -53,6 +54,9 @@ pub struct ExternalAttitudeSpec {
     /// The gravity model.
     #[serde(default)]
     gravity: GravitySpec,
+    /// How fast the vehicle can change its motion, for gaps and spikes of the samples.
+    #[serde(default)]
+    agility: AgilitySpec,
 }
 
 crate::register!(
@@ -84,12 +88,21 @@ impl ProcessSpec for ExternalAttitudeSpec {
             attitude_psd: psd(self.attitude_noise.si()),
             accel_psd: psd(self.accelerometer_noise.si()),
             gravity,
+            agility: (&self.agility).into(),
+            changes: changes(&(&self.agility).into()),
         }))
     }
 }
 
 /// Numbers of a sample: specific force, attitude.
 const SAMPLE: usize = 7;
+
+/// By how much the numbers of a sample may change; a quaternion may change its sign.
+fn changes(agility: &Agility) -> [f64; SAMPLE] {
+    let [_, _, _, x, y, z] = agility.changes();
+    let any = f64::INFINITY;
+    [x, y, z, any, any, any, any]
+}
 
 /// w_nb_b \[rad/s\] over a sample of specific force and attitude.
 fn turning(input: &Input<'_>) -> Vector3<f64> {
@@ -111,6 +124,9 @@ struct ExternalAttitude {
     attitude_psd: Matrix3<f64>,
     accel_psd: Matrix3<f64>,
     gravity: Gravity,
+    agility: Agility,
+    /// By how much the numbers of a sample may change.
+    changes: [f64; SAMPLE],
 }
 
 /// Everything one step needs.
@@ -179,6 +195,18 @@ impl Process for ExternalAttitude {
         let c_nb = so3::rotation(&s.nav.q_nb);
         out.noise_trapezoid(v, v, &(c_nb * self.accel_psd * c_nb.transpose() * dt));
         out.noise_trapezoid(a, a, &(self.attitude_psd * dt));
+    }
+
+    fn agility(&self) -> &[f64] {
+        &self.changes
+    }
+
+    fn coast(&self, x: &mut [f64], gap: &Gap, sample: &mut [f64], out: &mut Transition) -> bool {
+        let felt = self.kinematic.coast(x, gap, &self.agility, self.gravity, out);
+        // A sample that is held turns nothing, whatever its attitude.
+        let f_m = felt.f_ib_b + value(&self.accel_bias, x);
+        sample[..3].copy_from_slice(f_m.as_slice());
+        true
     }
 
     fn signals(&self, x: &[f64], input: &Input<'_>, out: &mut SignalsOut<'_>) {

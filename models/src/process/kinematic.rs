@@ -1,9 +1,15 @@
 //! What the processes of inertial navigation have in common.
 
+use super::agility::Agility;
+use super::strapdown::error_model;
 use super::strapdown::mechanisation::Nav;
 use crate::block::{Build, BuildError};
+use crate::earth::{Gravity, LocalEarth};
 use crate::vocabulary::state;
+use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic as Place;
+use fusion_core::linear::Transition;
+use fusion_core::model::Gap;
 use fusion_core::state::{Attitude, Dynamics, Geodetic, Param, Slot, Vector, Velocity};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
@@ -31,6 +37,30 @@ impl Kinematic {
         })
     }
 
+    /// Moves them through a part of a gap in the input: velocity and attitude stay, up to the vehicle's
+    /// agility. Returns what inertial sensors without errors would feel.
+    pub(super) fn coast(&self, x: &mut [f64], gap: &Gap, agility: &Agility, gravity: Gravity, out: &mut Transition) -> Felt {
+        let (nav, dt) = (self.read(x), gap.duration());
+        let felt = Felt::unmoved(&nav, gravity);
+        let b = error_model::continuous(&nav, &felt.w_ib_b, &felt.f_ib_b, gravity);
+        let one = Matrix3::identity();
+        out.set(self.position, self.position, &(one + b.rr * dt));
+        out.set(self.position, self.velocity, &(b.rv * dt));
+        out.noise_trapezoid(self.velocity, self.velocity, &agility.velocity(gap, &so3::rotation(&nav.q_nb)));
+        let (variance, bound) = agility.attitude(gap, nav.v_eb_n.xy().norm());
+        out.noise_up_to(self.attitude, &variance, &bound);
+        // The radii of mid-step, as the mechanisation takes them.
+        let travelled = nav.v_eb_n * dt;
+        let earth = LocalEarth::at(&nav.position.offset(&(travelled * 0.5)));
+        let position = Place {
+            lat: nav.position.lat + travelled.x / earth.meridian,
+            lon: so3::wrap_angle(nav.position.lon + travelled.y / (earth.normal * earth.cos_lat)),
+            height: nav.position.height - travelled.z,
+        };
+        self.position.write(&position, x);
+        felt
+    }
+
     /// Reads them from state storage.
     pub(super) fn read(&self, x: &[f64]) -> Nav {
         Nav {
@@ -45,6 +75,29 @@ impl Kinematic {
         self.position.write(&nav.position, x);
         self.velocity.write(&nav.v_eb_n, x);
         self.attitude.write(&nav.q_nb, x);
+    }
+}
+
+/// What inertial sensors without errors feel.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Felt {
+    /// Angular rate \[rad/s\].
+    pub(super) w_ib_b: Vector3<f64>,
+    /// Specific force \[m/s²\].
+    pub(super) f_ib_b: Vector3<f64>,
+}
+
+impl Felt {
+    /// On a body that keeps its velocity and attitude relative to the Earth.
+    fn unmoved(nav: &Nav, gravity: Gravity) -> Self {
+        let earth = LocalEarth::at(&nav.position);
+        let (w_ie, w_en) = (earth.earth_rate_n(), earth.transport_rate_n(&nav.v_eb_n));
+        let mut f_n = (2.0 * w_ie + w_en).cross(&nav.v_eb_n);
+        f_n.z -= earth.gravity(gravity);
+        Self {
+            w_ib_b: nav.q_nb.inverse_transform_vector(&(w_ie + w_en)),
+            f_ib_b: nav.q_nb.inverse_transform_vector(&f_n),
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! Process models: how the state moves.
 
+mod agility;
 mod attitude_only;
 mod constant_velocity;
 mod external_attitude;

@@ -2,7 +2,8 @@
 //!
 //! Pseudo-measurements (a non-holonomic constraint, say) need a time to be offered at. The clock
 //! emits an empty row at most once per period of its source, and only while the vehicle moves
-//! where `min_speed` is given.
+//! where `min_speed` is given. While a source that drives the process is silent, it goes on with the
+//! steps in which the process coasts.
 
 use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
 use crate::units::{NonNegative, Positive, dim};
@@ -70,8 +71,8 @@ struct Periodic {
     next: Time,
 }
 
-impl Stage for Periodic {
-    fn row(&mut self, _: usize, time: Time, _: &[f64], view: Option<&View<'_>>, out: &mut Emitter) {
+impl Periodic {
+    fn tick(&mut self, time: Time, view: Option<&View<'_>>, out: &mut Emitter<'_>) {
         if time < self.next {
             return;
         }
@@ -86,6 +87,16 @@ impl Stage for Periodic {
             }
         }
         out.emit(time, &[]);
+    }
+}
+
+impl Stage for Periodic {
+    fn row(&mut self, _: usize, time: Time, _: &[f64], view: Option<&View<'_>>, out: &mut Emitter<'_>) {
+        self.tick(time, view, out);
+    }
+
+    fn silence(&mut self, time: Time, view: &View<'_>, out: &mut Emitter<'_>) {
+        self.tick(time, Some(view), out);
     }
 
     fn boxed_clone(&self) -> Box<dyn Stage> {

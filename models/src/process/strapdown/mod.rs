@@ -7,6 +7,7 @@
 //! Signals    `angular_rate` w_ib_b \[rad/s\], `acceleration` dv_eb_n/dt \[m/s²\]
 //! Φ          I + FΔt, or + ½F²Δt², F from [`error_model`]
 //! Q          trapezoid of white accelerometer noise on velocity and gyro noise on attitude
+//! Gaps       velocity and attitude stay, up to the vehicle's [agility](AgilitySpec)
 //! Source     spec of the mechanisation: Savage 1998; Titterton and Weston 2004, ch. 12
 
 pub mod error_model;
@@ -17,12 +18,13 @@ pub mod pairing;
 use crate::block::{Build, BuildError, Channel, ProcessSpec, imu_channels};
 use crate::earth::Gravity;
 use crate::param::VectorParam;
+use crate::process::agility::{Agility, AgilitySpec};
 use crate::process::kinematic::{Kinematic, psd, value};
 use crate::units::{Axes, dim, range};
 use crate::vocabulary::state;
 use error_model::Blocks;
 use fusion_core::linear::Transition;
-use fusion_core::model::{Input, Preparation, Process, SignalsOut};
+use fusion_core::model::{Gap, Input, Preparation, Process, SignalsOut};
 use fusion_core::state::{Param, Signal, Vector};
 use nalgebra::{Matrix3, Vector3};
 use pairing::{Mode, Pairing, neighbour};
@@ -123,6 +125,9 @@ pub struct StrapdownSpec {
     /// The gravity model.
     #[serde(default)]
     gravity: GravitySpec,
+    /// How fast the vehicle can change its motion, for gaps and spikes of the samples.
+    #[serde(default)]
+    agility: AgilitySpec,
 }
 
 crate::register!(
@@ -133,6 +138,7 @@ crate::register!(
 integrator = "one_sample"
 discretisation = "second_order"
 gravity = "somigliana"
+agility = { acceleration = ["3 m/s^2", "2 m/s^2", "1 m/s^2"], angular_rate = ["5 deg/s", "5 deg/s", "30 deg/s"], time = "1 s", tilt = "10 deg" }
 gyro = { noise = "0.2 deg/sqrt(h)", bias = { estimate = true, initial = [0.01, 0, 0], sigma = "0.1 deg/s", random_walk = "1e-5 rad/s/sqrt(s)" }, scale = { estimate = true, initial = [0, 0.02, 0], sigma = "1 %" } }
 accelerometer = { noise = "70 ug/sqrt(Hz)", bias = { estimate = true, initial = [0, 0.1, 0], sigma = "10 mg", correlation_time = "1000 s" }, scale = { estimate = true, initial = [0, 0, 0.01], sigma = "1 %" } }
 "#
@@ -160,6 +166,8 @@ impl ProcessSpec for StrapdownSpec {
             integrator: self.integrator,
             discretisation: self.discretisation,
             gravity,
+            agility: (&self.agility).into(),
+            changes: Agility::from(&self.agility).changes(),
         }))
     }
 }
@@ -182,6 +190,9 @@ struct Strapdown {
     integrator: Integrator,
     discretisation: Discretisation,
     gravity: Gravity,
+    agility: Agility,
+    /// By how much the numbers of a sample may change.
+    changes: [f64; IMU],
 }
 
 /// Corrected rates, with ∂/∂bias = −`gain` and ∂/∂scale = −`rate`·`gain` per axis.
@@ -229,6 +240,11 @@ impl Correction {
             bias,
             gain: scale.map(|s| 1.0 / (1.0 + s)),
         }
+    }
+
+    /// What the sensor measures of a true `rate`.
+    fn measured(&self, rate: &Vector3<f64>) -> Vector3<f64> {
+        rate.component_div(&self.gain) + self.bias
     }
 
     fn rate(&self, measured: &[f64]) -> Vector3<f64> {
@@ -336,6 +352,17 @@ impl Process for Strapdown {
         };
         out.noise_trapezoid(v, v, &(psd_n * dt));
         out.noise_trapezoid(a, a, &(self.gyro_psd * dt));
+    }
+
+    fn agility(&self) -> &[f64] {
+        &self.changes
+    }
+
+    fn coast(&self, x: &mut [f64], gap: &Gap, sample: &mut [f64], out: &mut Transition) -> bool {
+        let felt = self.kinematic.coast(x, gap, &self.agility, self.gravity, out);
+        sample[..3].copy_from_slice(self.gyro(x).measured(&felt.w_ib_b).as_slice());
+        sample[3..].copy_from_slice(self.accelerometer(x).measured(&felt.f_ib_b).as_slice());
+        true
     }
 
     fn signals(&self, x: &[f64], input: &Input<'_>, out: &mut SignalsOut<'_>) {

@@ -83,7 +83,8 @@ impl Pairing {
 
 impl Preparation for Pairing {
     fn take(&mut self, interval: f64, sample: &[f64], out: &mut Prepared) {
-        if self.previous.sample.is_empty() {
+        if interval == 0.0 {
+            self.has_first = false;
             self.previous.hold(interval, sample);
         } else if self.mode == Mode::Previous {
             out.push(sample, &[&self.previous.sample, &[self.previous.interval]]);
@@ -138,6 +139,24 @@ mod tests {
         assert_eq!(paired(Mode::Pairs, &ROWS), pairs);
         let odd = [(2.0, 3.0, -0.2), (3.0, 2.0, 0.1), (4.0, 3.0, 0.2)];
         assert_eq!(paired(Mode::Pairs, &ROWS[..4]), odd);
+    }
+
+    #[test]
+    fn what_was_before_a_gap_is_no_neighbour() {
+        let rows = [(0.0, 1.0), (0.1, 2.0), (0.0, 7.0), (0.1, 8.0), (0.1, 9.0)];
+        let previous = [(2.0, 1.0, 0.0), (8.0, 7.0, 0.0), (9.0, 8.0, 0.1)];
+        assert_eq!(paired(Mode::Previous, &rows), previous);
+        let mut pairing = Pairing::new(Mode::Pairs);
+        let mut out = Prepared::default();
+        for (interval, value) in &rows[..2] {
+            pairing.take(*interval, &[*value], &mut out);
+        }
+        pairing.finish(&mut out);
+        for (interval, value) in &rows[2..] {
+            pairing.take(*interval, &[*value], &mut out);
+        }
+        let pairs: Vec<_> = out.samples().map(|s| (s[0], s[1], s[2])).collect();
+        assert_eq!(pairs, [(2.0, 1.0, 0.0), (8.0, 9.0, -0.1), (9.0, 8.0, 0.1)]);
     }
 
     #[test]

@@ -1,0 +1,155 @@
+//! Going on without input.
+//!
+//! One sample stands for a limited time. Where the next one is later, the process *coasts* through
+//! the gap in steps of that length: it goes on as the vehicle most likely does, with what the vehicle
+//! may have done as process noise. Measurements in the gap are used at their own times, and stages
+//! that listen to the input hear of every step, so that constraints go on. A gap that is too long to
+//! be coasted through stops the filter; its initialisers start it again.
+//!
+//! Steps lie on a grid that begins at the latest sample, and a step is taken as soon as a row is
+//! processed that is valid later. So what is done in a gap does not depend on the order of arrival.
+
+use super::ordering::Runner;
+use super::parts::Emitter;
+use super::{Event, Halt, Observer};
+use crate::state::Belief;
+use crate::time::Time;
+
+impl Runner {
+    /// What will be believed at `to` if no row comes: rows that are held back are used, the rest of the
+    /// time is predicted or coasted through. None where the filter has not started, or would have
+    /// stopped by then. The runner stays as it is. A belief that is later than `to` is given as it is.
+    #[must_use]
+    pub fn predicted(&self, to: Time) -> Option<Belief> {
+        let mut ahead = self.clone();
+        let mut nobody = |_: &Event<'_>| {};
+        ahead.watermark = ahead.watermark.max(to);
+        ahead.drain(to, &mut nobody).ok()?;
+        ahead.serve_waiting(&mut nobody).ok()?;
+        if !ahead.started {
+            return None;
+        }
+        if ahead.input.as_ref().is_some_and(|input| input.is_coasting()) {
+            ahead.coast_estimate(to, &mut nobody).ok()?;
+        } else {
+            ahead.hold_to(to, &mut nobody).ok()?;
+        }
+        Some(ahead.belief().clone())
+    }
+
+    /// Takes the next step through a gap of the input, if it ends before `until`; whether it did.
+    pub(super) fn coast_before(&mut self, until: Time, observer: &mut dyn Observer) -> Result<bool, Halt> {
+        let Some(input) = self.input.as_ref().filter(|_| self.started) else {
+            return Ok(false);
+        };
+        let Some(to) = input.coasting_due().filter(|to| *to < until) else {
+            return Ok(false);
+        };
+        let is_lost = input.is_lost(to);
+        self.released = self.released.max(to);
+        if is_lost {
+            self.stop(to, observer)?;
+        } else {
+            self.coast_step(to, observer)?;
+        }
+        Ok(true)
+    }
+
+    /// One step through a gap, the measurements in it served.
+    fn coast_step(&mut self, to: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
+        self.coast_to(to, observer)?;
+        let Some(since) = self.input.as_ref().and_then(|input| input.end()) else {
+            return Ok(());
+        };
+        observer.on(&Event::Coasting { since, time: to })?;
+        self.tell_stages(to, observer)
+    }
+
+    /// Moves the estimate to `to` without input and serves the measurements on the way.
+    pub(super) fn coast_to(&mut self, to: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
+        // What the preparation held back for a neighbour has none.
+        if let Some(input) = &mut self.input {
+            input.finish();
+            input.coast(to);
+        }
+        self.run_ready(observer)?;
+        while let Some(&waiting) = self.waiting.front() {
+            if waiting.time > to {
+                break;
+            }
+            self.waiting.pop_front();
+            self.coast_estimate(waiting.time, observer)?;
+            self.offer(waiting, None, observer)?;
+        }
+        if self.started {
+            self.coast_estimate(to, observer)?;
+            self.epoch = Some(to);
+        }
+        Ok(())
+    }
+
+    /// Moves the estimate to `to` without input.
+    pub(super) fn coast_estimate(&mut self, to: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
+        let now = self.estimator.belief().time;
+        if to <= now || !self.started {
+            return Ok(());
+        }
+        self.tell_epoch(observer)?;
+        let since = self.input.as_ref().and_then(|input| input.end()).unwrap_or(now);
+        if let Err(error) = self.estimator.coast(to, to.seconds_since(since)) {
+            observer.on(&Event::Failed { error })?;
+        }
+        self.tell_steps(observer)
+    }
+
+    /// Tells the stages on the input's stream that it is silent up to `time`.
+    fn tell_stages(&mut self, time: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
+        let Some(stream) = self.input.as_ref().map(|input| input.port.stream) else {
+            return Ok(());
+        };
+        for unit in 0..self.stages.len() {
+            let u = &mut self.stages[unit];
+            if !u.inputs.iter().any(|port| port.stream == stream) {
+                continue;
+            }
+            let mut emitter = Emitter::new(core::mem::take(&mut self.emitted), &u.name, observer);
+            let view = self.estimator.view();
+            u.stage.silence(time, &view, &mut emitter);
+            let emitted = emitter.finish()?;
+            self.enqueue_emitted(unit, emitted, false, observer)?;
+        }
+        Ok(())
+    }
+
+    /// Ends a gap that began at `since`: the row at hand covers `start` to `time`.
+    pub(super) fn resume(&mut self, since: Time, start: Time, time: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
+        let values = core::mem::take(&mut self.value);
+        let coasted = self.coast_to(start, observer);
+        if let Some(input) = &mut self.input {
+            input.resume(start, time, &values);
+        }
+        self.value = values;
+        coasted?;
+        if self.started {
+            observer.on(&Event::Resumed { since, time: start })?;
+        }
+        self.run_ready(observer)
+    }
+
+    /// Gives up: the filter waits for its initialisers, which begin anew.
+    fn stop(&mut self, time: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
+        self.tell_epoch(observer)?;
+        let since = self.input.as_ref().and_then(|input| input.end()).unwrap_or(time);
+        if let Some(input) = &mut self.input {
+            input.close();
+        }
+        while let Some(waiting) = self.waiting.pop_front() {
+            self.discard_early(waiting, observer)?;
+        }
+        self.started = false;
+        self.last = Some(self.estimator.belief().clone());
+        self.initialisers.clone_from(&self.pristine);
+        self.outcomes.fill(None);
+        observer.on(&Event::Stopped { since, time })
+    }
+}

@@ -1,0 +1,493 @@
+//! Gaps, spikes and jumps of the input, with a body on a line whose acceleration is measured at 100 Hz.
+
+use super::*;
+use crate::filter::tests::{Direct, Track, declare};
+use crate::filter::{Backend, Filter};
+use crate::gate::Open;
+use crate::linear::Transition;
+use crate::loss::Quadratic;
+use crate::model::{Gap, Input, Process, Size};
+use crate::state::{Belief, Block, Declaration, Dynamics, Layout, LayoutBuilder, Scalar, StateRole, View};
+use crate::time::{Time, nanos};
+use nalgebra::Matrix1;
+use std::sync::Arc;
+
+/// A body that may change its acceleration by 2 m/s², and coasts at constant velocity.
+#[derive(Debug)]
+struct Agile(Track);
+
+impl Process for Agile {
+    fn input_dim(&self) -> usize {
+        1
+    }
+    fn propagate(&self, x: &mut [f64], input: &Input<'_>, dt: f64) {
+        self.0.propagate(x, input, dt);
+    }
+    fn linearise(&self, x: &[f64], input: &Input<'_>, dt: f64, out: &mut Transition) {
+        self.0.linearise(x, input, dt, out);
+    }
+    fn agility(&self) -> &[f64] {
+        &[2.0]
+    }
+    fn coast(&self, x: &mut [f64], gap: &Gap, sample: &mut [f64], out: &mut Transition) -> bool {
+        let dt = gap.duration();
+        sample[0] = 0.0;
+        self.0.propagate(x, &Input::held(&[0.0]), dt);
+        out.set(self.0.position, self.0.velocity, &Matrix1::new(dt));
+        // Of the velocity, 1 m²/s³; no more than 4 m²/s².
+        out.noise_up_to(self.0.velocity, &nalgebra::Vector1::new(dt), &nalgebra::Vector1::new(4.0));
+        true
+    }
+}
+
+/// Accelerations on stream 0; positions on stream 1.
+fn runner(buffer: f64) -> Runner {
+    let mut b = LayoutBuilder::new();
+    let position = declare::<Scalar>(&mut b, "position", 0.0, &[1.0], Dynamics::Process);
+    let velocity = declare::<Scalar>(&mut b, "velocity", 0.0, &[1.0], Dynamics::Process);
+    b.declare::<Scalar>(Declaration {
+        name: "scale".to_owned(),
+        owner: String::new(),
+        unit: "",
+        initial: 1.0,
+        sigma: vec![0.5],
+        role: StateRole::Calibration,
+        dynamics: Dynamics::Constant,
+    })
+    .unwrap();
+    let sigma = 0.1;
+    let process: Arc<dyn Process> = Arc::new(Agile(Track { position, velocity, sigma }));
+    let filter = Filter::new(Arc::new(b.finish()), process.clone(), Backend::default(), Size::same(1));
+    let mut runner = Runner::new(Box::new(filter), process, buffer);
+    runner.add_stream("acceleration", 1);
+    runner.add_stream("position", 1);
+    runner.set_input(port(0));
+    runner.add_sensor(Sensor {
+        name: "position".to_owned(),
+        model: Arc::new(Direct(position)),
+        port: port(1),
+        constant: Vec::new(),
+        noise: Noise::diagonal(&[1.0]),
+        gate: Box::new(Open),
+        loss: Arc::new(Quadratic),
+    });
+    runner
+}
+
+fn port(stream: StreamId) -> Port {
+    Port {
+        stream,
+        columns: vec![0],
+        delay: 0,
+    }
+}
+
+fn centi(k: i64) -> Time {
+    Time::from_nanos(k * 10_000_000)
+}
+
+type Rows = Vec<(StreamId, Time, f64)>;
+
+/// Accelerations of 1 m/s² every 10 ms but where `silent`, and positions every 200 ms, a little later.
+fn rows(length: i64, silent: core::ops::Range<i64>) -> Rows {
+    let mut rows = Vec::new();
+    for k in 0..length {
+        if !silent.contains(&k) {
+            rows.push((0, centi(k), 1.0));
+        }
+        if k % 20 == 13 {
+            let t = k as f64 * 0.01;
+            rows.push((1, centi(k).shifted(nanos(0.004)), 0.5 * t * t));
+        }
+    }
+    rows
+}
+
+fn feed(runner: &mut Runner, rows: &Rows, observer: &mut dyn Observer) {
+    for (number, (stream, time, value)) in rows.iter().enumerate() {
+        let values = [*value];
+        let row = Row {
+            number: number as u64,
+            ..Row::new(*stream, *time, &values)
+        };
+        runner.feed(&row, observer).unwrap();
+    }
+}
+
+/// Feeds rows and the end; every event as text that shows every bit.
+fn told(runner: &mut Runner, rows: &Rows) -> Vec<String> {
+    let mut told = Vec::new();
+    let mut observer = |event: &Event<'_>| {
+        told.push(match event {
+            Event::Estimate { belief } => format!("Estimate {} {:?} {:?}", belief.time, belief.x, belief.covariance.to_dense()),
+            // The arrival is what may differ.
+            Event::Updated { update, time, row, .. } => format!("Updated {time} {:?} {}", update.residual, row.number),
+            Event::Discarded { consumer, time, row, why } => format!("Discarded {consumer} {time} {} {why:?}", row.number),
+            other => format!("{other:?}"),
+        });
+    };
+    feed(runner, rows, &mut observer);
+    runner.finish(&mut observer).unwrap();
+    told
+}
+
+fn belief_after(rows: &Rows) -> Belief {
+    let mut runner = runner(0.0);
+    feed(&mut runner, rows, &mut |_: &Event<'_>| {});
+    runner.finish(&mut |_: &Event<'_>| {}).unwrap();
+    runner.belief().clone()
+}
+
+fn only_input(rows: Rows) -> Rows {
+    rows.into_iter().filter(|row| row.0 == 0).collect()
+}
+
+#[test]
+fn through_a_gap_the_velocity_stays_and_its_uncertainty_grows_as_the_vehicle_is_agile() {
+    // Samples up to 1 s, then from 1.5 s on: the first of them stands for 10 ms.
+    let belief = belief_after(&only_input(rows(152, 101..150)));
+    let (v, p) = (1.0 + 0.02, 0.5 + 0.49 + 0.5 * 0.02 * 0.02 + 0.02);
+    // 1e-12: rounding of 150 steps.
+    assert!((belief.x[1] - v).abs() < 1e-12 && (belief.x[0] - p).abs() < 1e-12, "{:?}", belief.x);
+    // σ_v² = 1 + 102 samples of (0.1·0.01)² + 0.49 s of coasting.
+    let variance = belief.covariance.to_dense()[1 + 3];
+    assert!((variance - (1.0 + 102e-6 + 0.49)).abs() < 1e-12, "{variance}");
+    // After 10 s it has come to its bound.
+    let long = belief_after(&only_input(rows(1102, 101..1100)));
+    let variance = long.covariance.to_dense()[1 + 3];
+    assert!((variance - (4.0 + 2e-6)).abs() < 1e-12, "{variance}");
+}
+
+#[test]
+fn a_sample_stands_for_up_to_ten_intervals() {
+    // Nine samples are missing, 100 ms: the next one stands for all of it.
+    let belief = belief_after(&only_input(rows(120, 101..110)));
+    assert!((belief.x[1] - 1.19).abs() < 1e-12, "{:?}", belief.x);
+    // Ten are missing: it stands for 10 ms.
+    let belief = belief_after(&only_input(rows(120, 101..111)));
+    assert!((belief.x[1] - 1.09).abs() < 1e-12, "{:?}", belief.x);
+}
+
+#[test]
+fn a_gap_is_told_and_measurements_in_it_are_used_at_their_own_times() {
+    let mut told = Vec::new();
+    let mut observer = |event: &Event<'_>| match event {
+        Event::Coasting { since, time } => {
+            assert_eq!(*since, centi(100));
+            told.push(("coasting", *time));
+        }
+        Event::Resumed { since, time } => {
+            assert_eq!(*since, centi(100));
+            told.push(("resumed", *time));
+        }
+        Event::Updated { time, .. } => told.push(("updated", *time)),
+        _ => {}
+    };
+    let mut runner = runner(0.0);
+    feed(&mut runner, &rows(160, 101..150), &mut observer);
+    let gap: Vec<_> = told.into_iter().filter(|(_, t)| *t > centi(100) && *t <= centi(150)).collect();
+    let late = |k: i64| centi(k).shifted(nanos(0.004));
+    let wanted = [
+        ("coasting", centi(110)),
+        ("updated", late(113)),
+        ("coasting", centi(120)),
+        ("coasting", centi(130)),
+        ("updated", late(133)),
+        ("coasting", centi(140)),
+        ("resumed", centi(149)),
+    ];
+    assert_eq!(gap, wanted);
+}
+
+#[test]
+fn any_order_of_arrival_gives_the_same_bits_through_a_gap() {
+    let rows = rows(300, 101..150);
+    let wanted = told(&mut runner(0.1), &rows);
+    assert!(wanted.iter().any(|e| e.starts_with("Coasting")) && wanted.iter().any(|e| e.starts_with("Resumed")));
+    let sorted = |mut events: Vec<String>| {
+        events.sort_unstable();
+        events
+    };
+    for seed in 1..6_i64 {
+        // Each row up to 100 ms late; numbers follow the rows.
+        let mut order: Vec<usize> = (0..rows.len()).collect();
+        order.sort_by_key(|&i| rows[i].1.nanos() + (i as i64 * 7919 * seed).rem_euclid(100_000_000));
+        let mut events = Vec::new();
+        let mut shuffled = runner(0.1);
+        let mut observer = |event: &Event<'_>| match event {
+            Event::Estimate { belief } => {
+                events.push(format!(
+                    "Estimate {} {:?} {:?}",
+                    belief.time,
+                    belief.x,
+                    belief.covariance.to_dense()
+                ));
+            }
+            Event::Updated { update, time, row, .. } => events.push(format!("Updated {time} {:?} {}", update.residual, row.number)),
+            Event::Discarded { consumer, time, row, why } => events.push(format!("Discarded {consumer} {time} {} {why:?}", row.number)),
+            other => events.push(format!("{other:?}")),
+        };
+        for &i in &order {
+            let values = [rows[i].2];
+            let row = Row {
+                number: i as u64,
+                ..Row::new(rows[i].0, rows[i].1, &values)
+            };
+            shuffled.feed(&row, &mut observer).unwrap();
+        }
+        shuffled.finish(&mut observer).unwrap();
+        assert_eq!(sorted(events), sorted(wanted.clone()), "seed {seed}");
+    }
+}
+
+/// Writes its position from the first row.
+#[derive(Clone, Debug)]
+struct First(Option<f64>);
+
+impl Initialiser for First {
+    fn row(&mut self, _: usize, _: Time, row: &[f64]) {
+        self.0.get_or_insert(row[0]);
+    }
+    fn waits_for(&self) -> Option<String> {
+        self.0.is_none().then(|| "a position".to_owned())
+    }
+    fn write(&self, _: Time, layout: &Layout, belief: &mut Belief) {
+        let block: &Block = layout.block("position").unwrap();
+        belief.x[block.storage] = self.0.unwrap();
+    }
+    fn boxed_clone(&self) -> Box<dyn Initialiser> {
+        Box::new(self.clone())
+    }
+}
+
+#[test]
+fn after_a_gap_too_long_to_coast_the_initialisers_start_anew_and_calibration_is_kept() {
+    let mut runner = runner(0.0);
+    runner.limit_input(InputLimits {
+        longest_gap: 2.0,
+        ..InputLimits::default()
+    });
+    runner.add_initialiser(InitialiserUnit {
+        name: "first".to_owned(),
+        initialiser: Box::new(First(None)),
+        inputs: vec![port(1)],
+    });
+    let rows = rows(900, 301..700);
+    let mut told = Vec::new();
+    let before: Rows = rows.iter().copied().filter(|row| row.1 < centi(200)).collect();
+    let after: Rows = rows.iter().copied().filter(|row| row.1 >= centi(200)).collect();
+    feed(&mut runner, &before, &mut |_: &Event<'_>| {});
+    // As if it had been estimated.
+    let mut belief = runner.belief().clone();
+    let scale = runner.estimator().layout().block("scale").unwrap().clone();
+    belief.x[scale.storage] = 1.25;
+    belief.covariance.set_sigmas(&scale, &[0.01]);
+    runner.estimator.set_belief(belief);
+    let mut observer = |event: &Event<'_>| match event {
+        Event::Stopped { since, time } => told.push(format!("stopped {since} {time}")),
+        Event::Started { belief } => {
+            let sigma = belief.covariance.to_dense()[8].sqrt();
+            told.push(format!("started {} {:?} {sigma:.3}", belief.time, &belief.x));
+        }
+        Event::Resumed { .. } => told.push("resumed".to_owned()),
+        _ => {}
+    };
+    feed(&mut runner, &after, &mut observer);
+    // The position of 5.134 s was on its way to the sensor when the filter stopped, that of 5.334 s is the
+    // first for the initialiser; the first sample after the gap is that at 7 s.
+    let position = 0.5 * 5.33 * 5.33;
+    let wanted = [
+        "stopped 3.000000 s 5.100000 s".to_owned(),
+        format!("started 7.000000 s {:?} 0.010", [position, 0.0, 1.25]),
+    ];
+    assert_eq!(told, wanted);
+}
+
+#[test]
+fn a_single_sample_of_any_size_is_no_input() {
+    let clean = belief_after(&only_input(rows(200, 0..0)));
+    for spike in [3.5, -50.0, 1e9] {
+        let mut rows = only_input(rows(200, 0..0));
+        rows[150].2 = spike;
+        let mut runner = runner(0.0);
+        let told = told(&mut runner, &rows);
+        assert_eq!(told.iter().filter(|e| e.starts_with("Discarded")).count(), 1, "{spike}");
+        assert!(
+            told.iter().any(|e| *e == "Discarded process 1.500000 s 150 Spike { column: 0 }"),
+            "{told:?}"
+        );
+        // The sample after it stands for both.
+        assert!((runner.belief().x[1] - clean.x[1]).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn a_change_that_stays_is_believed_at_the_third_sample() {
+    let mut rows = only_input(rows(200, 0..0));
+    rows[150..].iter_mut().for_each(|row| row.2 = 21.0);
+    let refused = |rows: &Rows| told(&mut runner(0.0), rows).iter().filter(|e| e.starts_with("Discarded")).count();
+    assert_eq!(refused(&rows), 2);
+    // A step of the size of the vehicle's agility is used at once.
+    rows[150..].iter_mut().for_each(|row| row.2 = 2.9);
+    assert_eq!(refused(&rows), 0);
+}
+
+#[test]
+fn noise_of_any_size_is_no_spike() {
+    // Uniform between ±40: changes of 27 on average, at most 80, the agility being 2.
+    let mut rows = only_input(rows(20_000, 0..0));
+    let mut random = crate::testing::Lcg::new(3);
+    rows.iter_mut().for_each(|row| row.2 = 40.0 * random.signed());
+    let told = told(&mut runner(0.0), &rows);
+    assert!(!told.iter().any(|e| e.starts_with("Discarded")));
+}
+
+#[test]
+fn a_number_beyond_the_range_of_its_instrument_is_no_input_however_often_it_comes() {
+    let mut runner = runner(0.0);
+    runner.limit_input(InputLimits {
+        range: vec![5.0],
+        ..InputLimits::default()
+    });
+    let mut rows = only_input(rows(200, 0..0));
+    rows[150..155].iter_mut().for_each(|row| row.2 = -5.1);
+    let told = told(&mut runner, &rows);
+    let refused: Vec<_> = told.iter().filter(|e| e.ends_with("OutOfRange { column: 0 }")).collect();
+    assert_eq!(refused.len(), 5);
+}
+
+/// What became of rows with one or two jumps of an hour after the hundredth.
+fn jumping(jumps: i64) -> (Vec<String>, Time) {
+    let mut runner = runner(0.0);
+    runner.limit_jumps(10.0);
+    let mut rows = rows(200, 0..0);
+    let hour = 3600 * 1_000_000_000;
+    for k in 0..jumps {
+        rows.insert(100 + k as usize, (0, centi(90 + k).shifted(hour), 1.0));
+    }
+    let mut told = Vec::new();
+    let mut observer = |event: &Event<'_>| match event {
+        Event::Discarded { consumer, row, why, .. } => told.push(format!("{consumer} {} {why:?}", row.number)),
+        Event::Stopped { .. } => told.push("stopped".to_owned()),
+        _ => {}
+    };
+    feed(&mut runner, &rows, &mut observer);
+    runner.finish(&mut observer).unwrap();
+    (told, runner.belief().time)
+}
+
+#[test]
+fn one_stamp_far_ahead_is_not_used_and_shuts_nothing_out() {
+    let (told, end) = jumping(1);
+    assert_eq!(told.len(), 1, "{told:?}");
+    assert!(told[0].starts_with("process 100 TimeJump"), "{told:?}");
+    assert!(end >= centi(199));
+}
+
+#[test]
+fn a_jump_that_a_second_row_confirms_is_a_gap() {
+    let (told, _) = jumping(2);
+    // All rows behind it are late; the gap of an hour is too long to coast.
+    assert!(told.contains(&"stopped".to_owned()), "{told:?}");
+    assert!(told.iter().all(|e| !e.contains("TimeJump")));
+}
+
+#[test]
+fn an_unconfirmed_jump_at_the_end_is_told() {
+    let mut runner = runner(0.0);
+    runner.limit_jumps(10.0);
+    let mut rows = rows(50, 0..0);
+    rows.push((0, centi(5000), 1.0));
+    let told = told(&mut runner, &rows);
+    assert_eq!(told.iter().filter(|e| e.contains("TimeJump")).count(), 1);
+}
+
+#[test]
+fn without_input_nothing_piles_up() {
+    let mut runner = runner(0.0);
+    runner.limit_input(InputLimits {
+        longest_gap: 1e6,
+        ..InputLimits::default()
+    });
+    feed(&mut runner, &rows(100, 0..0), &mut |_: &Event<'_>| {});
+    for k in 0..2_000 {
+        runner
+            .feed(&Row::new(1, centi(100 + 20 * k), &[0.0]), &mut |_: &Event<'_>| {})
+            .unwrap();
+        assert!(runner.waiting.len() <= 1 && runner.queue.first().is_none(), "{k}");
+    }
+    assert!(runner.belief().time > centi(100 + 20 * 1998));
+}
+
+#[test]
+fn a_prediction_to_now_grows_uncertain_and_changes_nothing() {
+    let mut runner = runner(0.5);
+    assert_eq!(runner.predicted(centi(100)), None);
+    feed(&mut runner, &rows(101, 0..0), &mut |_: &Event<'_>| {});
+    let before = format!("{:?}", runner.belief());
+    // Rows of half a second are held back; the prediction has used them.
+    assert_eq!(runner.belief().time, centi(50));
+    let sigma: Vec<f64> = [100, 150, 200, 400]
+        .map(|k| runner.predicted(centi(k)).unwrap())
+        .iter()
+        .zip([100, 150, 200, 400])
+        .map(|(belief, k)| {
+            assert_eq!(belief.time, centi(k));
+            belief.covariance.to_dense()[0].sqrt()
+        })
+        .collect();
+    assert!(sigma.is_sorted() && sigma[3] > 2.0 * sigma[0], "{sigma:?}");
+    assert_eq!(runner.predicted(centi(100 + 7000)), None, "longer than can be coasted");
+    assert_eq!(format!("{:?}", runner.belief()), before);
+    runner.finish(&mut |_: &Event<'_>| {}).unwrap();
+    assert_eq!(runner.predicted(centi(100)).unwrap(), *runner.belief());
+}
+
+/// Counts the silences it hears of, and emits a row for each.
+#[derive(Clone, Debug)]
+struct Clock;
+
+impl Stage for Clock {
+    fn row(&mut self, _: usize, _: Time, _: &[f64], _: Option<&View<'_>>, _: &mut Emitter<'_>) {}
+    fn silence(&mut self, time: Time, _: &View<'_>, out: &mut Emitter<'_>) {
+        out.emit(time, &[7.0]);
+    }
+    fn boxed_clone(&self) -> Box<dyn Stage> {
+        Box::new(self.clone())
+    }
+}
+
+#[test]
+fn stages_on_the_input_hear_of_its_silence_and_what_they_emit_is_used_in_the_gap() {
+    let mut runner = runner(0.0);
+    let output = runner.add_stream("clock", 1);
+    runner.add_stage(StageUnit {
+        name: "clock".to_owned(),
+        stage: Box::new(Clock),
+        inputs: vec![port(0)],
+        output,
+    });
+    let model = runner.sensors()[0].model.clone();
+    runner.add_sensor(Sensor {
+        name: "constraint".to_owned(),
+        model,
+        port: port(output),
+        constant: Vec::new(),
+        noise: Noise::diagonal(&[1.0]),
+        gate: Box::new(Open),
+        loss: Arc::new(Quadratic),
+    });
+    let mut times = Vec::new();
+    let mut observer = |event: &Event<'_>| match event {
+        Event::Updated {
+            sensor: 1, time, update, ..
+        } => {
+            assert_eq!(update.value, [7.0]);
+            times.push(*time);
+        }
+        Event::Discarded { consumer, why, .. } => panic!("{consumer} {why:?}"),
+        _ => {}
+    };
+    feed(&mut runner, &rows(160, 101..150), &mut observer);
+    assert_eq!(times, [110, 120, 130, 140].map(centi));
+}
