@@ -18,6 +18,9 @@ mod command;
 #[cfg(unix)]
 #[path = "suite/files.rs"]
 mod files;
+/// Gaps and spikes of the inertial unit, recorded and simulated.
+#[path = "suite/gaps.rs"]
+mod gaps;
 /// What gates did to rows that are known to be wrong, and the innovations.
 #[path = "suite/gates.rs"]
 mod gates;

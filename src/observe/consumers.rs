@@ -35,6 +35,8 @@ pub struct ConsumerCounts {
     pub out_of_range: u64,
     /// Those with a number that differs from its neighbours by more than the vehicle can change.
     pub spikes: u64,
+    /// Those in which the instrument repeated one sample.
+    pub frozen: u64,
     /// Those whose stamp was far ahead of all others.
     pub time_jumps: u64,
     /// Those left out for a reason that has no count of its own yet.
@@ -44,7 +46,7 @@ pub struct ConsumerCounts {
 impl ConsumerCounts {
     /// All counts of what became of a row, with the words for them.
     #[must_use]
-    pub const fn outcomes(&self) -> [(&'static str, u64); 12] {
+    pub const fn outcomes(&self) -> [(&'static str, u64); 13] {
         [
             ("used", self.used),
             ("rejected", self.rejected),
@@ -56,6 +58,7 @@ impl ConsumerCounts {
             ("not finite", self.not_finite),
             ("out of range", self.out_of_range),
             ("spikes", self.spikes),
+            ("frozen", self.frozen),
             ("time jumps", self.time_jumps),
             ("otherwise", self.otherwise),
         ]
@@ -68,6 +71,7 @@ impl ConsumerCounts {
             Discard::NotFinite => &mut self.not_finite,
             Discard::OutOfRange { .. } => &mut self.out_of_range,
             Discard::Spike { .. } => &mut self.spikes,
+            Discard::Frozen => &mut self.frozen,
             Discard::TimeJump { .. } => &mut self.time_jumps,
             _ => &mut self.otherwise,
         };

@@ -20,8 +20,13 @@ fn data() -> Option<PathBuf> {
     found
 }
 
+/// Whether the data are there; says so where they are not.
+pub(super) fn recorded() -> bool {
+    data().is_some()
+}
+
 /// Runs `configs/real/NAME.toml` with variants and overrides; `None` without the data.
-fn real(name: &str, variants: &[&str], sets: &[&str]) -> Option<Summary> {
+pub(super) fn real(name: &str, variants: &[&str], sets: &[&str]) -> Option<Summary> {
     let base = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/real");
     let options = Options {
         data: Some(data()?),

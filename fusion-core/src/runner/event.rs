@@ -45,6 +45,8 @@ pub enum Discard {
         /// Which of the consumer's numbers.
         column: usize,
     },
+    /// The instrument repeats one sample for longer than it ever did.
+    Frozen,
     /// A number differs from its neighbours by more than the vehicle can change.
     Spike {
         /// Which of the consumer's numbers.

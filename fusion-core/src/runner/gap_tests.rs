@@ -343,6 +343,18 @@ fn noise_of_any_size_is_no_spike() {
 }
 
 #[test]
+fn an_instrument_that_freezes_is_no_input_and_one_that_is_always_constant_is() {
+    let frozen = |rows: &Rows| told(&mut runner(0.0), rows).iter().filter(|e| e.ends_with("Frozen")).count();
+    assert_eq!(frozen(&only_input(rows(2000, 0..0))), 0);
+    let mut changing = only_input(rows(2000, 0..0));
+    changing.iter_mut().enumerate().for_each(|(k, row)| row.2 = (k as f64 * 0.1).sin());
+    assert_eq!(frozen(&changing), 0);
+    // 50 repetitions of sample 1000, of which the first ten may be chance.
+    (1001..1051).for_each(|k| changing[k].2 = changing[1000].2);
+    assert_eq!(frozen(&changing), 40);
+}
+
+#[test]
 fn a_number_beyond_the_range_of_its_instrument_is_no_input_however_often_it_comes() {
     let mut runner = runner(0.0);
     runner.limit_input(InputLimits {

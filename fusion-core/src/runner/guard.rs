@@ -6,6 +6,9 @@
 //!         neighbouring suspects that are nearer to each other than to p is believed: then it was
 //!         no spike
 //!
+//! Frozen  all numbers are those of the sample before, more than ten times in a row, on a stream that
+//!         repeats itself rarely
+//!
 //! Only the past is looked at, so that no sample waits for the next one.
 
 use super::Discard;
@@ -18,6 +21,12 @@ const UNUSUAL: f64 = 20.0;
 const MEMORY: f64 = 64.0;
 /// Changes that have to be known before any is suspect.
 const LEAST: f64 = 8.0;
+/// Samples from which is known how often the stream repeats itself.
+const REPEATS_KNOWN: u32 = 256;
+/// Of so many samples a stream that repeats itself rarely does so at most this often.
+const FEW_REPEATS: u32 = 16;
+/// Repetitions in a row after which an instrument is frozen.
+const FROZEN: u32 = 10;
 /// Neighbouring suspects after which they are believed.
 const WITNESSES: u32 = 3;
 
@@ -34,6 +43,11 @@ pub(super) struct Guard {
     /// The latest suspect and how many there were one after the other.
     suspect: Vec<f64>,
     suspects: u32,
+    /// The first samples, up to [`REPEATS_KNOWN`], and how many of them repeated the one before.
+    first: u32,
+    first_repeats: u32,
+    /// Samples in a row that repeat the one before.
+    repeats: u32,
 }
 
 impl Guard {
@@ -42,6 +56,9 @@ impl Guard {
         let too_large = sample.iter().zip(&self.range).position(|(x, limit)| x.abs() > *limit);
         if let Some(column) = too_large {
             return Err(Discard::OutOfRange { column });
+        }
+        if self.is_frozen(sample) {
+            return Err(Discard::Frozen);
         }
         if let Some(column) = self.unusual(sample, process.agility()) {
             let believed = self.is_confirmed(sample, column);
@@ -56,9 +73,24 @@ impl Guard {
         Ok(())
     }
 
+    /// Whether the instrument gives one sample again and again, which it did not use to.
+    fn is_frozen(&mut self, sample: &[f64]) -> bool {
+        let is_repeated = sample == self.passed;
+        self.repeats = if is_repeated { self.repeats.saturating_add(1) } else { 0 };
+        if self.first < REPEATS_KNOWN {
+            self.first += 1;
+            self.first_repeats += u32::from(is_repeated);
+            return false;
+        }
+        self.first_repeats <= FEW_REPEATS && self.repeats > FROZEN
+    }
+
     /// Forgets the samples: nothing that follows is their neighbour.
     pub(super) fn forget(&mut self) {
-        self.passed.clear();
+        // A frozen instrument is still to be recognised after the gap that it leaves.
+        if self.repeats == 0 {
+            self.passed.clear();
+        }
         self.suspects = 0;
     }
 

@@ -11,6 +11,7 @@
 //! Steps are those of the block's kind: 1 m of position, 0.01 rad of attitude, see [`step`].
 
 mod chart;
+mod coasting;
 mod form;
 mod measurement;
 mod numeric;
@@ -19,6 +20,7 @@ mod process;
 mod random;
 
 pub use chart::{check_chart, check_kind, check_reset};
+pub use coasting::check_coasting;
 pub use form::{check_form, check_update_rule};
 pub use measurement::check_measurement;
 pub use numeric::step;

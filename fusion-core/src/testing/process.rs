@@ -1,5 +1,6 @@
 //! Laws of process models.
 
+use super::coasting::check_coasting;
 use super::numeric::{column, finite, rounding, within};
 use crate::linear::Transition;
 use crate::model::{Input, Process, SignalBuffer};
@@ -14,7 +15,8 @@ use nalgebra::DMatrix;
 /// the generator F falls to a quarter only. Give an `input` whose neighbour equals its sample:
 /// what coning and sculling corrections make of a changing input may be left out of Φ.
 ///
-/// A process of [`Process::order`] 2 has besides all of ½F²Δt².
+/// A process of [`Process::order`] 2 has besides all of ½F²Δt². Without input it goes on as
+/// [`check_coasting`] asks.
 ///
 /// # Errors
 /// A sentence naming the blocks.
@@ -24,10 +26,11 @@ pub fn check_process(layout: &Layout, process: &dyn Process, x: &[f64], input: &
     check_noise(layout, process, x, input, dt)?;
     check_transition(layout, process, x, input, dt)?;
     check_second_order(layout, process, x, input, dt)?;
-    check_signals(layout, process, x, input)
+    check_signals(layout, process, x, input)?;
+    check_coasting(layout, process, x, dt)
 }
 
-fn check_steps(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>, dt: f64) -> Result<(), String> {
+pub(super) fn check_steps(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>, dt: f64) -> Result<(), String> {
     let (mut moved, mut still) = (x.to_vec(), x.to_vec());
     process.propagate(&mut moved, input, dt);
     finite("the propagated state", &moved)?;
@@ -53,7 +56,7 @@ fn linearised(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'
     t
 }
 
-fn check_noise(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>, dt: f64) -> Result<(), String> {
+pub(super) fn check_noise(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>, dt: f64) -> Result<(), String> {
     let n = layout.dim();
     let t = linearised(layout, process, x, input, dt);
     let dense = |entries: &[(u16, u16, f64)]| {
@@ -149,7 +152,7 @@ fn gaps(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>, dt
     Ok(out)
 }
 
-fn check_transition(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>, dt: f64) -> Result<(), String> {
+pub(super) fn check_transition(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>, dt: f64) -> Result<(), String> {
     for (col, k) in layout.blocks().iter().flat_map(|b| (0..b.kind.dim()).map(move |k| (b, k))) {
         let whole = gaps(layout, process, x, input, dt, col, k)?;
         if whole.iter().all(|g| g.gap <= g.floor) {
