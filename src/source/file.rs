@@ -11,6 +11,8 @@ use std::path::{Path, PathBuf};
 
 /// What a gzip file begins with (RFC 1952).
 const GZIP: [u8; 2] = [0x1f, 0x8b];
+/// The byte order mark of UTF-8, which some programs write first.
+const BOM: [u8; 3] = [0xef, 0xbb, 0xbf];
 /// Bytes that are read at a time.
 pub(super) const BUFFER: usize = 1 << 16;
 
@@ -48,9 +50,12 @@ impl DataFile {
             return Err(BuildError::at("path", message).into());
         }
         // A pipe may deliver byte by byte.
-        let mut start = Vec::with_capacity(GZIP.len());
-        file.by_ref().take(GZIP.len() as u64).read_to_end(&mut start).map_err(unreadable)?;
-        let is_packed = start == GZIP;
+        let mut start = Vec::with_capacity(BOM.len());
+        file.by_ref().take(BOM.len() as u64).read_to_end(&mut start).map_err(unreadable)?;
+        let is_packed = start.starts_with(&GZIP);
+        if start == BOM {
+            start.clear();
+        }
         let file = BufReader::with_capacity(BUFFER, Cursor::new(start).chain(file));
         if is_packed {
             return Ok(Box::new(MultiGzDecoder::new(file)));

@@ -1,5 +1,7 @@
 //! Files as they come, and every word that is said of them.
 
+mod stamps;
+
 use super::*;
 use crate::config::{Diagnostics, Document, Node};
 use crate::rows::{SourceReport, width};
@@ -151,24 +153,6 @@ fn nanosecond_stamps_under_a_commented_header_are_read_exactly() {
         report.longest_gap.map(|(at, gap)| (at.nanos(), gap)),
         Some((181_901_469, 5_016_000.0 * 1e-9))
     );
-}
-
-#[test]
-fn a_clock_is_shifted_and_stretched_about_its_first_stamp_or_another() {
-    let stamps = |time: &str| -> Vec<i64> {
-        let toml = format!("time = {{ column = 't', {time} }}");
-        let (rows, _) = read(&toml, b"t\n100\n200\n").unwrap();
-        rows.into_iter().map(|(t, _)| t / 1_000_000).collect()
-    };
-    assert_eq!(stamps("offset = '-0.125 s'"), [99_875, 199_875]);
-    assert_eq!(stamps("scale = 1.001"), [100_000, 200_100]);
-    assert_eq!(stamps("scale = 1.001, about = 0"), [100_100, 200_200]);
-    assert_eq!(
-        stamps("unit = 'min', epoch = '99.5', scale = 2, about = '30 s', offset = 1"),
-        [31_000, 12_031_000]
-    );
-    assert_eq!(stamps("start = '2 min'"), [200_000]);
-    assert_eq!(stamps("stop = '200 s'"), [100_000]);
 }
 
 #[test]

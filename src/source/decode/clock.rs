@@ -15,7 +15,9 @@ pub(super) struct Clock {
     unit: i128,
     epoch: i128,
     scale: f64,
+    /// Where it is right: declared, or its first stamp.
     about: Option<i64>,
+    is_about_declared: bool,
     offset: i64,
     /// Rows before are left out.
     pub(super) start: i64,
@@ -48,9 +50,17 @@ impl Clock {
             epoch: epoch.unwrap_or(0),
             scale: spec.scale,
             about,
+            is_about_declared: about.is_some(),
             offset,
             start,
             stop,
+        }
+    }
+
+    /// The first stamp was wrong.
+    pub(super) const fn forget_first(&mut self) {
+        if !self.is_about_declared {
+            self.about = None;
         }
     }
 

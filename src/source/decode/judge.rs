@@ -1,8 +1,10 @@
 //! What becomes of one row: judged, then its channels made of its cells.
 
+use super::ahead::Ahead;
 use super::channel::{ChannelPlan, Wrong};
 use super::clock::Clock;
 use super::condition::Test;
+use super::jump::{After, Jumps};
 use super::plan::Plan;
 use super::raw::RawRows;
 use super::spec::{Interval, Keep, Policy, Ties};
@@ -39,6 +41,7 @@ pub(super) struct Refusal {
 pub(super) struct Judge {
     clock: Clock,
     time_column: usize,
+    jumps: Jumps,
     bad_rows: Policy,
     backwards: Policy,
     ties: Ties,
@@ -75,9 +78,11 @@ impl Judge {
             end += channel.columns.len();
             (start..end, channel)
         };
+        let nominal = spec.rate.map(|rate| 1.0 / rate.si());
         Self {
             clock,
             time_column,
+            jumps: Jumps::new(spec.time.max_jump.map(|d| d.si()), nominal),
             bad_rows: spec.bad_rows,
             backwards: spec.time.backwards,
             ties: spec.time.ties,
@@ -87,7 +92,7 @@ impl Judge {
             cells,
             needs_interval: channels.iter().any(|channel| channel.increment),
             channels: channels.into_iter().map(place).collect(),
-            nominal: spec.rate.map(|rate| 1.0 / rate.si()),
+            nominal,
             is_even: spec.interval == Interval::Nominal,
             drops_repeats: spec.drops_repeats(),
             last_numbers: None,
@@ -102,14 +107,20 @@ impl Judge {
     }
 
     /// Judges the row at hand, number `number` of the file from 0, and writes its numbers.
-    pub(super) fn decode(&mut self, number: u64, raw: &impl RawRows, values: &mut [f64]) -> Result<Time, Unused> {
+    pub(super) fn decode(&mut self, number: u64, raw: &mut Ahead<impl RawRows>, values: &mut [f64]) -> Result<Time, Unused> {
         if self.keep.is_some_and(|keep| !keep.keeps(number)) {
             return Err(Unused::Left("not among the rows to keep"));
         }
-        let stamp = self.stamp(raw)?;
+        let stamp = self.stamp(&*raw)?;
         self.check_order(stamp)?;
+        self.check_jump(stamp, raw)?;
+        let raw = &*raw;
         let was_known = core::mem::replace(&mut self.is_interval_known, true);
-        let previous = self.stamp.replace(stamp).filter(|_| was_known);
+        let last = self.stamp.replace(stamp);
+        if let Some(last) = last {
+            self.jumps.took(stamp.saturating_sub(last));
+        }
+        let previous = last.filter(|_| was_known);
         if stamp < self.clock.start {
             return Err(Unused::Left("before the declared start"));
         }
@@ -171,6 +182,29 @@ impl Judge {
             reason: "the stamp of the row before",
             message: format!("the stamp {now} is equal to that of the row before"),
             help: "leave such rows out by `time.ties = \"skip\"`, or use them by `time.ties = \"keep\"`".to_owned(),
+        }))
+    }
+
+    /// A stamp that jumps ahead stands if the next one does not go back.
+    fn check_jump(&mut self, stamp: i64, raw: &mut Ahead<impl RawRows>) -> Result<(), Unused> {
+        if !self.jumps.is_in_doubt(self.stamp, stamp) {
+            return Ok(());
+        }
+        let sound = raw.after().filter(|row| row.malformed().is_none());
+        let after = sound.and_then(|row| self.clock.read(row.cell(self.time_column)).ok());
+        let after = after.map_or(After::Nothing, After::Stamp);
+        let Some(message) = self.jumps.refute(self.stamp, stamp, after) else {
+            return Ok(());
+        };
+        self.is_interval_known = false;
+        if self.stamp.is_none() {
+            self.clock.forget_first();
+        }
+        Err(Unused::Wrong(Refusal {
+            policy: Policy::Skip,
+            reason: "time jumps ahead",
+            message,
+            help: String::new(),
         }))
     }
 

@@ -32,10 +32,8 @@ pub(in super::super) enum Cell<'a> {
     /// As it is written in a text file, in UTF-8 where it is sound.
     Text(&'a [u8]),
     /// A number of a binary format.
-    #[cfg_attr(not(test), expect(dead_code, reason = "the formats so far are of text"))]
     Number(f64),
     /// A whole number of a binary format, exact where it is a stamp.
-    #[cfg_attr(not(test), expect(dead_code, reason = "the formats so far are of text"))]
     Integer(i64),
 }
 

@@ -98,6 +98,9 @@ pub(in super::super) struct TimeSpec {
     pub(super) start: Option<Duration>,
     /// The first row at or after ends the source, in the time of the log.
     pub(super) stop: Option<Duration>,
+    /// A stamp later than the one before by more than this is wrong if the next row goes back: the
+    /// row is left out and reported. By default ten times the longest of the recent intervals.
+    pub(super) max_jump: Option<Positive<dim::Duration>>,
     /// What to do at a stamp earlier than the one before: `stop`, or `skip` the row.
     #[serde(default)]
     pub(super) backwards: Policy,

@@ -1,5 +1,6 @@
 //! Raw rows, decoded: the stream that a file becomes.
 
+use super::ahead::Ahead;
 use super::channel::ChannelPlan;
 use super::condition::Test;
 use super::judge::{Judge, Unused};
@@ -16,7 +17,7 @@ use fusion_models::block::BuildError;
 /// The decoded rows of one file.
 struct Decoded<R> {
     file: String,
-    raw: R,
+    raw: Ahead<R>,
     judge: Judge,
     provided: Vec<ProvidedChannel>,
     counts: RowCounts,
@@ -57,7 +58,7 @@ impl Plan<'_> {
         Ok(Box::new(Decoded {
             file: file.name(),
             judge: Judge::new(self, time_column, cells, valid),
-            raw,
+            raw: Ahead::new(raw),
             provided,
             counts: RowCounts::default(),
             has_ended: false,
@@ -147,7 +148,7 @@ impl<R: RawRows> Decoded<R> {
     fn advance(&mut self, values: &mut [f64]) -> Result<Option<Stamp>, SourceError> {
         while self.raw.advance()? {
             let place = self.raw.place();
-            match self.judge.decode(self.counts.rows(), &self.raw, values) {
+            match self.judge.decode(self.counts.rows(), &mut self.raw, values) {
                 Ok(time) => {
                     self.counts.row();
                     self.counts.used(time);

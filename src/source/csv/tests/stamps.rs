@@ -1,0 +1,71 @@
+//! Stamps: clocks, wrong stamps, gaps.
+
+use super::{TV, read};
+
+#[test]
+fn a_clock_is_shifted_and_stretched_about_its_first_stamp_or_another() {
+    let stamps = |time: &str| -> Vec<i64> {
+        let toml = format!("time = {{ column = 't', {time} }}");
+        let (rows, _) = read(&toml, b"t\n100\n200\n").unwrap();
+        rows.into_iter().map(|(t, _)| t / 1_000_000).collect()
+    };
+    assert_eq!(stamps("offset = '-0.125 s'"), [99_875, 199_875]);
+    assert_eq!(stamps("scale = 1.001"), [100_000, 200_100]);
+    assert_eq!(stamps("scale = 1.001, about = 0"), [100_100, 200_200]);
+    assert_eq!(
+        stamps("unit = 'min', epoch = '99.5', scale = 2, about = '30 s', offset = 1"),
+        [31_000, 12_031_000]
+    );
+    assert_eq!(stamps("start = '2 min'"), [200_000]);
+    assert_eq!(stamps("stop = '200 s'"), [100_000]);
+}
+
+/// A file of 10 Hz in which the stamp of one row is an hour ahead.
+fn spoilt(rows: usize, wrong: usize) -> String {
+    let stamp = |k: usize| 0.1 * k as f64 + if k == wrong { 3600.0 } else { 0.0 };
+    let lines = (0..rows).map(|k| format!("{:.1},{k}\n", stamp(k)));
+    format!("t,v\n{}", lines.collect::<String>())
+}
+
+#[test]
+fn a_stamp_an_hour_ahead_costs_its_row_and_no_other() {
+    for wrong in [0, 1, 2, 20, 38, 39] {
+        let (rows, report) = read(TV, spoilt(40, wrong).as_bytes()).unwrap();
+        let left: Vec<usize> = (0..40).filter(|k| *k != wrong).collect();
+        assert_eq!(rows.iter().map(|(_, r)| r[0] as usize).collect::<Vec<_>>(), left);
+        let skipped = &report.skipped[0];
+        assert_eq!(
+            (skipped.reason.as_str(), skipped.count, skipped.examples[0].line),
+            ("time jumps ahead", 1, wrong + 2)
+        );
+    }
+    let (_, report) = read(TV, spoilt(40, 20).as_bytes()).unwrap();
+    let told = "3602.000000 s is 3600.100 s after the row before, and the next row goes back to 2.100000 s";
+    assert_eq!(report.skipped[0].examples[0].what, told);
+}
+
+#[test]
+fn an_hour_without_rows_is_a_gap_and_the_end_of_the_source_is_where_it_is_declared() {
+    let text = "t,v\n0,0\n1,1\n2,2\n3602,3\n3603,4\n3604,5\n";
+    assert_eq!(read(TV, text.as_bytes()).unwrap().0.len(), 6);
+    // A wrong stamp is not taken for the end.
+    let toml = TV.replace("'t' }", "'t', stop = '1 min' }");
+    assert_eq!(read(&toml, spoilt(40, 20).as_bytes()).unwrap().0.len(), 39);
+    assert_eq!(read(&toml, text.as_bytes()).unwrap().0.len(), 3);
+    // Nothing can be read behind it: it is not confirmed.
+    let toml = format!("bad_rows = 'skip'\n{TV}");
+    let (rows, report) = read(&toml, b"t,v\n0,0\n1,1\n2,2\n3602,3\nx,4\n3,5\n4,6\n").unwrap();
+    assert_eq!((rows.len(), report.left_out()), (5, 2), "{report}");
+}
+
+#[test]
+fn the_increment_after_a_wrong_stamp_covers_the_nominal_interval() {
+    let toml = "rate = '10 Hz'\ntime = { column = 't', scale = 2 }
+        channels.w = { columns = ['d'], unit = 'rad', increment = true }";
+    let (rows, _) = read(toml, b"t,d\n0,1\n0.05,1\n3600,1\n0.15,1\n0.2,1\n").unwrap();
+    let rates: Vec<f64> = rows.iter().map(|(_, row)| (row[0] * 1e9).round() / 1e9).collect();
+    assert_eq!(rates, [10.0; 4]);
+    // The clock is right at the first stamp that is: not at 3600 s.
+    let (rows, _) = read(toml, b"t,d\n3600,1\n5,1\n5.05,1\n").unwrap();
+    assert_eq!(rows.iter().map(|(t, _)| t / 1_000_000).collect::<Vec<_>>(), [5000, 5100]);
+}
