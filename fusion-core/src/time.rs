@@ -22,7 +22,17 @@ impl Time {
         Self(nanos)
     }
 
-    /// From seconds, rounded to the nearest nanosecond; out-of-range values saturate and NaN is 0.
+    /// From the seconds of a stamp that comes from outside, rounded to the nearest nanosecond; `None`
+    /// where they are not finite, or beyond the 292 years that can be counted.
+    #[must_use]
+    pub fn checked_from_seconds(seconds: f64) -> Option<Self> {
+        let nanos = (seconds * 1e9).round();
+        // 2⁶³, which a float holds and an i64 does not; NaN is not below it.
+        (nanos.abs() < i64::MAX as f64).then_some(Self(nanos as i64))
+    }
+
+    /// From seconds of one's own, such as a constant, rounded to the nearest nanosecond; out-of-range
+    /// values saturate and NaN is 0.
     #[must_use]
     pub fn from_seconds(seconds: f64) -> Self {
         Self((seconds * 1e9).round() as i64)
@@ -82,6 +92,16 @@ mod tests {
             t = t.shifted(nanos(0.01));
         }
         assert_eq!(t, Time::from_seconds(10.0));
+    }
+
+    #[test]
+    fn what_is_no_time_makes_no_stamp() {
+        for seconds in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 9.3e9, -9.3e9, 1e300] {
+            assert_eq!(Time::checked_from_seconds(seconds), None, "{seconds}");
+        }
+        for seconds in [0.0, -0.25, 1_752_003_258.5, 9.2e9, -9.2e9] {
+            assert_eq!(Time::checked_from_seconds(seconds), Some(Time::from_seconds(seconds)), "{seconds}");
+        }
     }
 
     #[test]

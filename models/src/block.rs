@@ -153,7 +153,22 @@ pub struct Channel {
     pub shape: Shape,
 }
 
+/// Ends the name of a channel of 1σ.
+const SIGMA: &str = "_sigma";
+
 impl Channel {
+    /// The channel that reports the 1σ of this one has this name.
+    #[must_use]
+    pub fn sigma_name(name: &str) -> String {
+        format!("{name}{SIGMA}")
+    }
+
+    /// Whether a channel of this name reports 1σ.
+    #[must_use]
+    pub fn is_sigma(name: &str) -> bool {
+        name.ends_with(SIGMA)
+    }
+
     const fn new(name: &'static str, width: usize, dimension: Dimension, shape: Shape) -> Self {
         Self {
             name: Cow::Borrowed(name),
@@ -272,7 +287,7 @@ pub trait SensorSpec: Debug + Send + Sync {
     fn reported_sigma(&self) -> Option<Channel> {
         let Reading::Channel(channel) = self.reading() else { return None };
         Some(Channel {
-            name: format!("{}_sigma", channel.name).into(),
+            name: Channel::sigma_name(&channel.name).into(),
             width: channel.degrees(),
             dimension: self.noise().first().copied().unwrap_or(Dimension::NONE),
             shape: Shape::Vector,

@@ -12,6 +12,7 @@ pub mod gate;
 pub mod initial;
 pub mod loss;
 pub mod param;
+pub mod plausible;
 pub mod process;
 pub mod registry;
 mod seed;

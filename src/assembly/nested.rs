@@ -192,7 +192,7 @@ fn outlets(layout: &Layout, driving: Option<(&StreamLayout, i64)>) -> (Vec<Outle
     for block in layout.blocks() {
         let value = of_block(block);
         let sigma = Channel {
-            name: format!("{}_sigma", value.name).into(),
+            name: Channel::sigma_name(&value.name).into(),
             width: value.degrees(),
             dimension: sigma_of(block),
             shape: Shape::Vector,

@@ -1,6 +1,7 @@
 //! What can go wrong while a filter is fed.
 
 use fusion_core::runner::{Halt, WrongWidth};
+use fusion_models::plausible::Impossible;
 use thiserror::Error;
 
 /// Why a row was not taken, or the filter not listened to any more.
@@ -24,6 +25,24 @@ pub enum FeedError {
         error: WrongWidth,
         /// What a row consists of.
         channels: String,
+    },
+    /// A stamp that is no time.
+    #[error("stream `{stream}`: {seconds} s is no stamp: a finite number of seconds, within 292 years of zero, is one")]
+    Stamp {
+        /// The stream.
+        stream: String,
+        /// The stamp.
+        seconds: f64,
+    },
+    /// Numbers that nothing can have measured.
+    #[error("stream `{stream}`, channel `{channel}`: {error}{}", if error.may_be_degrees { "; angles are in radians" } else { "" })]
+    Impossible {
+        /// The stream.
+        stream: String,
+        /// The channel.
+        channel: String,
+        /// What they are.
+        error: Impossible,
     },
     /// An observer could not go on; the row that caused the event has been processed in part.
     #[error("{0}")]

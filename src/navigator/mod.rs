@@ -13,6 +13,8 @@ use crate::solution::{Solution, SolutionReader};
 use fusion_core::runner::{Event, Observer, Row, RunError, StreamId};
 use fusion_core::state::{Belief, Layout};
 use fusion_core::time::Time;
+use fusion_models::block::Channel;
+use fusion_models::plausible;
 use std::path::Path;
 
 /// A navigation filter that a program feeds and reads.
@@ -137,13 +139,19 @@ impl Navigator {
         &self.assembly.streams
     }
 
-    /// Feeds a row stamped `seconds`; its numbers are those of [`Navigator::streams`], in SI.
+    /// Feeds a row stamped `seconds`; its numbers are those of [`Navigator::streams`], in SI, angles
+    /// in radians. What cannot be is refused: a latitude beyond a pole, a speed beyond that of light, a
+    /// stamp that is not finite.
     ///
     /// # Errors
     /// [`FeedError`]; the filter is untouched.
     pub fn feed(&mut self, stream: &str, seconds: f64, row: &[f64]) -> Result<(), FeedError> {
         let id = self.stream(stream)?;
-        self.feed_stream(id, Time::from_seconds(seconds), row, &mut |_: &Event<'_>| {})
+        let stamp = Time::checked_from_seconds(seconds).ok_or_else(|| FeedError::Stamp {
+            stream: stream.to_owned(),
+            seconds,
+        })?;
+        self.feed_stream(id, stamp, row, &mut |_: &Event<'_>| {})
     }
 
     /// Feeds a row and hears the events it causes; rows of a stream are numbered from 0.
@@ -165,6 +173,7 @@ impl Navigator {
     /// # Errors
     /// [`FeedError`]; of a row that is refused the filter is untouched.
     pub fn feed_row(&mut self, row: &Row<'_>, observer: &mut dyn Observer) -> Result<(), FeedError> {
+        self.check(row)?;
         self.assembly.runner.feed(row, observer).map_err(|error| {
             let error = match error {
                 RunError::Width(error) => error,
@@ -178,6 +187,26 @@ impl Navigator {
                 channels: channels.map(|c| format!("{} × {}", c.width, c.name)).collect::<Vec<_>>().join(", "),
             }
         })
+    }
+
+    /// Refuses what nothing can have measured. Numbers that are not finite are told by the events of
+    /// those that read them.
+    fn check(&self, row: &Row<'_>) -> Result<(), FeedError> {
+        let Some(layout) = self.assembly.streams.get(row.stream) else {
+            return Ok(());
+        };
+        for channel in &layout.channels {
+            // A row of another width is refused by the runner.
+            let values = row.values.get(channel.offset..channel.offset + channel.width).unwrap_or_default();
+            plausible::check(channel.shape, channel.dimension, Channel::is_sigma(&channel.name), values).map_err(|error| {
+                FeedError::Impossible {
+                    stream: layout.name.clone(),
+                    channel: channel.name.clone(),
+                    error,
+                }
+            })?;
+        }
+        Ok(())
     }
 
     /// Processes what has been held back: the end of the data.
@@ -286,5 +315,69 @@ mod tests {
             let sigma = found[i];
             assert!((sigma - expected).abs() < 1e-12, "axis {i}: {sigma} for {expected}");
         }
+    }
+
+    const DESIGN: &str = "
+        [process]
+        type = 'constant_velocity'
+        acceleration_noise = 1
+        position_sigma = 10
+        velocity_sigma = 5
+        [run]
+        origin = { latitude = 0.8, longitude = 0.1 }
+        [sensor.gnss]
+        type = 'gnss_position'
+        source = 'gnss'
+        noise = { from_source = true }
+        [sensor.speed]
+        type = 'gnss_velocity'
+        source = 'gnss'
+        noise = { sigma = 0.1 }
+        [initial.fix]
+        type = 'first_fix'
+        source = 'gnss'
+        position_sigma = 5
+        velocity_sigma = 1";
+
+    #[test]
+    fn a_stamp_that_is_no_time_is_refused() {
+        let mut nav = Navigator::from_toml(DESIGN).unwrap_or_else(|d| panic!("{d}"));
+        let row = [0.8, 0.1, 400.0, 2.0, 2.0, 2.0, 0.0, 0.0, 0.0];
+        for seconds in [f64::NAN, f64::INFINITY, -1e300, 9.3e9] {
+            let told = nav.feed("gnss", seconds, &row).unwrap_err().to_string();
+            assert!(told.starts_with(&format!("stream `gnss`: {seconds} s is no stamp")), "{told}");
+        }
+        assert!(nav.solution().is_none(), "a NaN was the time 0");
+        nav.feed("gnss", 1.0, &row).unwrap();
+        nav.finish(&mut |_: &Event<'_>| {}).unwrap();
+        assert_eq!(nav.solution().unwrap().time, Time::from_seconds(1.0));
+    }
+
+    #[test]
+    fn what_cannot_have_been_measured_is_refused_as_in_a_file() {
+        let mut nav = Navigator::from_toml(DESIGN).unwrap_or_else(|d| panic!("{d}"));
+        let names: Vec<_> = nav.streams()[0].channels.iter().map(|c| c.name.as_str()).collect();
+        assert_eq!(names, ["position", "position_sigma", "velocity"]);
+        let row = [0.8, 0.1, 400.0, 2.0, 2.0, 2.0, 0.0, 0.0, 0.0];
+        let mut told = |column: usize, value: f64| {
+            let mut row = row;
+            row[column] = value;
+            nav.feed("gnss", 0.0, &row).err().map(|e| e.to_string())
+        };
+        let position = "stream `gnss`, channel `position`: ";
+        assert_eq!(
+            told(0, 45.0).unwrap(),
+            format!("{position}the latitude 45 rad lies beyond a pole; angles are in radians")
+        );
+        assert!(told(1, 8.0).unwrap().starts_with(position));
+        assert!(told(2, 1e38).unwrap().starts_with(position));
+        assert_eq!(
+            told(4, 0.0).unwrap(),
+            "stream `gnss`, channel `position_sigma`: a 1σ is above zero, not 0"
+        );
+        assert!(told(8, 1e38).unwrap().contains("channel `velocity`: 1e38 cannot be"));
+        // Told by an event of the sensor that reads it; the other one can use the row.
+        assert_eq!(told(8, f64::NAN), None);
+        assert_eq!(told(8, 0.0), None);
     }
 }

@@ -408,6 +408,9 @@ fn values_that_cannot_be_are_refused() {
     assert!(said(&sigma, "t,a\n1,-4\n").starts_with("error: the variance -4 in column `a` is negative\n--> log.csv:2"));
     let attitude = format!("{T}channels.q = {{ quaternion = ['a', 'b', 'c', 'd'] }}");
     assert!(said(&attitude, "t,a,b,c,d\n1,0,0,0,0\n").starts_with("error: the quaternion has norm 0, not 1\n--> log.csv:2"));
+    assert!(said(TV, "t,v\n1,0\n2,1e38\n").starts_with("error: 1e38 cannot be: a speed [m/s] is at most 2.99792458e8\n--> log.csv:3"));
+    let sigma = format!("{T}channels.v_sigma = {{ column = 's', unit = 'm/s' }}");
+    assert!(said(&sigma, "t,s\n1,0.1\n2,0\n").starts_with("error: a 1σ is above zero, not 0\n--> log.csv:3"));
     let flag = format!("valid = {{ column = 'q', equals = 1 }}\n{T}");
     assert!(said(&flag, "t,q\n1,x\n").starts_with("error: `x` in column `q` is not a number\n--> log.csv:2"));
 }

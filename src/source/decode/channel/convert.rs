@@ -3,12 +3,11 @@
 use super::plan::ChannelPlan;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_models::block::{Channel, Shape};
 use fusion_models::earth::LocalFrame;
+use fusion_models::plausible::{self, Impossible};
+use fusion_models::units::Dimension;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector4};
-use std::f64::consts::{FRAC_PI_2, TAU};
-
-/// How far the norm of a quaternion may be from 1: a few digits in the file.
-const NORM_TOLERANCE: f64 = 1e-2;
 
 /// What the numbers become.
 #[derive(Clone, Debug)]
@@ -40,6 +39,17 @@ impl Wrong {
     }
 }
 
+impl From<Impossible> for Wrong {
+    fn from(impossible: Impossible) -> Self {
+        Self {
+            message: impossible.message,
+            help: impossible
+                .may_be_degrees
+                .then_some("if the columns are in degrees, write `unit = \"deg\"`"),
+        }
+    }
+}
+
 impl ChannelPlan {
     /// Whether a local position needs its origin.
     pub(in super::super) const fn needs_origin(&self) -> bool {
@@ -57,6 +67,10 @@ impl ChannelPlan {
     pub(in super::super) fn convert(&mut self, cells: &[f64], interval: f64, out: &mut [f64]) -> Result<(), Wrong> {
         self.scale(cells, interval, out)?;
         self.conversion.apply(out)?;
+        let Channel {
+            name, dimension, shape, ..
+        } = &self.channel;
+        plausible::check(*shape, *dimension, Channel::is_sigma(name), out)?;
         if self.average {
             let previous = self.previous.get_or_insert_with(|| out.to_vec());
             for (out, previous) in out.iter_mut().zip(previous) {
@@ -89,12 +103,11 @@ impl Conversion {
     /// Turns the numbers as a whole, in place.
     fn apply(&self, out: &mut [f64]) -> Result<(), Wrong> {
         match self {
-            Self::Vector { rotation: None } | Self::Local { frame: None } => {}
+            Self::Vector { rotation: None } | Self::Geodetic | Self::Local { frame: None } => {}
             Self::Vector { rotation: Some(rotation) } => {
                 let turned = rotation * Vector3::new(out[0], out[1], out[2]);
                 out.copy_from_slice(turned.as_slice());
             }
-            Self::Geodetic => check_geodetic(out)?,
             Self::Local { frame: Some(frame) } => {
                 let p = frame.to_geodetic(&Vector3::new(out[0], out[1], out[2]));
                 out.copy_from_slice(&[p.lat, p.lon, p.height]);
@@ -105,10 +118,7 @@ impl Conversion {
                 inverse,
             } => {
                 let read = Vector4::from_column_slice(out);
-                let norm = read.norm();
-                if (norm - 1.0).abs() > NORM_TOLERANCE {
-                    return Err(Wrong::new(format!("the quaternion has norm {norm}, not 1")));
-                }
+                plausible::check(Shape::Quaternion, Dimension::NONE, false, out)?;
                 let q = so3::from_scalar_first(&read);
                 let q = navigation * if *inverse { q.inverse() } else { q } * sensor;
                 out.copy_from_slice(so3::to_scalar_first(&q).as_slice());
@@ -116,18 +126,4 @@ impl Conversion {
         }
         Ok(())
     }
-}
-
-fn check_geodetic(out: &[f64]) -> Result<(), Wrong> {
-    let message = if out[0].abs() > FRAC_PI_2 {
-        format!("the latitude {} rad lies beyond a pole", out[0])
-    } else if out[1].abs() > TAU {
-        format!("the longitude {} rad is more than a turn", out[1])
-    } else {
-        return Ok(());
-    };
-    Err(Wrong {
-        message,
-        help: Some("if the columns are in degrees, write `unit = \"deg\"`"),
-    })
 }
