@@ -26,7 +26,7 @@ fn car(faults: &[String], bound: f64) -> Summary {
     let sets: Vec<&str> = GATES.into_iter().chain(faults.iter().map(String::as_str)).collect();
     let summary = real("pntos-car", &[], &sets).unwrap();
     let (max, rejected) = (summary.score.as_ref().unwrap().horizontal_max, rejected(&summary));
-    println!("{faults:?}: max {max:.2} m, {rejected} rejected");
+    eprintln!("{faults:?}: max {max:.2} m, {rejected} rejected");
     assert!(max <= bound && rejected < 15, "{faults:?}: {max} m, {rejected} rejected");
     summary
 }
@@ -148,7 +148,7 @@ fn a_simulated_car_comes_through_gaps_on_a_straight_road_and_in_a_bend() {
                 format!(r#"simulation.imu.fault.gap={{ type = "outage", window = {{ from = "{from}", duration = "{seconds} s" }} }}"#);
             let summary = drive(&[gap]);
             let (max, rejected) = (summary.score.as_ref().unwrap().horizontal_max, rejected(&summary));
-            println!("{from} {seconds} s: max {max:.2} m, {rejected} rejected");
+            eprintln!("{from} {seconds} s: max {max:.2} m, {rejected} rejected");
             // Within the gap GNSS alone holds the position: fixes of 1 m, three of them far off, and
             // ½·3.3 m/s² of the bend over the second between two fixes.
             assert!(
