@@ -28,7 +28,8 @@ impl LossSpec for QuadraticSpec {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HuberSpec {
-    /// Where the loss becomes linear; 1.345 gives 95 % efficiency.
+    /// Where the loss becomes linear, for a residual of one row; 1.345 gives 95 % efficiency. Of more
+    /// rows, where as large a share of good measurements lies.
     #[serde(default = "huber_k")]
     k: Positive<dim::Ratio>,
 }
@@ -42,7 +43,7 @@ crate::register!(Loss, "huber", HuberSpec, "k = 1.345");
 #[typetag::deserialize(name = "huber")]
 impl LossSpec for HuberSpec {
     fn build(&self) -> Result<Box<dyn Loss>, BuildError> {
-        Ok(Box::new(Huber { k: self.k.si() }))
+        Ok(Box::new(Huber::new(self.k.si())))
     }
 }
 
@@ -50,7 +51,8 @@ impl LossSpec for HuberSpec {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CauchySpec {
-    /// Scale in standard deviations; 2.385 gives 95 % efficiency.
+    /// Scale in standard deviations of a residual of one row; 2.385 gives 95 % efficiency. Of more
+    /// rows, where as large a share of good measurements lies.
     #[serde(default = "cauchy_c")]
     c: Positive<dim::Ratio>,
 }
@@ -64,7 +66,7 @@ crate::register!(Loss, "cauchy", CauchySpec, "c = 2.385");
 #[typetag::deserialize(name = "cauchy")]
 impl LossSpec for CauchySpec {
     fn build(&self) -> Result<Box<dyn Loss>, BuildError> {
-        Ok(Box::new(Cauchy { c: self.c.si() }))
+        Ok(Box::new(Cauchy::new(self.c.si())))
     }
 }
 
