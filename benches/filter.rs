@@ -129,6 +129,7 @@ impl Composed {
             model: self.gnss.as_ref(),
             value: z,
             noise: &self.noise,
+            quality: None,
         };
         assert_eq!(self.filter.update(&observed, &mut Open, &[], &Quadratic).verdict, Verdict::Accepted);
     }

@@ -175,6 +175,7 @@ fn prediction_and_update_allocate_nothing_nor_do_those_of_a_copy() {
                         model: sensor.model.as_ref(),
                         value,
                         noise: &noise,
+                        quality: None,
                     },
                     &mut Open,
                     &[],

@@ -351,6 +351,11 @@ pub trait GateSpec: Debug + Send + Sync {
         Ok(())
     }
 
+    /// Whether it judges by the number that the sensor names as its `quality`.
+    fn needs_quality(&self) -> bool {
+        false
+    }
+
     /// Makes the gate.
     ///
     /// # Errors

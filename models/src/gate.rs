@@ -2,7 +2,7 @@
 
 use crate::block::{BuildError, GateSpec};
 use crate::units::{Dimension, Dimensional, NonNegative, Positive, Probability, dim};
-use fusion_core::gate::{Ellipse, Gate, Magnitude, Nis, Open, Recovery, TwoCondition};
+use fusion_core::gate::{Ellipse, Gate, Magnitude, Nis, Open, Recovery, TwoCondition, TwoConditions};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -104,7 +104,7 @@ impl GateSpec for NisSpec {
 }
 
 /// Rejects a position fix that lies outside the confidence ellipse of the estimate *and* far from
-/// it, both horizontally; each condition has variants.
+/// it, horizontally or in height; each condition has variants.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TwoConditionSpec {
@@ -117,8 +117,14 @@ pub struct TwoConditionSpec {
     /// Condition 2: which fixes count as far away.
     #[serde(default)]
     magnitude: MagnitudeSpec,
-    /// 1σ of a good fix, correlated errors included; by default that of the sensor's noise.
+    /// 1σ of a good fix per horizontal axis, correlated errors included; by default that of the
+    /// sensor's noise.
     sigma: Option<Positive<dim::Length>>,
+    /// Whether height is judged as well, where the sensor has it: by itself, with its own 1σ.
+    #[serde(default = "yes")]
+    height: bool,
+    /// 1σ of a good height, correlated errors included; by default that of the sensor's noise.
+    vertical_sigma: Option<Positive<dim::Length>>,
     /// A fix nearer to the estimate than this is never rejected.
     #[serde(default = "three_metres")]
     min_distance: NonNegative<dim::Length>,
@@ -126,6 +132,8 @@ pub struct TwoConditionSpec {
     max_speed: Option<Positive<dim::Speed>>,
     /// The largest 1σ that a good fix reports, for `magnitude = "reported"`.
     max_reported: Option<Positive<dim::Length>>,
+    /// The largest `quality` of a good fix, e.g. 4 for HDOP, for `magnitude = "quality"`.
+    max_quality: Option<Positive<dim::Ratio>>,
     /// How the gate avoids a lock-out: good measurements rejected forever.
     #[serde(default)]
     recovery: RecoverySpec,
@@ -151,11 +159,17 @@ pub enum MagnitudeSpec {
     /// By its distance from the estimate: more than 3√2 σ.
     #[default]
     Distance,
-    /// By its step since the previous fix, minus the step of the estimate: more than `max_speed` ·
-    /// Δt + 3√2 σ.
+    /// By its step since the latest fix that was used, minus the step of the estimate: more than
+    /// `max_speed` · Δt + 3√2 σ.
     Step,
     /// By the 1σ that the receiver reports: more than `max_reported`.
     Reported,
+    /// By the channel that the sensor names as its `quality`, e.g. HDOP: more than `max_quality`.
+    Quality,
+}
+
+const fn yes() -> bool {
+    true
 }
 
 fn ninety_nine() -> Probability {
@@ -184,10 +198,20 @@ min_distance = "3 m"
 impl GateSpec for TwoConditionSpec {
     fn suits(&self, rows: &[Dimension]) -> Result<(), BuildError> {
         let metres = dim::Length::KIND.dimension;
-        if rows.len() >= 2 && rows[..2].iter().all(|row| *row == metres) {
-            return Ok(());
+        if rows.len() < 2 || rows[..2].iter().any(|row| *row != metres) {
+            return Err(BuildError::new("`two_condition` judges a horizontal position").help("`nis` judges any sensor"));
         }
-        Err(BuildError::new("`two_condition` judges a horizontal position").help("`nis` judges any sensor"))
+        match rows.get(2) {
+            Some(third) if self.height && *third != metres => {
+                let message = "the third row of this sensor is no height";
+                Err(BuildError::new(message).help("write `height = false` to judge the first two alone"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn needs_quality(&self) -> bool {
+        matches!(self.magnitude, MagnitudeSpec::Quality)
     }
 
     fn build(&self) -> Result<Box<dyn Gate>, BuildError> {
@@ -206,21 +230,53 @@ impl GateSpec for TwoConditionSpec {
             EllipseSpec::Innovation => Ellipse::Innovation,
             EllipseSpec::PerAxis => Ellipse::PerAxis,
         };
-        let magnitude = match (self.magnitude, self.max_speed, self.max_reported) {
-            (MagnitudeSpec::Distance, None, None) => Magnitude::Distance,
-            (MagnitudeSpec::Step, Some(speed), None) => Magnitude::Step { speed: speed.si() },
-            (MagnitudeSpec::Reported, None, Some(limit)) => Magnitude::Reported { limit: limit.si() },
-            (MagnitudeSpec::Step, None, _) => return Err(BuildError::at("magnitude", "`step` needs `max_speed`")),
-            (MagnitudeSpec::Reported, _, None) => return Err(BuildError::at("magnitude", "`reported` needs `max_reported`")),
-            _ => {
-                return Err(BuildError::at(
-                    "magnitude",
-                    "`max_speed` belongs to `step`, `max_reported` to `reported`",
-                ));
-            }
+        let conditions = TwoConditions {
+            probability: p,
+            ellipse,
+            magnitude: self.magnitude()?,
+            sigma: self.sigma.map(|s| s.si()),
+            vertical_sigma: self.vertical_sigma.map(|s| s.si()),
+            least: self.min_distance.si(),
+            height: self.height,
         };
-        let sigma = self.sigma.map(|s| s.si());
-        let gate = TwoCondition::new(p, ellipse, magnitude, sigma, self.min_distance.si(), self.recovery.build());
-        Ok(Box::new(gate))
+        Ok(Box::new(TwoCondition::new(conditions, self.recovery.build())))
+    }
+}
+
+impl TwoConditionSpec {
+    /// The second condition, with the one limit that belongs to it.
+    fn magnitude(&self) -> Result<Magnitude, BuildError> {
+        use MagnitudeSpec::{Distance, Quality, Reported, Step};
+        let kind = self.magnitude;
+        let (speed, reported) = (self.max_speed.map(|v| v.si()), self.max_reported.map(|v| v.si()));
+        let quality = self.max_quality.map(|v| v.si());
+        let limits = [
+            ("max_speed", speed.is_some(), matches!(kind, Step)),
+            ("max_reported", reported.is_some(), matches!(kind, Reported)),
+            ("max_quality", quality.is_some(), matches!(kind, Quality)),
+        ];
+        for (name, is_there, is_wanted) in limits {
+            if is_there != is_wanted {
+                let what = if is_wanted { "needs" } else { "has no use for" };
+                return Err(BuildError::at("magnitude", format!("`{}` {what} `{name}`", kind.name())));
+            }
+        }
+        Ok(match (kind, speed, reported, quality) {
+            (Step, Some(speed), ..) => Magnitude::Step { speed },
+            (Reported, _, Some(limit), _) => Magnitude::Reported { limit },
+            (Quality, .., Some(limit)) => Magnitude::Quality { limit },
+            (Distance | Step | Reported | Quality, ..) => Magnitude::Distance,
+        })
+    }
+}
+
+impl MagnitudeSpec {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Distance => "distance",
+            Self::Step => "step",
+            Self::Reported => "reported",
+            Self::Quality => "quality",
+        }
     }
 }

@@ -50,6 +50,10 @@ impl<P> Assembler<'_, P> {
             Some(port) if common.noise.from_source => self.reported(port.stream, spec.as_ref(), node),
             _ => Some(Vec::new()),
         };
+        let quality = match (&port, &common.quality) {
+            (Some(port), Some(name)) => self.quality(port.stream, name, node).map(Some),
+            _ => Some(None),
+        };
         let gate = self.d.keep(gate(design, &rows));
         let loss = self.d.keep(loss(design));
         let (model, mut port, sigma) = (model?, port?, sigma?);
@@ -71,6 +75,7 @@ impl<P> Assembler<'_, P> {
             port,
             constant,
             noise: noise(&common.noise, &info.sigma, reported?),
+            quality: quality?,
             gate: gate?,
             loss: loss?,
         };
@@ -86,6 +91,15 @@ impl<P> Assembler<'_, P> {
         };
         let found = self.channel(stream, &sigma, node)?;
         Some((found.offset..found.offset + found.width).collect())
+    }
+
+    /// The column in which the source says how good a row is.
+    fn quality(&mut self, stream: StreamId, name: &str, node: &Node) -> Option<usize> {
+        let channel = Channel {
+            name: name.to_owned().into(),
+            ..Channel::vector("", 1, Dimension::NONE)
+        };
+        Some(self.channel(stream, &channel, node)?.offset)
     }
 
     /// Lays the gate policy `only_with` over the sensor's own gate.
@@ -136,8 +150,14 @@ fn gate(design: &Named<SensorDesign>, rows: &[Dimension]) -> Result<Box<dyn Gate
     let Some(gate) = &design.block.gate else {
         return Ok(Box::new(Open));
     };
+    let node = design.node.at("gate").unwrap_or(&design.node);
+    if gate.needs_quality() && design.block.common.quality.is_none() {
+        let message = "this gate judges by a number that the sensor does not name";
+        let help = "write beside `source` which channel says how good a row is, e.g. `quality = \"hdop\"`";
+        return Err(Diagnostic::error(message).at(node.place_of("magnitude")).help(help));
+    }
     let built = gate.suits(rows).and_then(|()| gate.build());
-    built.map_err(|e| design.node.at("gate").unwrap_or(&design.node).locate(&e))
+    built.map_err(|e| node.locate(&e))
 }
 
 fn loss(design: &Named<SensorDesign>) -> Result<Arc<dyn Loss>, Diagnostic> {

@@ -18,6 +18,9 @@ pub struct SensorCommon {
     /// Its noise.
     #[serde(default)]
     pub noise: NoiseSpec,
+    /// A channel of its source with one number that says how good a row is, HDOP for one: for gates
+    /// that judge by it.
+    pub quality: Option<String>,
     /// The sensor that it goes with.
     pub only_with: Option<OnlyWithSpec>,
     /// False leaves the sensor out.

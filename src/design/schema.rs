@@ -163,6 +163,10 @@ impl Builder {
         let input = self.of::<InputSpec>("input");
         let source = |description: &str| json!({ "type": "string", "description": description });
         let enabled = json!({ "type": "boolean", "default": true, "description": "False leaves the block out." });
+        let quality = json!({
+            "type": "string",
+            "description": "A channel of its source with one number that says how good a row is, HDOP for one: for gates that judge by it.",
+        });
         let only_with = self.of::<OnlyWithSpec>("only_with");
         let gate = self.any(Role::Gate, "Accepts or rejects each measurement; without a gate, all are accepted.");
         let loss = self.any(Role::Loss, "Weighs each measurement; without one, least squares.");
@@ -180,6 +184,7 @@ impl Builder {
                 Role::Sensor => {
                     property(schema, "source", source("The source or stage that it reads or that times it."));
                     property(schema, "noise", noise.clone());
+                    property(schema, "quality", quality.clone());
                     property(schema, "only_with", only_with.clone());
                     property(schema, "enabled", enabled.clone());
                     property(schema, "gate", gate.clone());

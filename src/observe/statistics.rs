@@ -74,6 +74,10 @@ pub struct SensorStatistics {
     pub nis: Option<Consistency>,
     /// Innovations of those accepted.
     pub innovations: Innovations,
+    /// The power of its gate, per residual row in SI: the median, over the measurements judged, of
+    /// the smallest error of that row alone that would have been refused. Infinite (`null` in JSON)
+    /// where none would be; none where nothing was judged.
+    pub gate_power: Vec<f64>,
 }
 
 /// Follows the sensors of all filters through a run.
@@ -119,6 +123,8 @@ impl RunObserver for Statistics {
 struct Follower {
     statistics: SensorStatistics,
     nis: Vec<f64>,
+    /// Of each residual row, what the gate would have refused.
+    power: Vec<Vec<f64>>,
     /// Sums of the squared innovations, per residual row.
     squares: Vec<f64>,
     /// Innovations count from here on.
@@ -146,6 +152,7 @@ impl Follower {
                 ..SensorStatistics::default()
             },
             nis: Vec::new(),
+            power: vec![Vec::new(); m],
             squares: vec![0.0; m],
             from,
             streak: None,
@@ -174,6 +181,9 @@ impl Follower {
             }
         };
         statistics.ends_denied = update.mode == Mode::Denied;
+        for (all, power) in self.power.iter_mut().zip(update.power) {
+            all.push(*power);
+        }
         if let Some(d) = &mut statistics.disturbed {
             d.missed += u64::from(is_used && was_disturbed);
             d.caught += u64::from(!is_used && was_disturbed);
@@ -215,9 +225,16 @@ impl Follower {
         let innovations = &mut self.statistics.innovations;
         let count = innovations.count.max(1) as f64;
         innovations.rms = self.squares.iter().map(|s| (s / count).sqrt()).collect();
+        self.statistics.gate_power = self.power.iter_mut().filter_map(|all| median(all)).collect();
         self.statistics.nis = Consistency::of(&self.nis, innovations.unit.len());
         self.statistics
     }
+}
+
+/// The middle one of `values`, the upper of two; it reorders them.
+fn median(values: &mut [f64]) -> Option<f64> {
+    values.sort_unstable_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
 }
 
 #[cfg(test)]
@@ -232,6 +249,7 @@ mod tests {
                 ..SensorStatistics::default()
             },
             nis: Vec::new(),
+            power: vec![Vec::new()],
             squares: vec![0.0],
             from: Some(at(2.0)),
             streak: None,
@@ -258,6 +276,7 @@ mod tests {
             statistic: 1.0,
             threshold: 1.0,
             mode,
+            power: &[],
             weight: 1.0,
         }
     }
@@ -314,6 +333,22 @@ mod tests {
         assert_eq!(late.finish(at(9.5)).longest_rejection_streak, streak(6.0, 3.5));
         let found = f.finish(at(9.0));
         assert_eq!((found.longest_rejection_streak, found.ends_denied), (streak(2.0, 3.0), true));
+    }
+
+    #[test]
+    fn the_power_of_the_gate_is_the_median_of_what_was_judged() {
+        use Verdict::{Accepted, Rejected, Unusable};
+        let mut f = follower();
+        let judged = [(4.0, Accepted), (f64::INFINITY, Accepted), (2.0, Rejected), (0.5, Unusable)];
+        for (t, (power, verdict)) in judged.into_iter().enumerate() {
+            let update = Update {
+                power: &[power],
+                ..update(verdict, &[0.0], Mode::Track)
+            };
+            f.judged(at(t as f64), false, &update);
+        }
+        assert_eq!(f.finish(at(8.0)).gate_power, [4.0]);
+        assert!(follower().finish(at(8.0)).gate_power.is_empty());
     }
 
     #[test]

@@ -122,7 +122,7 @@ impl Summary {
             Section::new("Sensors", [counted]),
             Section::new("Rows that were not used", [left_out(&self.consumers)]),
             Section::new("Longest rejection streaks", [streaks(&self.sensors)]),
-            Section::new("Innovations of accepted measurements", [innovations(&self.sensors)]),
+            innovations_of(&self.sensors),
         ]
     }
 
@@ -275,12 +275,33 @@ fn streaks(sensors: &[SensorStatistics]) -> Table {
     t
 }
 
+fn innovations_of(sensors: &[SensorStatistics]) -> Section {
+    let table = innovations(sensors);
+    let section = Section::new("Innovations of accepted measurements", [table]);
+    if sensors.iter().flat_map(|s| &s.gate_power).all(|power| !power.is_finite()) {
+        return section;
+    }
+    Section {
+        notes: vec![POWER.to_owned()],
+        ..section
+    }
+}
+
+/// What the last column of the innovations means.
+const POWER: &str = "Refused from: the smallest error of that row alone that the gate would have refused, by the median.";
+
+/// RMS and maximum per row; where a gate refuses anything, beside them what it would refuse.
 fn innovations(sensors: &[SensorStatistics]) -> Table {
-    let mut t = Table::new([Column::text("residual"), Column::number("RMS"), Column::number("max")]);
+    let is_gated = sensors.iter().flat_map(|s| &s.gate_power).any(|power| power.is_finite());
+    let power = is_gated.then(|| Column::number("refused from"));
+    let columns = [Column::text("residual"), Column::number("RMS"), Column::number("max")];
+    let mut t = Table::new(columns.into_iter().chain(power));
     for s in sensors.iter().filter(|s| s.innovations.count > 0) {
         for (k, (row, unit)) in residual_rows(s).into_iter().enumerate() {
+            let power = s.gate_power.get(k).copied().filter(|power| power.is_finite());
+            let power = is_gated.then(|| Cell::real(power));
             let values = [s.innovations.rms[k], s.innovations.max[k]].map(Cell::Real);
-            t.row_in(unit, [row_name(s, &row)].into_iter().chain(values));
+            t.row_in(unit, [row_name(s, &row)].into_iter().chain(values).chain(power));
         }
     }
     t

@@ -106,8 +106,8 @@ impl TableData {
         Self::of(&columns)
     }
 
-    /// A sensor's updates, the innovations in `units`; without their 3σ where there is no room for
-    /// bands.
+    /// A sensor's updates, the innovations in `units`; without their 3σ and the power of the gate
+    /// where there is no room for bands.
     fn of_updates(sensor: &SensorTrack, capacity: usize, units: &[&Unit], bands: bool) -> Self {
         let mut columns = sensor.updates.columns(capacity, true);
         columns.values.truncate(drawn(sensor, bands));
@@ -129,7 +129,7 @@ impl TableData {
 
 /// Channels of a sensor's updates in the page.
 const fn drawn(sensor: &SensorTrack, bands: bool) -> usize {
-    SensorTrack::JUDGED + sensor.rows * if bands { 3 } else { 2 }
+    SensorTrack::JUDGED + sensor.rows * if bands { 4 } else { 2 }
 }
 
 /// Buckets per series such that the page keeps its budget.
@@ -312,6 +312,7 @@ mod tests {
             statistic: 5.0,
             threshold: f64::INFINITY,
             mode: Mode::Track,
+            power: &[],
             weight: 1.0,
         };
         recording.measurement("tilt", Time::default(), None, &update);

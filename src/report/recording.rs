@@ -101,8 +101,8 @@ pub(super) struct SensorTrack {
     /// Whether it measures a place.
     is_place: bool,
     /// NIS of the used, NIS of the rejected, statistic, threshold, mode (1 denied); then, of
-    /// every row in SI, the innovation of the accepted, that of the rejected and reacquired, and
-    /// its 3σ.
+    /// every row in SI, the innovation of the accepted, that of the rejected and reacquired, its 3σ,
+    /// and the smallest error that the gate would have refused.
     pub updates: Trace,
     /// North, east, down of the fixes: used, rejected.
     pub fixes: [Samples<3>; 2],
@@ -133,7 +133,7 @@ impl SensorTrack {
             gated: false,
             rows,
             is_place: false,
-            updates: Trace::new(Self::JUDGED + 3 * rows, BUCKETS),
+            updates: Trace::new(Self::JUDGED + 4 * rows, BUCKETS),
             fixes: [Samples::new(POINTS), Samples::new(POINTS)],
         }
     }
@@ -321,7 +321,7 @@ impl Recording {
         let pick = |chosen: bool| if chosen && update.nis.is_finite() { update.nis } else { f64::NAN };
         let finite = |v: f64| if v.is_finite() { v } else { f64::NAN };
         let denied = f64::from(u8::from(update.mode == Mode::Denied));
-        let mut row = [f64::NAN; SensorTrack::JUDGED + 3 * SensorTrack::ROWS];
+        let mut row = [f64::NAN; SensorTrack::JUDGED + 4 * SensorTrack::ROWS];
         row[..SensorTrack::JUDGED].copy_from_slice(&[
             pick(!rejected),
             pick(rejected),
@@ -341,6 +341,7 @@ impl Recording {
                 row[own(kind)] = *r;
             }
             row[own(2)] = 3.0 * sigma;
+            row[own(3)] = update.power.get(i).copied().map_or(f64::NAN, finite);
         }
         track.updates.push(time.seconds(), &row[..track.updates.channels()]);
         if let Some(ned) = ned {

@@ -489,6 +489,13 @@
           for (const { s, i } of of) series.push({ ...rejects(s, i, column(s, 1)), clamped: true, label: several ? "" : "not accepted" });
           panel(grid, `${name}: innovation ${row}`, { series, scale: "error" });
         });
+        // The power of the gate, where a run is alone: the smallest error of each row that it refuses.
+        if (!several && gated && rows.length) {
+          const { s } = gated;
+          const power = rows.map((row, k) => ({ kind: "line", t: s.updates.t, y: s.updates.c[5 + 3 * rows.length + k], color: runColor(k), width: 1.25, label: row }));
+          const known = power.filter(p => p.y.some(v => v === v));
+          if (known.length) panel(grid, `${name}: smallest error refused`, { series: known });
+        }
       }
     }
   }

@@ -124,6 +124,7 @@ fn update(verdict: Verdict, nis: f64, threshold: f64, mode: Mode) -> Update<'sta
         statistic: nis,
         threshold,
         mode,
+        power: &[],
         weight: 1.0,
     }
 }
@@ -316,18 +317,23 @@ fn innovations_of_accepted_measurements_are_kept_per_row_and_those_of_others_apa
         let time = Time::from_seconds(i as f64);
         let update = update(verdict, 1.0, 9.0, Mode::Track);
         let v = 1.0 + i as f64;
-        r.measurement("velocity", time, None, &with_rows(update, &[v, -v], &[0.5, 2.0]));
+        let power = Update {
+            power: &[7.0, f64::INFINITY],
+            ..update
+        };
+        r.measurement("velocity", time, None, &with_rows(power, &[v, -v], &[0.5, 2.0]));
         r.measurement("four", time, None, &with_rows(update, &[v; 4], &[1.0; 4]));
     }
     let columns = r.sensors[0].updates.columns(10, false).values;
     let shown = |k: usize| columns[k].iter().map(|v| (!v.is_nan()).then_some(*v)).collect::<Vec<_>>();
-    assert_eq!(columns.len(), 5 + 3 * 2);
+    assert_eq!(columns.len(), 5 + 4 * 2);
     assert_eq!(shown(5), [Some(1.0), None, None, None]);
     assert_eq!(shown(6), [Some(-1.0), None, None, None]);
     assert_eq!(shown(7), [None, Some(2.0), Some(3.0), None]);
     assert_eq!(shown(8), [None, Some(-2.0), Some(-3.0), None]);
     assert_eq!(shown(9), [Some(1.5); 4]);
     assert_eq!(shown(10), [Some(6.0); 4]);
+    assert_eq!((shown(11), shown(12)), (vec![Some(7.0); 4], vec![None; 4]));
     // More than three rows are judged, not drawn.
     assert_eq!(r.sensors[1].updates.columns(10, false).values.len(), 5);
 }

@@ -77,8 +77,8 @@ pub fn rpy_of(q: &UnitQuaternion<f64>, p: &Matrix3<f64>) -> (Vector3<f64>, Vecto
     (rpy, sigmas(&(e * p * e.transpose())))
 }
 
-/// Square roots of the diagonal.
+/// Square roots of the diagonal; not a number where a variance is negative.
 #[must_use]
 pub fn sigmas(p: &Matrix3<f64>) -> Vector3<f64> {
-    p.diagonal().map(|v| v.max(0.0).sqrt())
+    p.diagonal().map(f64::sqrt)
 }

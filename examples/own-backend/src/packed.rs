@@ -75,8 +75,12 @@ impl Form for Packed {
     fn predict(&self, n: usize, p: &mut [f64], t: &Transition, _: &mut Workspace) -> bool {
         let phi = dense(&t.phi);
         let after = &phi * (unpack(n, p) + noise(n, t.noise_before())) * phi.transpose() + noise(n, t.noise_after());
+        let diagonal = |q: DMatrix<f64>| q.diagonal().iter().all(|v| *v >= 0.0);
         // 1e300: about to overflow.
-        let is_sound = after.iter().all(|v| v.abs() < 1e300);
+        let is_sound = after.iter().all(|v| v.abs() < 1e300)
+            && [noise(n, t.noise_before()), noise(n, t.noise_after()), after.clone()]
+                .into_iter()
+                .all(diagonal);
         if is_sound {
             pack(p, &after);
         }

@@ -75,8 +75,8 @@ impl<'a> Whole<'a> {
         self.p[j * self.ld + i] = value;
     }
 
-    /// P ← Φ(P + Q_before)Φᵀ + Q_after; false, and P as before, where a variance would overflow or
-    /// not be a number.
+    /// P ← Φ(P + Q_before)Φᵀ + Q_after; false, and P as before, where a variance would overflow, be
+    /// negative or not be a number.
     fn predict(&mut self, t: &Transition, w: &mut Scratch) -> bool {
         let ld = self.ld;
         w.covered.clear();
@@ -87,9 +87,12 @@ impl<'a> Whole<'a> {
         }
         self.product(&t.phi, w);
         let m = t.phi.active().len();
-        let diagonal = (0..m).map(|a| w.core[a * m.next_multiple_of(2) + a]);
-        let noise = t.before.entries.iter().chain(&t.after.entries).map(|e| e.2);
-        if !diagonal.chain(noise).all(|v| v.abs() < LARGEST) {
+        let moved = t.phi.active().iter().enumerate();
+        let mut diagonal = moved.map(|(a, &i)| (i, w.core[a * m.next_multiple_of(2) + a]));
+        let mut noise = t.before.entries.iter().chain(&t.after.entries);
+        let is_sound = noise.all(|&(i, j, v)| v.abs() < LARGEST && (i != j || v >= 0.0))
+            && diagonal.all(|(i, v)| v.abs() < LARGEST && (v >= 0.0 || v + added(t, i) >= 0.0));
+        if !is_sound {
             // Last first: an element may have been covered twice.
             for (&(i, j, _), &old) in t.before.entries.iter().zip(&w.covered).rev() {
                 self.p[i as usize * ld + j as usize] = old;
@@ -227,6 +230,11 @@ impl<'a> Whole<'a> {
             }
         }
     }
+}
+
+/// The noise that is added to variance `i` after the transition.
+fn added(t: &Transition, i: u16) -> f64 {
+    t.after.entries.iter().filter(|e| (e.0, e.1) == (i, i)).map(|e| e.2).sum()
 }
 
 /// Whether both axes, one or none of them lie in `axes`.

@@ -34,8 +34,8 @@ pub trait Form: Debug + Send + Sync {
     /// P ← D P D with D = √`factor` on `axes` and 1 elsewhere.
     fn scale(&self, n: usize, p: &mut [f64], axes: &[Range<usize>], factor: f64);
 
-    /// P ← Φ(P + Q_before)Φᵀ + Q_after; false, and `p` as before, where a variance would overflow
-    /// or not be a number.
+    /// P ← Φ(P + Q_before)Φᵀ + Q_after; false, and `p` as before, where a variance, or a noise on the
+    /// diagonal, would overflow, be negative or not be a number.
     fn predict(&self, n: usize, p: &mut [f64], t: &Transition, w: &mut Workspace) -> bool;
 
     /// P ← J P Jᵀ.

@@ -86,9 +86,14 @@ impl Covariance {
         block.tangent_range().map(|i| self.form.element(self.n, &self.p, i, i))
     }
 
-    /// Standard deviation of each axis of `block`; zero where rounding left a variance below it.
+    /// Standard deviation of each axis of `block`; not a number where a variance is negative.
     pub fn sigmas<'a>(&'a self, block: &Block) -> impl Iterator<Item = f64> + 'a {
-        self.variances(block).map(|v| v.max(0.0).sqrt())
+        self.variances(block).map(f64::sqrt)
+    }
+
+    /// Variance of tangent axis `i`.
+    pub(crate) fn variance(&self, i: usize) -> f64 {
+        self.form.element(self.n, &self.p, i, i)
     }
 
     /// Covariance of all axes of `block`, d×d, row by row.
@@ -179,8 +184,8 @@ impl Covariance {
         self.p.copy_from_slice(&other.p);
     }
 
-    /// P ← Φ(P + Q_before)Φᵀ + Q_after; false, and P as before, where a variance would overflow or
-    /// not be a number.
+    /// P ← Φ(P + Q_before)Φᵀ + Q_after; false, and P as before, where a variance would overflow, be
+    /// negative or not be a number.
     pub(crate) fn predict(&mut self, t: &Transition, w: &mut Workspace) -> bool {
         self.form.predict(self.n, &mut self.p, t, w)
     }

@@ -12,8 +12,11 @@ use thiserror::Error;
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FilterError {
-    /// The state or its variances stopped being numbers; the belief is the last sound one.
-    #[error("the estimate stopped being finite at {0}; the state before that step is kept")]
+    /// The state would leave the earth or not be a number, or a variance be negative or not a
+    /// number; the belief is the last sound one.
+    #[error(
+        "the estimate would be unsound at {0}: no numbers, a negative variance or a state that nothing can have; the one before is kept"
+    )]
     Diverged(Time),
     /// A prediction to a time before that of the belief.
     #[error("asked to predict from {from} back to {to}")]
@@ -36,7 +39,7 @@ pub enum Verdict {
     Reacquired,
     /// The model has no value at this state.
     Undefined(Undefined),
-    /// S was not positive definite, or the correction not finite: nothing was changed.
+    /// S was not positive definite, or the belief would not have been sound: nothing was changed.
     Unusable,
 }
 
@@ -63,6 +66,9 @@ pub struct Update<'a> {
     pub threshold: f64,
     /// The gate's mode afterwards.
     pub mode: Mode,
+    /// Per row of the residual, in its unit: the smallest error of that row alone that the gate's
+    /// test refuses now; infinite where it refuses none, not a number where nothing was judged.
+    pub power: &'a [f64],
     /// Robust weight; 1 is full weight.
     pub weight: f64,
 }
@@ -76,6 +82,8 @@ pub struct Observed<'a> {
     pub value: &'a [f64],
     /// R, m×m, row by row.
     pub noise: &'a [f64],
+    /// What the row says of its own quality, HDOP for one: for gates that judge by it.
+    pub quality: Option<f64>,
 }
 
 /// The interface of every estimator, with or without a covariance.

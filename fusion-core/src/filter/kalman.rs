@@ -2,6 +2,7 @@
 
 use super::backend::Backend;
 use super::estimator::{Estimator, FilterError, Observed, Update, Verdict};
+use super::reacquire::Growing;
 use super::rule::{Innovation, Problem, UpdateRule};
 use super::step::Step;
 use crate::chart::Chart;
@@ -13,9 +14,6 @@ use crate::model::{Gap, Input, Process, SignalBuffer, Size};
 use crate::state::{Belief, Dynamics, Layout, View};
 use crate::time::{Time, nanos};
 use std::sync::Arc;
-
-/// The largest growth of P at a re-acquisition: ten thousand times every σ.
-const MOST_GROWTH: f64 = 1e8;
 
 /// What a filter is made of: a [`Backend`] by its objects, some of which may come from elsewhere.
 #[derive(Clone, Debug)]
@@ -48,13 +46,14 @@ pub struct Filter {
     chart: Arc<dyn Chart>,
     rule: Arc<dyn UpdateRule>,
     own: Arc<[OwnDynamics]>,
-    belief: Belief,
-    transition: Transition,
+    pub(super) growing: Growing,
+    pub(super) belief: Belief,
+    pub(super) transition: Transition,
     signals: Signals,
-    work: Innovation,
+    pub(super) work: Innovation,
     reset: BlockMatrix,
     x_before: Vec<f64>,
-    p_before: Covariance,
+    pub(super) p_before: Covariance,
     /// The steps of the latest call, where they are kept.
     steps: Option<Vec<Step>>,
 }
@@ -171,6 +170,7 @@ impl Filter {
             belief: Belief::initial(&layout, &parts.form, Time::default()),
             transition: Transition::new(&layout),
             own: OwnDynamics::of(&layout),
+            growing: Growing::of(&layout),
             signals: Signals::new(&layout, process.input_dim()),
             work: Innovation::new(&layout, parts.form.as_ref(), largest),
             reset: BlockMatrix::identity(n),
@@ -218,7 +218,7 @@ impl Filter {
         Ok(())
     }
 
-    /// One step to `to`; false where its result is not finite, with a state then to be restored and
+    /// One step to `to`; false where its result is not sound, with a state then to be restored and
     /// a covariance as before.
     fn step(&mut self, drive: &Drive<'_>, to: Time, dt: f64) -> bool {
         let prior = self.prior();
@@ -234,7 +234,7 @@ impl Filter {
         self.decay(dt);
         let covariance = &self.belief.covariance;
         self.transition.settle(|axis| covariance.marginal_at::<1>(axis).x);
-        let is_sound = self.belief.x.iter().all(|v| v.is_finite()) && self.belief.covariance.predict(&self.transition, &mut self.work.work);
+        let is_sound = self.layout.is_sane(&self.belief.x) && self.belief.covariance.predict(&self.transition, &mut self.work.work);
         if !is_sound {
             return false;
         }
@@ -281,12 +281,12 @@ impl Filter {
     }
 
     /// The belief before a step, where steps are kept.
-    fn prior(&self) -> Option<Belief> {
+    pub(super) fn prior(&self) -> Option<Belief> {
         self.steps.is_some().then(|| self.belief.clone())
     }
 
     /// Keeps a step, where steps are kept.
-    fn keep(&mut self, prior: Option<Belief>, step: impl FnOnce(&Self, Belief) -> Step) {
+    pub(super) fn keep(&mut self, prior: Option<Belief>, step: impl FnOnce(&Self, Belief) -> Step) {
         if let Some(prior) = prior {
             let step = step(self, prior);
             self.steps.get_or_insert_default().push(step);
@@ -318,6 +318,7 @@ impl Filter {
         let Size { value, residual: m } = observed.model.size();
         self.work.rows = m;
         self.work.sigma[..m].fill(f64::NAN);
+        self.work.power[..m].fill(f64::NAN);
         let (mut problem, work, rule) = self.problem(observed);
         if let Err(why) = rule.innovation(&mut problem, work) {
             work.residual[..m].fill(f64::NAN);
@@ -335,18 +336,23 @@ impl Filter {
         Ok(nis)
     }
 
-    /// Second step: what the gate says of it.
-    fn judge(&self, nis: f64, gate: &mut dyn Gate, others: &[Option<Outcome>]) -> Answer {
-        let (work, m) = (&self.work, self.work.rows);
-        gate.judge(&GateInput {
+    /// Second step: what the gate says of it, and what it would have refused.
+    fn judge(&mut self, quality: Option<f64>, nis: f64, gate: &mut dyn Gate, others: &[Option<Outcome>]) -> Answer {
+        self.work.unit_nis();
+        let (m, work) = (self.work.rows, &mut self.work);
+        let input = GateInput {
             time: self.belief.time,
             residual: &work.residual[..m],
             predicted: &work.work.hph[..m * m],
             noise: &work.noise[..m * m],
             innovation: &work.work.s[..m * m],
             nis,
+            unit_nis: &work.unit_nis[..m],
+            quality,
             others,
-        })
+        };
+        gate.power(&input, &mut work.power[..m]);
+        gate.judge(&input)
     }
 
     /// R ← R / w; the weight, or none where S is then not positive definite.
@@ -362,35 +368,36 @@ impl Filter {
         Some(weight)
     }
 
-    /// P grows as a whole, doubling, until the residual is one that it expects: κ with
-    /// rᵀ(κHPHᵀ + R)⁻¹r ≤ m. False, and nothing changed, where no growth explains it.
-    ///
-    /// As a whole, because it is unknown which state is wrong: growth along the residual alone
-    /// would attribute the error to one combination of the states, and the update would then be
-    /// certain of it.
-    fn inflate(&mut self) -> bool {
-        let mut growth = 1.0;
-        let (m, work) = (self.work.rows, &mut self.work);
-        while !(work.factor() && work.whiten() <= m as f64) {
-            growth *= 2.0;
-            if growth > MOST_GROWTH {
-                return false;
-            }
-            work.work.hph[..m * m].iter_mut().for_each(|p| *p *= 2.0);
+    /// Uses an accepted measurement with its robust weight; nothing changes where that cannot be.
+    fn use_it(&mut self, observed: &Observed<'_>, nis: f64, loss: &dyn Loss) -> (Verdict, f64) {
+        let Some(weight) = self.weigh(nis, loss) else {
+            return (Verdict::Unusable, 0.0);
+        };
+        self.remember();
+        if self.correct(observed) {
+            return (Verdict::Accepted, weight);
         }
-        let prior = self.prior();
-        let whole = 0..self.layout.dim();
-        self.belief.covariance.scale(core::slice::from_ref(&whole), growth);
-        self.keep(prior, |f, prior| Step::Inflated {
-            prior,
-            posterior: f.belief.clone(),
-        });
-        self.work.project(&self.belief.covariance);
-        self.work.factor() && self.work.whiten().is_finite()
+        self.restore();
+        (Verdict::Unusable, weight)
+    }
+
+    /// Keeps the belief, for a step that may turn out unsound.
+    fn remember(&mut self) {
+        self.x_before.copy_from_slice(&self.belief.x);
+        self.p_before.copy_from(&self.belief.covariance);
+    }
+
+    /// Back to the belief that was kept.
+    fn restore(&mut self) {
+        self.belief.x.copy_from_slice(&self.x_before);
+        self.belief.covariance.copy_from(&self.p_before);
+        self.signals.forget();
+        self.forget_steps();
     }
 
     /// Third step, gain, correction and P, and fourth: the chart moves state and P by the
-    /// correction. False (and nothing changed) if a number is not finite.
+    /// correction. False where what comes out is not sound; state and P are then to be restored from
+    /// `x_before` and `p_before`.
     fn correct(&mut self, observed: &Observed<'_>) -> bool {
         let prior = self.prior();
         let (mut problem, work, rule) = self.problem(observed);
@@ -398,6 +405,9 @@ impl Filter {
             return false;
         }
         let is_reset = self.apply();
+        if !self.belief.is_sound(&self.layout) {
+            return false;
+        }
         self.keep(prior, |f, prior| {
             let m = f.work.rows;
             Step::Corrected {
@@ -438,6 +448,7 @@ impl Filter {
             statistic: answer.statistic,
             threshold: answer.threshold,
             mode: answer.mode,
+            power: &self.work.power[..m],
             weight,
         }
     }
@@ -487,24 +498,22 @@ impl Estimator for Filter {
             Ok(nis) => nis,
             Err(verdict) => return self.report(observed, verdict, f64::NAN, NOT_ASKED, 0.0),
         };
-        let answer = self.judge(nis, gate, others);
+        let mut answer = self.judge(observed.quality, nis, gate, others);
         let (verdict, weight) = match answer.decision {
             Decision::Reject => (Verdict::Rejected, 0.0),
-            Decision::Accept => match self.weigh(nis, loss) {
-                Some(weight) if self.correct(observed) => (Verdict::Accepted, weight),
-                weight => (Verdict::Unusable, weight.unwrap_or_default()),
-            },
+            Decision::Accept => self.use_it(observed, nis, loss),
             Decision::Reacquire => {
-                self.p_before.copy_from(&self.belief.covariance);
+                self.remember();
                 if self.inflate() && self.correct(observed) {
                     (Verdict::Reacquired, 1.0)
                 } else {
-                    self.belief.covariance.copy_from(&self.p_before);
-                    self.forget_steps();
+                    self.restore();
+                    answer.mode = Mode::Denied;
                     (Verdict::Unusable, 0.0)
                 }
             }
         };
+        gate.settle(matches!(verdict, Verdict::Accepted | Verdict::Reacquired));
         self.report(observed, verdict, nis, answer, weight)
     }
 

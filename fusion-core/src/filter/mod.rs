@@ -8,6 +8,7 @@
 mod backend;
 mod estimator;
 mod kalman;
+mod reacquire;
 mod rule;
 mod step;
 

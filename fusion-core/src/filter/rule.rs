@@ -131,6 +131,10 @@ pub struct Innovation {
     pub work: Workspace,
     pub(super) whitened: Vec<f64>,
     pub(super) sigma: Vec<f64>,
+    /// (S⁻¹)_ii.
+    pub(super) unit_nis: Vec<f64>,
+    /// What the gate's test would refuse, per row.
+    pub(super) power: Vec<f64>,
 }
 
 impl Innovation {
@@ -148,6 +152,8 @@ impl Innovation {
             work: Workspace::new(form, n, m),
             whitened: vec![0.0; m],
             sigma: vec![0.0; m],
+            unit_nis: vec![0.0; m],
+            power: vec![0.0; m],
         }
     }
 
@@ -171,6 +177,18 @@ impl Innovation {
         w.copy_from_slice(&self.residual[..self.rows]);
         solve_lower(&self.work.l, w, self.rows);
         w.iter().map(|v| v * v).sum()
+    }
+
+    /// (S⁻¹)_ii of each row, as the squared norm of L⁻¹eᵢ: the NIS of a residual of one in it alone.
+    pub(super) fn unit_nis(&mut self) {
+        let m = self.rows;
+        let unit = &mut self.whitened[..m];
+        for i in 0..m {
+            unit.fill(0.0);
+            unit[i] = 1.0;
+            solve_lower(&self.work.l, unit, m);
+            self.unit_nis[i] = unit.iter().map(|v| v * v).sum();
+        }
     }
 
     /// K = PHᵀS⁻¹, by solving with the factor of S.

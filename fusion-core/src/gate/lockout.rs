@@ -7,6 +7,10 @@ use smallvec::SmallVec;
 /// Residuals that must agree before a denied sensor is re-acquired.
 const WITNESSES: usize = 5;
 
+/// A pause is at least this many of the sensor's own periods: as many as witnesses, so that they
+/// span the same time as a pause that would empty them.
+const PERIODS: f64 = WITNESSES as f64;
+
 /// When a gate denies its sensor, and when it re-acquires it.
 #[derive(Clone, Copy, Debug)]
 pub struct Recovery {
@@ -17,8 +21,11 @@ pub struct Recovery {
     /// Time in denial \[s\] after which five mutually consistent measurements are accepted against
     /// the estimate; infinite: never.
     pub reacquire_after: f64,
-    /// A pause of the sensor \[s\] after which consistent measurements are accepted immediately.
+    /// A pause of the sensor \[s\] after which consistent measurements are accepted immediately; of
+    /// a slow sensor five of its own periods, where they are longer.
     pub gap: f64,
+    /// Time \[s\] between two witnesses at least: five samples of a fast sensor are no evidence.
+    pub spacing: f64,
     /// How far the witnesses may lie from the straight line through them, in units of √R_ii.
     pub agreement: f64,
 }
@@ -31,6 +38,8 @@ impl Default for Recovery {
             resume_after: 3,
             reacquire_after: 30.0,
             gap: 10.0,
+            // Fixes of 1 Hz all count, with stamps that jitter.
+            spacing: 0.8,
             agreement: 3.0 * core::f64::consts::SQRT_2,
         }
     }
@@ -50,7 +59,11 @@ pub struct Lockout {
     passed: u32,
     since: Time,
     last: Option<Time>,
+    /// The latest intervals between measurements \[s\].
+    intervals: SmallVec<[f64; WITNESSES]>,
     resumed: bool,
+    /// Whether the latest decision was to re-acquire, and its outcome is not known yet.
+    reacquiring: bool,
     /// Residuals, the latest last; up to eight rows they need no memory of their own.
     witnesses: [SmallVec<[f64; 8]>; WITNESSES],
     times: [Time; WITNESSES],
@@ -70,7 +83,34 @@ impl Lockout {
     /// The mode now.
     #[must_use]
     pub const fn mode(&self) -> Mode {
-        self.mode
+        if self.reacquiring { Mode::Track } else { self.mode }
+    }
+
+    /// Hears whether the measurement decided on last was used. Where the filter could not re-acquire
+    /// the sensor, the witnesses are kept, and the next measurement that agrees is offered at once.
+    pub fn settle(&mut self, is_used: bool) {
+        if core::mem::take(&mut self.reacquiring) && is_used {
+            *self = Self {
+                last: self.last,
+                intervals: core::mem::take(&mut self.intervals),
+                ..Self::new(self.recovery)
+            };
+        }
+    }
+
+    /// Whether the sensor has paused before a measurement at `time`. Its period is the median of its
+    /// latest intervals, this one not included.
+    fn has_paused(&mut self, time: Time) -> bool {
+        let Some(last) = self.last.replace(time) else { return false };
+        let interval = time.seconds_since(last);
+        let mut sorted = self.intervals.clone();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let period = sorted.get(sorted.len() / 2).copied().unwrap_or_default();
+        if self.intervals.len() == WITNESSES {
+            self.intervals.remove(0);
+        }
+        self.intervals.push(interval);
+        interval >= self.recovery.gap && interval >= PERIODS * period
     }
 
     /// Turns the outcome of a test into a decision.
@@ -80,9 +120,8 @@ impl Lockout {
 
     /// The same, with witnesses that may differ by `floor` however small their noise.
     pub fn decide_within(&mut self, passes: bool, input: &GateInput<'_>, floor: f64) -> Decision {
-        let pause = self.last.map_or(0.0, |last| input.time.seconds_since(last));
-        self.last = Some(input.time);
-        if pause >= self.recovery.gap {
+        self.reacquiring = false;
+        if self.has_paused(input.time) {
             self.resumed = true;
             self.count = 0;
         }
@@ -107,19 +146,20 @@ impl Lockout {
         if self.mode == Mode::Track && self.rejected >= self.recovery.deny_after {
             self.mode = Mode::Denied;
         }
-        self.remember(input);
+        let is_witness = self.remember(input);
         let waited = input.time.seconds_since(self.since) >= self.recovery.reacquire_after;
-        if (waited || self.resumed) && self.witnesses_agree(input, floor) {
-            *self = Self {
-                last: self.last,
-                ..Self::new(self.recovery)
-            };
+        if is_witness && (waited || self.resumed) && self.witnesses_agree(input, floor) {
+            self.reacquiring = true;
             return Decision::Reacquire;
         }
         Decision::Reject
     }
 
-    fn remember(&mut self, input: &GateInput<'_>) {
+    /// Takes a residual as a witness, unless the one before is too near in time.
+    fn remember(&mut self, input: &GateInput<'_>) -> bool {
+        if self.count > 0 && input.time.seconds_since(self.times[WITNESSES - 1]) < self.recovery.spacing {
+            return false;
+        }
         self.witnesses.rotate_left(1);
         let latest = &mut self.witnesses[WITNESSES - 1];
         latest.clear();
@@ -127,6 +167,7 @@ impl Lockout {
         self.times.rotate_left(1);
         self.times[WITNESSES - 1] = input.time;
         self.count = (self.count + 1).min(WITNESSES);
+        true
     }
 
     fn witnesses_agree(&self, input: &GateInput<'_>, floor: f64) -> bool {

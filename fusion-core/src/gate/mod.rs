@@ -12,7 +12,7 @@ mod two_condition;
 pub use lockout::{Lockout, Recovery};
 pub use nis::Nis;
 pub use only_with::OnlyWith;
-pub use two_condition::{Ellipse, Magnitude, TwoCondition};
+pub use two_condition::{Ellipse, Magnitude, TwoCondition, TwoConditions};
 
 use crate::time::Time;
 use core::fmt::Debug;
@@ -32,6 +32,10 @@ pub struct GateInput<'a> {
     pub innovation: &'a [f64],
     /// rᵀS⁻¹r.
     pub nis: f64,
+    /// (S⁻¹)_ii: the NIS that a residual of one unit in row i alone would have.
+    pub unit_nis: &'a [f64],
+    /// What the row says of its own quality, HDOP for one, where the sensor reads such a number.
+    pub quality: Option<f64>,
     /// The outcome of the latest measurement of each sensor of the design, by number; none before
     /// the first. It may be empty.
     pub others: &'a [Option<Outcome>],
@@ -55,8 +59,8 @@ pub enum Decision {
     Accept,
     /// Do not use it.
     Reject,
-    /// Re-acquire the sensor: P is scaled up as a whole until the NIS is an expected one, then the
-    /// measurement is used.
+    /// Re-acquire the sensor: the covariance of the motion is scaled up until the NIS is an expected
+    /// one, then the measurement is used.
     Reacquire,
 }
 
@@ -88,6 +92,16 @@ pub trait Gate: Debug + Send {
     /// Judges one measurement.
     fn judge(&mut self, input: &GateInput<'_>) -> Answer;
 
+    /// Hears whether the measurement that it judged last has corrected the estimate.
+    fn settle(&mut self, is_used: bool) {
+        let _ = is_used;
+    }
+
+    /// The power of the test, per row: the smallest error of that row alone, in its unit, that the
+    /// test refuses now while all else agrees with the estimate; infinite where it refuses none.
+    /// Denial does not count: it is about the test, not about what came before.
+    fn power(&self, input: &GateInput<'_>, smallest: &mut [f64]);
+
     /// The number of the leader, if any: the sensor whose outcome this gate depends on; never
     /// cyclic. At equal times the leader is served first. If the leader's measurement of the same
     /// row is valid later, the runner looks ahead for its outcome.
@@ -117,6 +131,10 @@ impl Gate for Open {
             threshold: f64::INFINITY,
             mode: Mode::Track,
         }
+    }
+
+    fn power(&self, _: &GateInput<'_>, smallest: &mut [f64]) {
+        smallest.fill(f64::INFINITY);
     }
 
     fn boxed_clone(&self) -> Box<dyn Gate> {

@@ -46,6 +46,19 @@ impl Gate for Nis {
         }
     }
 
+    fn settle(&mut self, is_used: bool) {
+        self.lockout.settle(is_used);
+    }
+
+    fn power(&self, input: &GateInput<'_>, smallest: &mut [f64]) {
+        let m = input.residual.len();
+        let quantile = || chi_square_quantile(self.probability, m as f64);
+        let threshold = self.thresholds.get(m).copied().unwrap_or_else(quantile);
+        for (smallest, unit) in smallest.iter_mut().zip(input.unit_nis) {
+            *smallest = (threshold / unit).sqrt();
+        }
+    }
+
     fn boxed_clone(&self) -> Box<dyn Gate> {
         Box::new(self.clone())
     }
@@ -95,6 +108,8 @@ mod tests {
             noise: &[1.0],
             innovation: &[2.0],
             nis,
+            unit_nis: &[0.5],
+            quality: None,
             others: &[],
         })
     }

@@ -13,6 +13,8 @@ pub struct OnlyWith {
     leader: usize,
     memory: f64,
     own: Box<dyn Gate>,
+    /// Whether the own gate judged the latest measurement.
+    is_asked: bool,
 }
 
 impl OnlyWith {
@@ -20,7 +22,12 @@ impl OnlyWith {
     /// `own` judges.
     #[must_use]
     pub fn new(leader: usize, memory: f64, own: Box<dyn Gate>) -> Self {
-        Self { leader, memory, own }
+        Self {
+            leader,
+            memory,
+            own,
+            is_asked: false,
+        }
     }
 }
 
@@ -28,7 +35,9 @@ impl Gate for OnlyWith {
     fn judge(&mut self, input: &GateInput<'_>) -> Answer {
         let latest = input.others.get(self.leader).copied().flatten();
         let is_recent = |time| input.time.seconds_since(time) < self.memory;
-        match latest.filter(|outcome| !outcome.is_used && is_recent(outcome.time)) {
+        let refused = latest.filter(|outcome| !outcome.is_used && is_recent(outcome.time));
+        self.is_asked = refused.is_none();
+        match refused {
             Some(outcome) => Answer {
                 decision: Decision::Reject,
                 statistic: input.nis,
@@ -37,6 +46,16 @@ impl Gate for OnlyWith {
             },
             None => self.own.judge(input),
         }
+    }
+
+    fn settle(&mut self, is_used: bool) {
+        if self.is_asked {
+            self.own.settle(is_used);
+        }
+    }
+
+    fn power(&self, input: &GateInput<'_>, smallest: &mut [f64]) {
+        self.own.power(input, smallest);
     }
 
     fn leader(&self) -> Option<usize> {

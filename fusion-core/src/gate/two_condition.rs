@@ -4,11 +4,16 @@
 //! C2  it is also far away: |e| > max(3√2 σ, d_min)
 //! A fix is an outlier where both hold. C1 alone discards good fixes as soon as the estimate is
 //! better than the sensor; C2 alone discards good fixes after an outage. e is the horizontal part
-//! of the residual, P_h that of HPHᵀ.
-//! Source  after Ko et al. 2016; the formulas are a reconstruction
+//! of the residual, P_h that of HPHᵀ, γ a χ² quantile of two degrees of freedom.
+//!
+//! Height is judged by itself, by the same two conditions with its own P_dd, its own σ and a
+//! quantile of one degree of freedom: a fix is also an outlier where its height is one. A test of
+//! all three axes together would weigh a height against the horizontal σ.
+//! Source  after Ko et al. 2016; the formulas are a reconstruction, height is not in it
 
-use super::{Answer, Gate, GateInput, Lockout, Recovery};
+use super::{Answer, Decision, Gate, GateInput, Lockout, Recovery};
 use crate::consistency::chi_square_quantile;
+use crate::time::Time;
 use core::f64::consts::SQRT_2;
 
 /// How C1 measures a residual against the estimate.
@@ -26,10 +31,11 @@ pub enum Ellipse {
 /// How C2 tells that a fix is far away.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Magnitude {
-    /// By the horizontal distance from the estimate.
+    /// By the distance from the estimate.
     #[default]
     Distance,
-    /// By the step since the fix before, less the estimate's own: |e − e₋| > v Δt + 3√2 σ.
+    /// By the step since the latest fix that was used, less the estimate's own:
+    /// |e − e₋| > v Δt + 3√2 σ. Both residuals are those before their update.
     Step {
         /// The speed v \[m/s\] by which fix and estimate may move apart.
         speed: f64,
@@ -39,72 +45,182 @@ pub enum Magnitude {
         /// The largest good 1σ \[m\].
         limit: f64,
     },
+    /// By what the row says of its own quality, e.g. HDOP: above this, or not said.
+    Quality {
+        /// The largest good number.
+        limit: f64,
+    },
+}
+
+/// What the two conditions are.
+#[derive(Clone, Copy, Debug)]
+pub struct TwoConditions {
+    /// C1: the probability of the ellipse.
+    pub probability: f64,
+    /// C1: which covariance the ellipse belongs to.
+    pub ellipse: Ellipse,
+    /// C2: what counts as far away.
+    pub magnitude: Magnitude,
+    /// 1σ of a good fix per horizontal axis \[m\]; none: that of R.
+    pub sigma: Option<f64>,
+    /// 1σ of a good height \[m\]; none: that of R.
+    pub vertical_sigma: Option<f64>,
+    /// What is nearer than this is never far \[m\].
+    pub least: f64,
+    /// Whether a third row, down, is judged as well.
+    pub height: bool,
+}
+
+impl Default for TwoConditions {
+    fn default() -> Self {
+        Self {
+            probability: 0.99,
+            ellipse: Ellipse::Estimate,
+            magnitude: Magnitude::Distance,
+            sigma: None,
+            vertical_sigma: None,
+            least: 3.0,
+            height: true,
+        }
+    }
 }
 
 /// The test, with the memory that keeps it from locking out.
 #[derive(Clone, Debug)]
 pub struct TwoCondition {
+    conditions: TwoConditions,
+    /// Quantiles of two and of one degree of freedom.
     gamma: f64,
-    ellipse: Ellipse,
-    magnitude: Magnitude,
-    sigma: Option<f64>,
-    least: f64,
+    gamma_down: f64,
     lockout: Lockout,
-    before: Option<(crate::time::Time, [f64; 2])>,
+    /// The latest fix that was used: its time, its residual \[m\] north, east, down.
+    used: Option<(Time, [f64; 3])>,
+    /// The latest fix, whose outcome is not known yet.
+    offered: (Time, [f64; 3]),
+}
+
+/// One part of a fix that is judged by itself: the horizontal one, or height.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    /// C1: its statistic, and the quantile that it is held against.
+    statistic: f64,
+    gamma: f64,
+    /// Its size and its step since the latest fix that was used \[m\].
+    size: f64,
+    step: f64,
+    /// 3√2 σ, but at least the least \[m\].
+    limit: f64,
 }
 
 impl TwoCondition {
-    /// C1 at `probability` of χ² with two degrees of freedom, C2 at 3√2 σ but at least `least` \[m\].
-    /// Without `sigma` \[m\] it is that of R.
+    /// The gate.
     #[must_use]
-    pub fn new(probability: f64, ellipse: Ellipse, magnitude: Magnitude, sigma: Option<f64>, least: f64, recovery: Recovery) -> Self {
-        let gamma = chi_square_quantile(probability, 2.0);
+    pub fn new(conditions: TwoConditions, recovery: Recovery) -> Self {
         Self {
-            gamma,
-            ellipse,
-            magnitude,
-            sigma,
-            least,
+            conditions,
+            gamma: chi_square_quantile(conditions.probability, 2.0),
+            gamma_down: chi_square_quantile(conditions.probability, 1.0),
             lockout: Lockout::new(recovery),
-            before: None,
+            used: None,
+            offered: (Time::default(), [0.0; 3]),
         }
     }
 
-    /// C1: the statistic, to be held against γ.
-    fn distance_squared(&self, input: &GateInput<'_>) -> f64 {
-        let (n, e) = horizontal(input);
-        let p = if self.ellipse == Ellipse::Innovation {
+    /// The covariance that C1 is about.
+    fn covariance<'a>(&self, input: &GateInput<'a>) -> &'a [f64] {
+        if self.conditions.ellipse == Ellipse::Innovation {
             input.innovation
         } else {
             input.predicted
-        };
-        let [nn, ne, ee] = horizontal_block(p, input.residual.len());
-        if self.ellipse == Ellipse::PerAxis {
-            // Not `f64::max`, which would lose what is no number.
-            let (north, east) = (n * n / nn, e * e / ee);
-            return if north > east || north.is_nan() { north } else { east };
         }
-        // The inverse of a 2×2 matrix, written out.
-        (ee * n * n - 2.0 * ne * n * e + nn * e * e) / (nn * ee - ne * ne)
     }
 
-    /// 3√2 σ, but at least `least`.
-    fn limit(&self, input: &GateInput<'_>) -> f64 {
+    fn judges_height(&self, input: &GateInput<'_>) -> bool {
+        self.conditions.height && input.residual.len() >= 3
+    }
+
+    /// 3√2 `sigma`, but at least the least.
+    fn limit(&self, sigma: f64) -> f64 {
+        (3.0 * SQRT_2 * sigma).max(self.conditions.least)
+    }
+
+    fn horizontal_limit(&self, input: &GateInput<'_>) -> f64 {
         let [nn, _, ee] = horizontal_block(input.noise, input.residual.len());
-        (3.0 * SQRT_2 * self.sigma.unwrap_or_else(|| (0.5 * (nn + ee)).sqrt())).max(self.least)
+        self.limit(self.conditions.sigma.unwrap_or_else(|| (0.5 * (nn + ee)).sqrt()))
     }
 
-    fn is_far(&self, input: &GateInput<'_>, limit: f64) -> bool {
-        let (n, e) = horizontal(input);
-        match self.magnitude {
-            Magnitude::Distance => exceeds(n.hypot(e), limit),
-            Magnitude::Step { speed } => self
-                .before
-                .is_some_and(|(time, [pn, pe])| exceeds((n - pn).hypot(e - pe), speed * input.time.seconds_since(time) + limit)),
+    fn vertical_limit(&self, input: &GateInput<'_>) -> f64 {
+        let m = input.residual.len();
+        self.limit(self.conditions.vertical_sigma.unwrap_or_else(|| input.noise[2 * m + 2].sqrt()))
+    }
+
+    fn horizontal(&self, input: &GateInput<'_>) -> Part {
+        let [n, e, _] = axes(input);
+        let [nn, ne, ee] = horizontal_block(self.covariance(input), input.residual.len());
+        let statistic = if self.conditions.ellipse == Ellipse::PerAxis {
+            larger(n * n / nn, e * e / ee)
+        } else {
+            // The inverse of a 2×2 matrix, written out.
+            (ee * n * n - 2.0 * ne * n * e + nn * e * e) / (nn * ee - ne * ne)
+        };
+        let [pn, pe, _] = self.used.map_or([f64::NAN; 3], |(_, residual)| residual);
+        Part {
+            statistic,
+            gamma: self.gamma,
+            size: n.hypot(e),
+            step: (n - pn).hypot(e - pe),
+            limit: self.horizontal_limit(input),
+        }
+    }
+
+    fn vertical(&self, input: &GateInput<'_>) -> Part {
+        let (m, d) = (input.residual.len(), input.residual[2]);
+        let before = self.used.map_or(f64::NAN, |(_, residual)| residual[2]);
+        Part {
+            statistic: d * d / self.covariance(input)[2 * m + 2],
+            gamma: self.gamma_down,
+            size: d.abs(),
+            step: (d - before).abs(),
+            limit: self.vertical_limit(input),
+        }
+    }
+
+    /// C2.
+    fn is_far(&self, part: &Part, input: &GateInput<'_>) -> bool {
+        match self.conditions.magnitude {
+            Magnitude::Distance => exceeds(part.size, part.limit),
+            Magnitude::Step { .. } => self.drift(input).is_some_and(|drift| exceeds(part.step, drift + part.limit)),
+            Magnitude::Reported { .. } | Magnitude::Quality { .. } => self.is_poor(input),
+        }
+    }
+
+    /// How far fix and estimate may have moved apart since a fix was used; none before the first.
+    fn drift(&self, input: &GateInput<'_>) -> Option<f64> {
+        let Magnitude::Step { speed } = self.conditions.magnitude else {
+            return Some(0.0);
+        };
+        self.used.map(|(time, _)| speed * input.time.seconds_since(time))
+    }
+
+    /// Whether the fix says of itself that it is poor.
+    fn is_poor(&self, input: &GateInput<'_>) -> bool {
+        match self.conditions.magnitude {
             Magnitude::Reported { limit } => {
                 let [nn, _, ee] = horizontal_block(input.noise, input.residual.len());
-                (nn + ee).sqrt() > limit
+                exceeds((nn + ee).sqrt(), limit)
             }
+            Magnitude::Quality { limit } => input.quality.is_none_or(|quality| exceeds(quality, limit)),
+            Magnitude::Distance | Magnitude::Step { .. } => false,
+        }
+    }
+
+    /// The smallest error of one axis that both conditions refuse: C1 from `inside` on, C2 beyond
+    /// `limit`.
+    fn smallest(&self, inside: f64, limit: f64, input: &GateInput<'_>) -> f64 {
+        match self.conditions.magnitude {
+            Magnitude::Distance | Magnitude::Step { .. } => self.drift(input).map_or(f64::INFINITY, |drift| inside.max(drift + limit)),
+            Magnitude::Reported { .. } | Magnitude::Quality { .. } if self.is_poor(input) => inside,
+            Magnitude::Reported { .. } | Magnitude::Quality { .. } => f64::INFINITY,
         }
     }
 }
@@ -114,9 +230,14 @@ fn exceeds(value: f64, limit: f64) -> bool {
     value > limit || value.is_nan()
 }
 
-/// The first two rows of the residual; a single row stands alone.
-fn horizontal(input: &GateInput<'_>) -> (f64, f64) {
-    (input.residual[0], input.residual.get(1).copied().unwrap_or(0.0))
+/// Not `f64::max`, which would lose what is no number.
+fn larger(a: f64, b: f64) -> f64 {
+    if a > b || a.is_nan() { a } else { b }
+}
+
+/// North, east and down of the residual; rows that it lacks are zero.
+fn axes(input: &GateInput<'_>) -> [f64; 3] {
+    core::array::from_fn(|i| input.residual.get(i).copied().unwrap_or(0.0))
 }
 
 /// The elements nn, ne, ee of an m×m matrix; a single row is paired with an independent unit.
@@ -130,16 +251,52 @@ fn horizontal_block(matrix: &[f64], m: usize) -> [f64; 3] {
 
 impl Gate for TwoCondition {
     fn judge(&mut self, input: &GateInput<'_>) -> Answer {
-        let limit = self.limit(input);
-        let statistic = self.distance_squared(input);
-        let outlier = exceeds(statistic, self.gamma) && self.is_far(input, limit);
-        let decision = self.lockout.decide_within(!outlier, input, limit);
-        self.before = Some((input.time, horizontal(input).into()));
+        let level = self.horizontal(input);
+        let is_outlier = |part: &Part| exceeds(part.statistic, part.gamma) && self.is_far(part, input);
+        let (mut outlier, mut statistic) = (is_outlier(&level), level.statistic);
+        if self.judges_height(input) {
+            let height = self.vertical(input);
+            outlier |= is_outlier(&height);
+            // Against the same threshold.
+            statistic = larger(statistic, height.statistic * level.gamma / height.gamma);
+        }
+        let decision = self.lockout.decide_within(!outlier, input, level.limit);
+        // A sensor that is re-acquired agrees with the estimate from then on.
+        let residual = if decision == Decision::Reacquire { [0.0; 3] } else { axes(input) };
+        self.offered = (input.time, residual);
         Answer {
             decision,
             statistic,
-            threshold: self.gamma,
+            threshold: level.gamma,
             mode: self.lockout.mode(),
+        }
+    }
+
+    fn settle(&mut self, is_used: bool) {
+        self.lockout.settle(is_used);
+        if is_used {
+            self.used = Some(self.offered);
+        }
+    }
+
+    fn power(&self, input: &GateInput<'_>, smallest: &mut [f64]) {
+        smallest.fill(f64::INFINITY);
+        let (p, m) = (self.covariance(input), input.residual.len());
+        let [nn, ne, ee] = horizontal_block(p, m);
+        let limit = self.horizontal_limit(input);
+        // By C1 alone: e² (P_h⁻¹)_ii = γ.
+        let correlated = if self.conditions.ellipse == Ellipse::PerAxis {
+            0.0
+        } else {
+            ne * ne
+        };
+        let inside = [nn - correlated / ee, ee - correlated / nn].map(|v| (self.gamma * v).sqrt());
+        for (smallest, inside) in smallest.iter_mut().zip(inside) {
+            *smallest = self.smallest(inside, limit, input);
+        }
+        if self.judges_height(input) {
+            let inside = (self.gamma_down * p[2 * m + 2]).sqrt();
+            smallest[2] = self.smallest(inside, self.vertical_limit(input), input);
         }
     }
 
@@ -155,22 +312,41 @@ mod tests {
     use crate::time::Time;
 
     fn gate() -> TwoCondition {
-        TwoCondition::new(0.99, Ellipse::Estimate, Magnitude::Distance, Some(1.28), 3.0, Recovery::default())
+        with(Magnitude::Distance)
+    }
+
+    fn with(magnitude: Magnitude) -> TwoCondition {
+        let conditions = TwoConditions {
+            sigma: Some(1.28),
+            magnitude,
+            ..TwoConditions::default()
+        };
+        TwoCondition::new(conditions, Recovery::default())
     }
 
     /// A fix at `time` that is `n`, `e` metres off an estimate of variance `p` \[m²\].
     fn fix(gate: &mut TwoCondition, time: f64, n: f64, e: f64, p: f64) -> (Decision, Mode) {
+        let answer = offer(gate, time, [n, e, 0.0], p, None);
+        (answer.decision, answer.mode)
+    }
+
+    /// What the gate says of a residual \[m\] against an estimate of variance `p`; it is used if it may.
+    fn offer(gate: &mut TwoCondition, time: f64, residual: [f64; 3], p: f64, quality: Option<f64>) -> Answer {
+        let squares = residual.map(|r| r * r);
         let input = GateInput {
             time: Time::from_seconds(time),
-            residual: &[n, e, 0.0],
+            residual: &residual,
             predicted: &[p, 0.0, 0.0, 0.0, p, 0.0, 0.0, 0.0, p],
             noise: &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2.0],
             innovation: &[p + 1.0, 0.0, 0.0, 0.0, p + 1.0, 0.0, 0.0, 0.0, p + 2.0],
-            nis: (n * n + e * e) / (p + 1.0),
+            nis: (squares[0] + squares[1]) / (p + 1.0) + squares[2] / (p + 2.0),
+            unit_nis: &[1.0 / (p + 1.0), 1.0 / (p + 1.0), 1.0 / (p + 2.0)],
+            quality,
             others: &[],
         };
         let answer = gate.judge(&input);
-        (answer.decision, answer.mode)
+        gate.settle(answer.decision != Decision::Reject);
+        answer
     }
 
     #[test]
@@ -235,16 +411,7 @@ mod tests {
 
     #[test]
     fn a_jump_is_a_step_and_a_drift_is_none() {
-        let step = || {
-            TwoCondition::new(
-                0.99,
-                Ellipse::Estimate,
-                Magnitude::Step { speed: 1.0 },
-                Some(1.28),
-                3.0,
-                Recovery::default(),
-            )
-        };
+        let step = || with(Magnitude::Step { speed: 1.0 });
         let mut g = step();
         fix(&mut g, 0.0, 0.0, 0.0, 0.3);
         assert_eq!(fix(&mut g, 1.0, 12.0, 0.0, 0.3).0, Decision::Reject);
@@ -254,10 +421,76 @@ mod tests {
     }
 
     #[test]
+    fn a_step_is_measured_from_the_latest_fix_that_was_used() {
+        let mut g = with(Magnitude::Step { speed: 1.0 });
+        fix(&mut g, 0.0, 0.0, 0.0, 0.3);
+        // A second fix beside the first wrong one is no step from it, and wrong all the same.
+        for k in 1..9 {
+            assert_eq!(fix(&mut g, f64::from(k), 60.0, 0.0, 0.3).0, Decision::Reject, "{k}");
+        }
+    }
+
+    #[test]
+    fn a_wrong_height_is_an_outlier_by_its_own_sigma_and_one_degree_of_freedom() {
+        let decide = |g: &mut TwoCondition, down: f64, p: f64| offer(g, 0.0, [0.0, 0.0, down], p, None).decision;
+        assert_eq!(decide(&mut gate(), 100.0, 0.32), Decision::Reject);
+        // C2 at 3√2·√2 = 6 m; C1 at √(6.635 P): 6.18 m with P = 5.75, where two degrees of freedom
+        // would give 7.28 m.
+        assert_eq!(decide(&mut gate(), 6.1, 0.32), Decision::Reject);
+        assert_eq!(decide(&mut gate(), 5.9, 0.32), Decision::Accept);
+        assert_eq!(decide(&mut gate(), 6.3, 5.75), Decision::Reject);
+        assert_eq!(decide(&mut gate(), 6.1, 5.75), Decision::Accept);
+        let level = TwoConditions {
+            height: false,
+            ..TwoConditions::default()
+        };
+        assert_eq!(
+            decide(&mut TwoCondition::new(level, Recovery::default()), 100.0, 0.32),
+            Decision::Accept
+        );
+    }
+
+    #[test]
+    fn the_ellipse_has_two_degrees_of_freedom() {
+        // γ = 9.210 at P = 4 m² is 6.07 m, beyond C2; three degrees of freedom would give 6.74 m.
+        assert_eq!(fix(&mut gate(), 0.0, 6.06, 0.0, 4.0).0, Decision::Accept);
+        assert_eq!(fix(&mut gate(), 0.0, 6.08, 0.0, 4.0).0, Decision::Reject);
+        let answer = offer(&mut gate(), 0.0, [6.0, 0.0, 0.0], 4.0, None);
+        assert!((answer.threshold - 9.210).abs() < 6e-4); // printed to three decimals
+        assert!((answer.statistic - 9.0).abs() < 1e-12); // rounding
+    }
+
+    #[test]
+    fn a_fix_of_poor_quality_outside_the_ellipse_is_an_outlier_and_so_is_one_that_says_nothing() {
+        let decide = |north: f64, quality| offer(&mut with(Magnitude::Quality { limit: 4.0 }), 0.0, [north, 0.0, 0.0], 0.32, quality);
+        let outside = 3.0; // 1.72 m is the edge
+        for (quality, wanted) in [
+            (Some(1.2), Decision::Accept),
+            (Some(9.0), Decision::Reject),
+            (Some(f64::NAN), Decision::Reject),
+            (None, Decision::Reject),
+        ] {
+            assert_eq!(decide(outside, quality).decision, wanted, "{quality:?}");
+            assert_eq!(decide(1.0, quality).decision, Decision::Accept, "{quality:?}");
+        }
+    }
+
+    #[test]
     fn every_variant_obeys_the_laws_of_gates() {
         for ellipse in [Ellipse::Estimate, Ellipse::Innovation, Ellipse::PerAxis] {
-            let g = TwoCondition::new(0.99, ellipse, Magnitude::Distance, None, 3.0, Recovery::default());
-            crate::testing::check_gate(&g).unwrap_or_else(|e| panic!("{ellipse:?}: {e}"));
+            for magnitude in [
+                Magnitude::Distance,
+                Magnitude::Step { speed: 1.0 },
+                Magnitude::Quality { limit: 4.0 },
+            ] {
+                let conditions = TwoConditions {
+                    ellipse,
+                    magnitude,
+                    ..TwoConditions::default()
+                };
+                let g = TwoCondition::new(conditions, Recovery::default());
+                crate::testing::check_gate(&g).unwrap_or_else(|e| panic!("{ellipse:?} {magnitude:?}: {e}"));
+            }
         }
     }
 }

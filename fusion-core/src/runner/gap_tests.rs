@@ -68,6 +68,7 @@ fn runner(buffer: f64) -> Runner {
         port: port(1),
         constant: Vec::new(),
         noise: Noise::diagonal(&[1.0]),
+        quality: None,
         gate: Box::new(Open),
         loss: Arc::new(Quadratic),
     });
@@ -486,6 +487,7 @@ fn stages_on_the_input_hear_of_its_silence_and_what_they_emit_is_used_in_the_gap
         port: port(output),
         constant: Vec::new(),
         noise: Noise::diagonal(&[1.0]),
+        quality: None,
         gate: Box::new(Open),
         loss: Arc::new(Quadratic),
     });

@@ -107,7 +107,7 @@ fn heading(belief: &Belief, attitude: &Block) -> [f64; 4] {
     let q = Attitude::read(&belief.x[attitude.storage_range()]);
     let c_nb = so3::rotation(&q);
     let p_b = belief.covariance.marginal::<3>(attitude);
-    let sigma = (c_nb * p_b * c_nb.transpose()).diagonal().map(|v| v.max(0.0).sqrt());
+    let sigma = (c_nb * p_b * c_nb.transpose()).diagonal().map(f64::sqrt);
     [so3::to_rpy(&q).z, sigma.z, sigma.x, sigma.y]
 }
 
@@ -218,6 +218,7 @@ mod tests {
             },
             constant: Vec::new(),
             noise: Noise::diagonal(&[0.5]),
+            quality: None,
             gate: Box::new(Open),
             loss: Arc::new(Quadratic),
         }

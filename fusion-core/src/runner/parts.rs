@@ -99,6 +99,8 @@ pub struct Sensor {
     pub constant: Vec<f64>,
     /// Its noise.
     pub noise: Noise,
+    /// The column that says how good a row is, HDOP for one, for gates that judge by it.
+    pub quality: Option<usize>,
     /// Its gate.
     pub gate: Box<dyn Gate>,
     /// Its loss.

@@ -4,7 +4,7 @@ use super::intake::{Sample, Taken};
 use super::ordering::{PROCESS, Runner, Waiting};
 use super::rows::{Consumer, Entry};
 use super::{Discard, Event, Halt, Observer, RowId};
-use crate::filter::{Observed, Verdict};
+use crate::filter::{FilterError, Observed, Verdict};
 use crate::gate::Outcome;
 use crate::model::Input;
 use crate::state::{Belief, Layout, StateRole};
@@ -66,6 +66,11 @@ impl Runner {
         }
         for u in &self.initialisers {
             u.initialiser.write(time, self.estimator.layout(), &mut belief);
+        }
+        if !belief.is_sound(self.estimator.layout()) {
+            return observer.on(&Event::Failed {
+                error: FilterError::Diverged(time),
+            });
         }
         self.started = true;
         self.start_after = time;
@@ -217,6 +222,7 @@ impl Runner {
         let id = self.gather(sensor, row);
         let leader = self.sensors[sensor].gate.leader();
         let foreseen = leader.and_then(|leader| self.foresee(leader, row, during));
+        let quality = self.sensors[sensor].quality.map(|column| self.rows.get(row).values[column]);
         self.rows.release(row);
         let (s, now) = (&mut self.sensors[sensor], self.estimator.belief().time);
         let m = s.model.size().residual;
@@ -239,6 +245,7 @@ impl Runner {
             model: s.model.as_ref(),
             value: &self.value,
             noise,
+            quality,
         };
         let told = leader.filter(|_| foreseen.is_some());
         let latest = told.and_then(|leader| core::mem::replace(&mut self.outcomes[leader], foreseen));

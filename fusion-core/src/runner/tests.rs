@@ -55,6 +55,7 @@ fn runner(sensors: &[(Port, Option<usize>, bool)], widths: &[usize], buffer: f64
             port: port.clone(),
             constant: Vec::new(),
             noise: Noise::diagonal(&[1.0]),
+            quality: None,
             gate: match only_with {
                 None => gate(*gated),
                 Some(leader) => Box::new(OnlyWith::new(*leader, 10.0, gate(*gated))),
@@ -405,6 +406,7 @@ fn a_measurement_inside_an_interval_of_the_input_splits_it() {
         constant: Vec::new(),
         // So coarse that it does not move the estimate.
         noise: Noise::diagonal(&[1e9]),
+        quality: None,
         gate: Box::new(Open),
         loss: Arc::new(Quadratic),
     });

@@ -206,6 +206,12 @@ impl Layout {
         &self.initial
     }
 
+    /// Whether every block of the state `x` is sane: [`Kind::is_sane`].
+    #[must_use]
+    pub fn is_sane(&self, x: &[f64]) -> bool {
+        self.blocks.iter().all(|b| b.kind.is_sane(&x[b.storage_range()]))
+    }
+
     /// x ← x ⊞ δ over all blocks.
     pub fn plus(&self, x: &mut [f64], delta: &[f64]) {
         for b in &self.blocks {

@@ -16,6 +16,12 @@
 use crate::geometry::{so3, wgs84};
 use nalgebra::{Quaternion, SVector, UnitQuaternion, Vector3};
 
+/// No position on or about the earth is farther away \[m\]: more than twice the distance of the moon.
+const FARTHEST: f64 = 1e9;
+
+/// The velocity of light \[m/s\].
+const LIGHT: f64 = 299_792_458.0;
+
 /// The run-time name of a manifold; what the estimator knows of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -53,6 +59,22 @@ impl Kind {
         match self {
             Self::Attitude => 3,
             other => other.storage(),
+        }
+    }
+
+    /// Whether `x` in storage can be a value: finite, a position within 10⁹ m of the earth and a
+    /// latitude no further than a pole, a velocity below that of light, a quaternion of length one.
+    #[must_use]
+    pub fn is_sane(self, x: &[f64]) -> bool {
+        let is_below = |limit: f64| x.iter().all(|v| v.abs() <= limit);
+        match self {
+            // An ulp or two beyond the pole, from rounding, is the pole.
+            Self::Geodetic => x[0].abs() <= core::f64::consts::FRAC_PI_2 + 1e-12 && x[1].is_finite() && x[2].abs() <= FARTHEST,
+            Self::Position => is_below(FARTHEST),
+            Self::Velocity => is_below(LIGHT),
+            // 1e-3: what first-order integration leaves before it is normalised.
+            Self::Attitude => (x.iter().map(|v| v * v).sum::<f64>() - 1.0).abs() < 1e-3,
+            Self::Scalar | Self::Angle | Self::Vector(_) => x.iter().all(|v| v.is_finite()),
         }
     }
 

@@ -83,6 +83,7 @@ pub fn check_form(form: &Arc<dyn Form>, n: usize) -> Result<(), String> {
     let wanted = &phi * (&p + before) * phi.transpose() + after;
     close("the prediction", form.as_ref(), &c, &wanted, 1e-12)?;
     overflow(form, &layout, &slots, &p)?;
+    negative(form, &layout, &slots, &p)?;
     let mut j = BlockMatrix::identity(n);
     // Twice, so that a learnt pattern is used again with other numbers.
     for _ in 0..2 {
@@ -150,7 +151,7 @@ fn transition(layout: &Layout, slots: &[Slot<Scalar>], random: &mut Lcg) -> (Tra
 
 fn overflow(form: &Arc<dyn Form>, layout: &Layout, slots: &[Slot<Scalar>], p: &DMatrix<f64>) -> Result<(), String> {
     let last = slots[slots.len() - 1];
-    for (element, noise) in [(1e160, 0.0), (f64::NAN, 0.0), (0.5, f64::INFINITY)] {
+    for (element, noise) in [(1e160, 0.0), (f64::NAN, 0.0), (0.5, f64::INFINITY), (0.5, -0.01), (0.5, -1e6)] {
         let mut t = Transition::new(layout);
         t.set(slots[0], last, &Matrix1::new(element));
         // Twice the same element: what it held first must come back.
@@ -165,6 +166,23 @@ fn overflow(form: &Arc<dyn Form>, layout: &Layout, slots: &[Slot<Scalar>], p: &D
                 form.name()
             ));
         }
+    }
+    Ok(())
+}
+
+/// A covariance that is none, as rounding might leave it: it is told, and not moved on.
+fn negative(form: &Arc<dyn Form>, layout: &Layout, slots: &[Slot<Scalar>], p: &DMatrix<f64>) -> Result<(), String> {
+    let last = slots.len() - 1;
+    let mut c = covariance(form, p);
+    c.set_block(&layout.blocks()[last], &[-1e-9]);
+    if c.is_sound() || c.sigmas(&layout.blocks()[last]).all(|sigma| !sigma.is_nan()) {
+        return Err(format!("{}: a negative variance counts as sound, or has a sigma", form.name()));
+    }
+    let mut t = Transition::new(layout);
+    t.set(slots[last], slots[last], &Matrix1::new(1.0));
+    let before = c.clone();
+    if c.predict(&t, &mut Workspace::new(form.as_ref(), slots.len(), 1)) || c != before {
+        return Err(format!("{}: a negative variance is predicted on", form.name()));
     }
     Ok(())
 }
@@ -279,6 +297,7 @@ pub fn check_update_rule(rule: &Arc<dyn UpdateRule>) -> Result<(), String> {
             model: &model,
             value: z.as_slice(),
             noise: &noise,
+            quality: None,
         };
         let update = filter.update(&observed, &mut Open, &[], &Quadratic);
         let residual = &z - &a * &x;

@@ -31,11 +31,13 @@ pub fn check_loss(loss: &dyn Loss) -> Result<(), String> {
     Ok(())
 }
 
-/// A gate fed with residuals in units of √S, in metres of S = 2, HPHᵀ = R = 1.
+/// A gate fed with residuals in units of √S, in metres of S = 2, HPHᵀ = R = 1. What it lets through
+/// is used, unless the filter is said to fail.
 struct Feed {
     gate: Box<dyn Gate>,
     time: f64,
     dim: usize,
+    fails: bool,
 }
 
 impl Feed {
@@ -44,37 +46,73 @@ impl Feed {
             gate: gate.boxed_clone(),
             time: 0.0,
             dim,
+            fails: false,
         }
     }
 
     fn judge(&mut self, after: f64, sigmas: &[f64]) -> Answer {
         self.time += after;
+        let mut answer = None;
+        self.offer(sigmas, |gate, input| answer = Some(gate.judge(input)));
+        let answer = answer.unwrap_or(NO_ANSWER);
+        self.gate.settle(answer.decision != Decision::Reject && !self.fails);
+        answer
+    }
+
+    /// The power of the test `after` seconds from the latest measurement, in units of √S.
+    fn power(&mut self, after: f64) -> Vec<f64> {
+        let (mut smallest, now) = (vec![f64::NAN; self.dim], self.time);
+        self.time += after;
+        self.offer(&ZERO, |gate, input| gate.power(input, &mut smallest));
+        self.time = now;
+        smallest.iter().map(|s| s / 2_f64.sqrt()).collect()
+    }
+
+    fn offer(&mut self, sigmas: &[f64], to: impl FnOnce(&mut dyn Gate, &GateInput<'_>)) {
         let m = self.dim;
         let diagonal = |v: f64| (0..m * m).map(|i| if i % (m + 1) == 0 { v } else { 0.0 }).collect::<Vec<_>>();
         let (one, two) = (diagonal(1.0), diagonal(2.0));
         let residual: Vec<f64> = sigmas[..m].iter().map(|s| s * 2_f64.sqrt()).collect();
-        let nis = sigmas[..m].iter().map(|s| s * s).sum();
-        let time = Time::from_seconds(self.time);
-        self.gate.judge(&GateInput {
-            time,
+        let input = GateInput {
+            time: Time::from_seconds(self.time),
             residual: &residual,
             predicted: &one,
             noise: &one,
             innovation: &two,
-            nis,
+            nis: sigmas[..m].iter().map(|s| s * s).sum(),
+            unit_nis: &vec![0.5; m],
+            quality: None,
             others: &[],
-        })
+        };
+        to(self.gate.as_mut(), &input);
+    }
+
+    fn copy(&self) -> Self {
+        Self {
+            gate: self.gate.boxed_clone(),
+            ..*self
+        }
     }
 }
+
+/// Of a gate that has not been asked.
+const NO_ANSWER: Answer = Answer {
+    decision: Decision::Reject,
+    statistic: f64::NAN,
+    threshold: f64::NAN,
+    mode: Mode::Track,
+};
 
 /// Rows of the largest residual tried: beyond any sensor here.
 const ROWS: usize = 20;
 const ZERO: [f64; ROWS] = [0.0; ROWS];
 const ABSURD: [f64; ROWS] = [1e4; ROWS];
 
-/// A gate accepts what agrees and rejects what is absurd; a copy answers as the original; what
-/// contradicts itself is never believed; and whatever happened, consistent residuals are
-/// followed again. A gate that reports an infinite threshold is open and may accept anything.
+/// A gate accepts what agrees and rejects what is absurd; a copy answers as the original; what it
+/// says of its power is so; what contradicts itself is never believed; and whatever happened, of a
+/// fast sensor or a slow one, consistent residuals are followed again, also where the filter could
+/// not follow them the first time. A gate that reports an infinite threshold is open and may accept
+/// anything.
 ///
 /// # Errors
 /// A sentence with the circumstances.
@@ -92,6 +130,7 @@ pub fn check_gate(gate: &dyn Gate) -> Result<(), String> {
             }
         }
         copies_agree(gate, dim)?;
+        power_is_told(&feed)?;
         let absurd = feed.judge(1.0, &ABSURD);
         if absurd.threshold == f64::INFINITY {
             continue;
@@ -114,11 +153,24 @@ pub fn check_gate(gate: &dyn Gate) -> Result<(), String> {
         if (0..20).all(|_| feed.judge(1.0, &ZERO).decision == Decision::Reject) {
             return told("after interference, residuals of zero are not followed again");
         }
-        // An estimate gone wrong: the sensor agrees with itself.
+        // An estimate gone wrong: the sensor agrees with itself, however slow it is.
+        for period in [0.1, 1.0, 10.0, 60.0] {
+            let mut feed = Feed::new(gate, dim);
+            feed.judge(1.0, &ZERO);
+            if (0..3600).all(|_| feed.judge(period, &ABSURD).decision == Decision::Reject) {
+                return Err(format!(
+                    "dimension {dim}: 3600 consistent residuals, one every {period} s, are locked out"
+                ));
+            }
+        }
         let mut feed = Feed::new(gate, dim);
         feed.judge(1.0, &ZERO);
+        feed.fails = true;
         if (0..3600).all(|_| feed.judge(1.0, &ABSURD).decision == Decision::Reject) {
             return told("an hour of consistent residuals is locked out");
+        }
+        if feed.judge(1.0, &ABSURD).decision != Decision::Reacquire {
+            return told("a sensor that the filter could not re-acquire is not offered again at once");
         }
         let mut feed = Feed::new(gate, dim);
         feed.judge(1.0, &ZERO);
@@ -135,15 +187,35 @@ fn copies_agree(gate: &dyn Gate, dim: usize) -> Result<(), String> {
     let mut original = Feed::new(gate, dim);
     for _ in 0..200 {
         let sigmas = ZERO.map(|_| 6.0 * random.signed());
-        let mut copy = Feed {
-            gate: original.gate.boxed_clone(),
-            time: original.time,
-            dim,
-        };
+        let mut copy = original.copy();
         let (a, b) = (original.judge(1.0, &sigmas), copy.judge(1.0, &sigmas));
         if a != b {
             return Err(format!(
                 "dimension {dim}: a copy of the gate answers {b:?} where the gate answers {a:?}"
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Of each row, an error of 1.001 of the power is refused and one of 0.999 is not; where it is
+/// infinite, an absurd one is not.
+fn power_is_told(feed: &Feed) -> Result<(), String> {
+    for (i, smallest) in feed.copy().power(1.0).into_iter().enumerate() {
+        let decide = |sigmas: f64| {
+            let mut residual = ZERO;
+            residual[i] = sigmas;
+            feed.copy().judge(1.0, &residual).decision
+        };
+        let is_told = if smallest == f64::INFINITY {
+            decide(ABSURD[0]) == Decision::Accept
+        } else {
+            decide(1.001 * smallest) == Decision::Reject && decide(0.999 * smallest) == Decision::Accept
+        };
+        if !is_told {
+            return Err(format!(
+                "dimension {}: not so that {smallest} sigma in row {i} is the least that is refused",
+                feed.dim
             ));
         }
     }

@@ -91,6 +91,7 @@ impl Drive {
                 port: port(stream, width),
                 constant: Vec::new(),
                 noise: noise(model.as_ref()),
+                quality: None,
                 gate: gate(),
                 loss: Arc::new(Quadratic),
             });
@@ -198,6 +199,7 @@ fn filtered(drive: &Drive, (filter, gates): &mut (Filter, Vec<Box<dyn Gate>>), a
             model: model.as_ref(),
             value,
             noise: &noise(model.as_ref()).covariance,
+            quality: None,
         };
         let update = filter.update(&observed, gate.as_mut(), &[], &Quadratic);
         accepted += usize::from(update.verdict == Verdict::Accepted);

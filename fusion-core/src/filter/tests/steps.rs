@@ -14,6 +14,7 @@ fn drive(f: &mut dyn Estimator, slots: (Slot<Scalar>, Slot<Scalar>), numbers: co
             model: &model,
             value: &value,
             noise: &noise,
+            quality: None,
         };
         f.update(&observed, &mut gate, &[], &Quadratic);
     }

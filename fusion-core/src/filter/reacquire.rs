@@ -1,0 +1,100 @@
+//! How P grows when a sensor is believed against the estimate.
+//!
+//! A gate re-acquires its sensor where the measurements agree with each other and not with the
+//! estimate: the *motion* has gone wrong, in a way that no model describes. What is known of the
+//! equipment (biases, lever arms, latencies) stays known. So the kinematic blocks are given an
+//! error of their own, P ← P + Q, with Q on their diagonal in proportion to the variances that are
+//! there. It is independent of everything else, hence
+//!
+//! - a calibration is moved by less than its own σ, however large the residual is: S grows, and its
+//!   covariance with the motion does not;
+//! - a position that is believed against the estimate does not turn the attitude, which is a guess of
+//!   the correlations of a motion that did not happen. Velocity and attitude are open to the
+//!   measurements that follow.
+
+use super::kalman::Filter;
+use super::step::Step;
+use crate::state::{Block, Kind, Layout, StateRole};
+use core::ops::Range;
+use std::sync::Arc;
+
+/// The largest growth of the motion's σ: a centimetre becomes ten kilometres.
+const MOST_GROWTH: f64 = 1e6;
+
+/// The σ \[rad\] up to which an orientation grows: errors of second order are half a percent there.
+const MOST_TURN: f64 = 0.1;
+
+/// The largest growth of σ where no growth of the motion explains the residual.
+const MOST_GROWTH_OF_ALL: f64 = 1e4;
+
+/// The axes of P that grow.
+#[derive(Clone, Debug)]
+pub(super) struct Growing {
+    /// Axes of positions, velocities and whatever else moves.
+    linear: Arc<[usize]>,
+    /// Axes of orientations, which grow up to [`MOST_TURN`].
+    angular: Arc<[usize]>,
+    whole: [Range<usize>; 1],
+}
+
+impl Growing {
+    pub(super) fn of(layout: &Layout) -> Self {
+        let is_angle = |b: &&Block| matches!(b.kind, Kind::Attitude | Kind::Angle);
+        let motion = || layout.blocks().iter().filter(|b| b.role == StateRole::Kinematic);
+        Self {
+            linear: motion().filter(|b| !is_angle(b)).flat_map(Block::tangent_range).collect(),
+            angular: motion().filter(is_angle).flat_map(Block::tangent_range).collect(),
+            whole: [0..layout.dim()],
+        }
+    }
+}
+
+impl Filter {
+    /// P grows until the residual is one that it expects, rᵀ(HPHᵀ + R)⁻¹r ≤ m: the motion, or all
+    /// of P for a sensor that no growth of the motion explains, because it sees little else than
+    /// calibrations. False where neither does; P is then to be restored from `p_before`.
+    pub(super) fn inflate(&mut self) -> bool {
+        let prior = self.prior();
+        let grows = self.grow_until_expected(MOST_GROWTH, Self::grow_motion) || {
+            self.belief.covariance.copy_from(&self.p_before);
+            self.grow_until_expected(MOST_GROWTH_OF_ALL, |f, _| f.belief.covariance.scale(&f.growing.whole, 2.0))
+        };
+        if grows {
+            self.keep(prior, |f, prior| Step::Inflated {
+                prior,
+                posterior: f.belief.clone(),
+            });
+        }
+        grows
+    }
+
+    /// Grows P by `grow` to twice, four times, … the variances that were there, until the residual
+    /// is expected; false where σ has grown `most` times without.
+    fn grow_until_expected(&mut self, most: f64, grow: impl Fn(&mut Self, f64)) -> bool {
+        let (expected, mut growth) = (self.work.rows as f64, 1.0);
+        while growth <= most * most {
+            self.work.project(&self.belief.covariance);
+            if self.work.factor() && self.work.whiten() <= expected {
+                return true;
+            }
+            grow(self, growth);
+            growth *= 2.0;
+        }
+        false
+    }
+
+    /// Adds `times` the variances of `p_before` to those of the motion.
+    fn grow_motion(&mut self, times: f64) {
+        self.transition.reset();
+        for &axis in self.growing.linear.iter() {
+            self.transition.after.diagonal(axis, times * self.p_before.variance(axis));
+        }
+        for &axis in self.growing.angular.iter() {
+            let room = MOST_TURN * MOST_TURN - self.belief.covariance.variance(axis);
+            let added = times * self.p_before.variance(axis);
+            self.transition.after.diagonal(axis, added.min(room.max(0.0)));
+        }
+        // What would overflow is not added, and the residual stays unexpected.
+        self.belief.covariance.predict(&self.transition, &mut self.work.work);
+    }
+}

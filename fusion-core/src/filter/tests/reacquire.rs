@@ -1,0 +1,220 @@
+//! Re-acquisition: what grows, by how much, and what is left as it was.
+
+use super::*;
+
+/// Believes everything against the estimate.
+#[derive(Clone, Debug)]
+struct Credulous;
+
+impl Gate for Credulous {
+    fn judge(&mut self, input: &GateInput<'_>) -> Answer {
+        Answer {
+            decision: Decision::Reacquire,
+            statistic: input.nis,
+            threshold: 0.0,
+            mode: Mode::Track,
+        }
+    }
+    fn power(&self, _: &GateInput<'_>, _: &mut [f64]) {}
+    fn boxed_clone(&self) -> Box<dyn Gate> {
+        Box::new(self.clone())
+    }
+}
+
+#[test]
+fn the_motion_grows_until_the_residual_is_expected() {
+    let (mut f, x) = four(FormKind::Joseph);
+    let h = SMatrix::<f64, 2, 4>::new(1.0, 0.0, 0.5, 0.0, 0.0, 1.0, 0.0, 0.3);
+    let model = Linear { x: Param::State(x), h };
+    let (value, noise) = ([40.0, -30.0], [0.4, 0.1, 0.1, 0.6]);
+    let observed = Observed {
+        model: &model,
+        value: &value,
+        noise: &noise,
+        quality: None,
+    };
+    f.keep_steps(true);
+    let update = f.update(&observed, &mut Credulous, &[], &Quadratic);
+    let (verdict, r) = (update.verdict, nalgebra::DVector::from_column_slice(update.residual));
+    let [Step::Inflated { prior, posterior }, Step::Corrected { .. }] = f.steps() else {
+        panic!("{:?}", f.steps());
+    };
+    let whole = |belief: &Belief| DMatrix::from_row_slice(4, 4, &belief.covariance.to_dense());
+    let (before, grown, full) = (whole(prior), whole(posterior), DMatrix::from_fn(2, 4, |i, j| h[(i, j)]));
+    let of_growth = |growth: f64| &before + DMatrix::from_diagonal(&before.diagonal()) * (growth - 1.0);
+    let nis = |growth: f64| {
+        let s = &full * of_growth(growth) * full.transpose() + DMatrix::from_row_slice(2, 2, &noise);
+        r.dot(&s.cholesky().unwrap().solve(&r))
+    };
+    let growth = grown[(0, 0)] / before[(0, 0)];
+    assert!(nis(growth) <= 2.0 && nis(0.5 * growth) > 2.0, "{growth}");
+    assert!((grown - of_growth(growth)).amax() < 1e-9); // rounding of 1e3
+    // The state goes most of the way to the measurement.
+    let left = nalgebra::Vector2::from(value) - h * x.read(&f.belief().x);
+    assert_eq!(verdict, Verdict::Reacquired);
+    // HPHᵀ in the direction of r has grown to rᵀr; of r a share of R/(rᵀr + R) is left.
+    assert!(left.norm() < 0.05, "{left}");
+}
+
+#[test]
+fn reacquiring_bears_rows_that_depend_on_each_other_and_refuses_what_no_growth_explains() {
+    let (mut f, x) = four(FormKind::Joseph);
+    // The third row is the sum of the others: HPHᵀ has rank two.
+    let h = SMatrix::<f64, 3, 4>::new(1.0, 0.0, 0.5, 0.0, 0.0, 1.0, 0.0, 0.3, 1.0, 1.0, 0.5, 0.3);
+    let model = Linear { x: Param::State(x), h };
+    let noise = [0.4, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0, 0.5];
+    let reacquired = |f: &mut Filter, value: &[f64]| {
+        let observed = Observed {
+            model: &model,
+            value,
+            noise: &noise,
+            quality: None,
+        };
+        f.update(&observed, &mut Credulous, &[], &Quadratic).verdict
+    };
+    let before = dense(&f);
+    assert_eq!(reacquired(&mut f, &[40.0, -30.0, 1e3]), Verdict::Unusable);
+    assert_eq!(dense(&f), before);
+    assert_eq!(reacquired(&mut f, &[40.0, -30.0, 10.0]), Verdict::Reacquired);
+    let left = nalgebra::Vector3::new(40.0, -30.0, 10.0) - h * x.read(&f.belief().x);
+    assert!(left.norm() < 0.5, "{left}"); // R over the grown HPHᵀ is a hundredth
+}
+
+#[test]
+fn reacquiring_what_cannot_be_used_leaves_the_belief_as_it_was() {
+    let (mut f, x) = four(FormKind::Joseph);
+    let (before, p) = (f.belief().x.clone(), dense(&f));
+    let blind = SMatrix::<f64, 1, 4>::zeros();
+    let seeing = SMatrix::<f64, 1, 4>::new(1.0, 0.0, 0.0, 0.0);
+    // The square of the second residual overflows once P has grown by it.
+    for (h, value) in [(blind, 1.0), (seeing, 1e200)] {
+        let model = Linear { x: Param::State(x), h };
+        let observed = Observed {
+            model: &model,
+            value: &[value],
+            noise: &[0.1],
+            quality: None,
+        };
+        assert_eq!(f.update(&observed, &mut Credulous, &[], &Quadratic).verdict, Verdict::Unusable);
+        assert!(unchanged(&f, &before, &p), "{value}");
+    }
+}
+
+/// A position, a velocity and the heading of the motion, a bias that is estimated; all correlated
+/// by a measurement of a mixture.
+fn motion_and_bias() -> (Filter, [Slot<Scalar>; 3], Slot<crate::state::Angle>) {
+    let mut b = LayoutBuilder::new();
+    let still = Dynamics::Constant;
+    let position = declare::<Scalar>(&mut b, "position", 0.0, &[1.0], still.clone());
+    let velocity = declare::<Scalar>(&mut b, "velocity", 0.0, &[0.1], still.clone());
+    let heading = declare::<crate::state::Angle>(&mut b, "heading", 0.0, &[0.01], still.clone());
+    let bias = declare_as::<Scalar>(&mut b, "bias", StateRole::Calibration, 0.0, &[0.5], still);
+    let mut f = filter(b, Still, 1);
+    let mixture = Mixture {
+        of: [position, velocity, bias],
+        weights: [1.0, 1.0, 1.0],
+        heading,
+    };
+    accept(&mut f, &mixture, &[0.0], &[0.01]);
+    (f, [position, velocity, bias], heading)
+}
+
+/// A weighted sum of three scalars, and a heading.
+#[derive(Debug)]
+struct Mixture {
+    of: [Slot<Scalar>; 3],
+    weights: [f64; 3],
+    heading: Slot<crate::state::Angle>,
+}
+
+impl Measurement for Mixture {
+    fn size(&self) -> Size {
+        Size::same(1)
+    }
+    fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {
+        let sum: f64 = self.of.iter().zip(self.weights).map(|(s, w)| w * at.state(*s)).sum();
+        value[0] = sum + at.state(self.heading);
+        Ok(())
+    }
+    fn jacobian(&self, _: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined> {
+        for (slot, weight) in self.of.iter().zip(self.weights) {
+            h.add_slot(0, *slot, &Matrix1::new(weight));
+        }
+        h.add_slot(0, self.heading, &Matrix1::new(1.0));
+        Ok(())
+    }
+}
+
+fn reacquire(f: &mut Filter, model: &dyn Measurement, value: f64) -> Verdict {
+    let observed = Observed {
+        model,
+        value: &[value],
+        noise: &[0.01],
+        quality: None,
+    };
+    f.update(&observed, &mut Credulous, &[], &Quadratic).verdict
+}
+
+#[test]
+fn a_bias_is_moved_by_less_than_its_sigma_and_the_motion_alone_grows() {
+    for value in [10.0, 1e3, 1e5] {
+        let (mut f, [position, _, bias], _) = motion_and_bias();
+        let sigma = dense(&f)[(3, 3)].sqrt();
+        f.keep_steps(true);
+        assert_eq!(reacquire(&mut f, &Direct(position), value), Verdict::Reacquired);
+        let [Step::Inflated { prior, posterior }, Step::Corrected { .. }] = f.steps() else {
+            panic!("{:?}", f.steps());
+        };
+        let [before, grown] = [prior, posterior].map(|b| DMatrix::from_row_slice(4, 4, &b.covariance.to_dense()));
+        // What is known of the bias, and every covariance, stays; the motion grows by one factor.
+        for (i, j) in [(3, 3), (0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
+            assert_eq!(before[(i, j)], grown[(i, j)]);
+        }
+        let growth = [0, 1].map(|i| grown[(i, i)] / before[(i, i)]);
+        assert!((growth[0] / growth[1] - 1.0).abs() < 1e-12 && growth[0] > 40.0, "{growth:?}"); // rounding
+        // A heading by no more than to a tenth of a radian; 1e-15: rounding.
+        let heading = grown[(2, 2)].sqrt();
+        assert!(heading <= 0.1 + 1e-15 && (value < 1e3 || heading > 0.0999), "{heading}");
+        assert!((position.read(&f.belief().x) - value).abs() < 0.1); // R = (0.1)² beside the grown P
+        let moved = bias.read(&f.belief().x).abs();
+        assert!(moved > 0.0 && moved < sigma, "{moved} of {sigma}");
+    }
+}
+
+#[test]
+fn what_no_growth_of_the_motion_explains_grows_all_and_a_belief_that_cannot_stays() {
+    let (mut f, [_, _, bias], _) = motion_and_bias();
+    assert_eq!(reacquire(&mut f, &Direct(bias), 20.0), Verdict::Reacquired);
+    assert!((bias.read(&f.belief().x) - 20.0).abs() < 0.1);
+    let (mut f, ..) = motion_and_bias();
+    let (before, p) = (f.belief().x.clone(), dense(&f));
+    assert_eq!(reacquire(&mut f, &Direct(bias), 1e6), Verdict::Unusable);
+    assert!(unchanged(&f, &before, &p));
+}
+
+#[test]
+fn a_sensor_that_could_not_be_reacquired_is_offered_again_with_the_next_measurement() {
+    let (mut f, [_, _, bias], _) = motion_and_bias();
+    let mut gate = Nis::new(0.99, Recovery::default());
+    let mut offer = |k: i64, value: f64| {
+        f.predict(second(k), &Input::held(&[])).unwrap();
+        let observed = Observed {
+            model: &Direct(bias),
+            value: &[value],
+            noise: &[1.0],
+            quality: None,
+        };
+        let update = f.update(&observed, &mut gate, &[], &Quadratic);
+        (update.verdict, update.mode)
+    };
+    // A million sigma is beyond what P may grow by; a hundred is not.
+    let first = (1..100).find(|k| offer(*k, 1e6).0 == Verdict::Unusable).unwrap();
+    assert_eq!(first, 31);
+    assert_eq!(offer(32, 1e6), (Verdict::Unusable, Mode::Denied));
+    let used = (33..60)
+        .map(|k| offer(k, 100.0))
+        .position(|(verdict, _)| verdict == Verdict::Reacquired);
+    // As soon as five agree.
+    assert_eq!(used, Some(4));
+    assert_eq!(offer(60, 100.0), (Verdict::Accepted, Mode::Track));
+}
