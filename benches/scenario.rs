@@ -73,7 +73,7 @@ fn feed(design: &Design, rows: &[Row]) -> u64 {
         runner.feed(&runner::Row::new(*stream, *time, row), &mut count).unwrap();
     }
     runner.finish(&mut count).unwrap();
-    assert!(runner.belief().covariance.is_sound());
+    assert!(runner.belief().is_sound());
     epochs
 }
 

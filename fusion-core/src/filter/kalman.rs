@@ -405,7 +405,7 @@ impl Filter {
             return false;
         }
         let is_reset = self.apply();
-        if !self.belief.is_sound(&self.layout) {
+        if !(self.layout.is_sane(&self.belief.x) && self.belief.covariance.is_sound()) {
             return false;
         }
         self.keep(prior, |f, prior| {

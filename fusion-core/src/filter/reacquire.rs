@@ -34,7 +34,7 @@ pub(super) struct Growing {
     linear: Arc<[usize]>,
     /// Axes of orientations, which grow up to [`MOST_TURN`].
     angular: Arc<[usize]>,
-    whole: [Range<usize>; 1],
+    whole: Range<usize>,
 }
 
 impl Growing {
@@ -44,7 +44,7 @@ impl Growing {
         Self {
             linear: motion().filter(|b| !is_angle(b)).flat_map(Block::tangent_range).collect(),
             angular: motion().filter(is_angle).flat_map(Block::tangent_range).collect(),
-            whole: [0..layout.dim()],
+            whole: 0..layout.dim(),
         }
     }
 }
@@ -57,7 +57,9 @@ impl Filter {
         let prior = self.prior();
         let grows = self.grow_until_expected(MOST_GROWTH, Self::grow_motion) || {
             self.belief.covariance.copy_from(&self.p_before);
-            self.grow_until_expected(MOST_GROWTH_OF_ALL, |f, _| f.belief.covariance.scale(&f.growing.whole, 2.0))
+            self.grow_until_expected(MOST_GROWTH_OF_ALL, |f, _| {
+                f.belief.covariance.scale(core::slice::from_ref(&f.growing.whole), 2.0)
+            })
         };
         if grows {
             self.keep(prior, |f, prior| Step::Inflated {

@@ -91,6 +91,7 @@ impl Bench {
             statistic: nis,
             threshold: 0.0,
             mode: Mode::Track,
+            power: &[],
             weight: 1.0,
         };
         let row = RowId {

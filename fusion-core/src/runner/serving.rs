@@ -67,7 +67,7 @@ impl Runner {
         for u in &self.initialisers {
             u.initialiser.write(time, self.estimator.layout(), &mut belief);
         }
-        if !belief.is_sound(self.estimator.layout()) {
+        if !(self.estimator.layout().is_sane(&belief.x) && belief.is_sound()) {
             return observer.on(&Event::Failed {
                 error: FilterError::Diverged(time),
             });

@@ -32,10 +32,9 @@ impl Belief {
         }
     }
 
-    /// Whether the state is one that something on the earth can have ([`Layout::is_sane`]), every
-    /// variance finite and none negative.
+    /// Whether every number of state and variance is finite and no variance negative.
     #[must_use]
-    pub fn is_sound(&self, layout: &Layout) -> bool {
-        layout.is_sane(&self.x) && self.covariance.is_sound()
+    pub fn is_sound(&self) -> bool {
+        self.x.iter().all(|v| v.is_finite()) && self.covariance.is_sound()
     }
 }

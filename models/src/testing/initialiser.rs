@@ -73,7 +73,7 @@ fn feed(spec: &dyn InitialiserSpec, mut initialiser: Box<dyn Initialiser>, layou
     if after.x != of_the_copy.x || covariance(&after) != covariance(&of_the_copy) {
         return Err("a copy writes another belief".to_owned());
     }
-    sound(&after, layout)?;
+    sound(&after)?;
     only_declared(spec, layout, &before, &after)
 }
 
@@ -83,14 +83,14 @@ fn covariance(belief: &Belief) -> Vec<f64> {
 }
 
 /// No correlation is larger than one.
-fn sound(belief: &Belief, layout: &Layout) -> Result<(), String> {
+fn sound(belief: &Belief) -> Result<(), String> {
     let (n, p) = (belief.covariance.dim(), covariance(belief));
     let possible = |k: usize| {
         let limit = p[k / n * (n + 1)] * p[k % n * (n + 1)];
         // 1e-12: rounding where a variance is turned into other axes.
         p[k] * p[k] <= limit * (1.0 + 1e-12)
     };
-    if belief.is_sound(layout) && (0..n * n).all(possible) {
+    if belief.is_sound() && (0..n * n).all(possible) {
         Ok(())
     } else {
         Err(format!("the belief it writes is not sound: {:?}, {p:?}", belief.x))
