@@ -30,6 +30,9 @@ mod health;
 /// Designs put together from parts, and how they read when flat.
 #[path = "suite/includes.rs"]
 mod includes;
+/// A magnetometer with hard iron, and what disturbs it.
+#[path = "suite/magnetometer.rs"]
+mod magnetometer;
 /// What a user is told about every kind of mistake, word for word.
 #[path = "suite/mistakes.rs"]
 mod mistakes;

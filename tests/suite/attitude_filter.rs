@@ -25,6 +25,7 @@ source = "attitude"
 noise = {{ from_source = true }}
 [initial.start]
 type = "explicit"
+attitude = [0, 0, 0]
 attitude_sigma = 1
 [stage.attitude]
 type = "filter"
@@ -230,6 +231,28 @@ fn a_disturbed_field_is_left_out_and_one_that_stays_is_believed_in_the_end() {
     trusting.run((0, 5), rest, &field_n());
     trusting.run((5, 24), rest, &magnet);
     assert!(trusting.error().z < -0.05, "without a gate it is believed at once");
+}
+
+#[test]
+fn a_magnet_that_swings_the_field_is_held_off_until_the_field_has_been_right_for_a_while() {
+    // Every second second the field is turned by 0.28 rad alone, which no gate of size and dip sees; in
+    // between it dips by 0.1 rad more.
+    let turned = so3::exp(&Vector3::new(0.0, 0.0, 0.28)) * field_n();
+    let dipped = so3::exp(&Vector3::new(0.0, -0.1, 0.0)) * field_n();
+    let heading = |gate: &str| {
+        let mut bench = Bench::new(gate, so3::from_rpy(0.1, -0.2, 1.0), Vector3::zeros());
+        bench.run((0, 5), rest, &field_n());
+        for second in 5..25 {
+            bench.run((second, second + 1), rest, if second % 2 == 0 { &turned } else { &dipped });
+        }
+        bench.run((25, 30), rest, &field_n());
+        bench.error().z.abs()
+    };
+    let (held_off, at_once) = (heading("stage.magnetic.gate.hold_off = 2"), heading(""));
+    // Undisturbed the error is rounding; five seconds after the magnet has gone it is so again: what is left is
+    // one smoothed sample. Believed each time the field looks right it is a fifth of the turn.
+    assert!(held_off < 1e-3, "{held_off}");
+    assert!(at_once > 0.03, "{at_once}");
 }
 
 #[test]

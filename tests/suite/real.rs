@@ -232,3 +232,19 @@ fn the_two_condition_gate_bears_outliers_and_a_false_track() {
         assert!(open > 1.5 * clean, "{name}: without the gate {open} of {clean}");
     }
 }
+
+#[test]
+fn the_heading_beside_a_magnet_stays_as_good_as_without_one_and_its_sigma_is_honest() {
+    let broad = |variants: &[&str]| Some(real("broad", variants, &[])?.score.unwrap());
+    let Some(undisturbed) = broad(&[]) else { return };
+    // Bar of the design: NEES of attitude in 1.5 … 6 where nothing disturbs.
+    let nees = undisturbed.nees_attitude.unwrap().mean;
+    assert!((1.5..6.0).contains(&nees), "{nees}");
+    let heading = |score: &fusion::score::Score| score.heading_rmse_deg.unwrap();
+    // A tenth above what was reached, 1.43°.
+    assert!(heading(&undisturbed) < 1.6, "{}", heading(&undisturbed));
+    let beside = heading(&broad(&["trial_31"]).unwrap());
+    assert!(beside < heading(&undisturbed), "beside the magnet {beside}");
+    let believing = heading(&broad(&["trial_31", "ungated"]).unwrap());
+    assert!(believing > 2.0 * beside, "every field believed: {believing}, gated {beside}");
+}

@@ -5,6 +5,7 @@
 
 pub mod frames;
 pub mod gravity;
+pub mod magnetic;
 pub mod rates;
 
 pub use frames::LocalFrame;

@@ -9,6 +9,7 @@ mod gnss_velocity;
 mod gravity_direction;
 mod heading;
 mod height;
+mod magnetometer;
 mod range;
 mod vertical;
 mod yaw_rate;

@@ -3,11 +3,13 @@
 //! Calibrated m = A (m_raw − hard_iron)
 //! Output     `heading` ψ + η \[rad\] clockwise from true north, ψ the filter's own yaw and η the turn
 //!            about down that brings C_nb m to magnetic north; `attitude` the filter's own, turned by
-//!            η; before the filter starts, from the tilt that the specific force gives
+//!            η; before the filter starts, from the tilt that the specific force gives;
+//!            `magnetic_field` m \[T\], calibrated
 //! Gate       size and dip of the field against the undisturbed ones, learnt at the start
 //!            ([`field_gate`])
 //! Used by    the sensor `attitude` with `part = "heading"`, which has a heading at any pitch; the
-//!            sensor `heading` (its own `declination` is then 0), the initialiser `compass`
+//!            sensor `heading` (its own `declination` is then 0), the initialiser `compass`; the sensor
+//!            `magnetometer`, for what passed the gate
 //! Valid      the heading is as wrong as the tilt times tan(dip)
 
 pub mod field;
@@ -54,7 +56,8 @@ fn thirty_hertz() -> Positive<dim::Frequency> {
     Positive::try_from_si(30.0).unwrap_or_else(|_| unreachable!("30 is positive"))
 }
 
-fn no_soft_iron() -> [Vec3Of<dim::Ratio>; 3] {
+/// The matrix of no soft iron.
+pub(crate) fn no_soft_iron() -> [Vec3Of<dim::Ratio>; 3] {
     let row = |i: usize| core::array::from_fn(|j| Unit::from_si(f64::from(i == j))).into();
     [row(0), row(1), row(2)]
 }
@@ -70,7 +73,7 @@ rate = "30 Hz"
 declination = "-8 deg"
 soft_iron = [[1.02, 0, 0], [0, 0.99, 0], [0, 0, 1]]
 hard_iron = ["1.2 uT", "-3 uT", 0]
-gate = { magnitude = "5 %", dip = "3 deg", adopt_after = "60 s", learn_for = "1 s" }
+gate = { magnitude = "5 %", dip = "3 deg", smooth_over = "0.1 s", hold_off = "2 s", adopt_after = "60 s", learn_for = "1 s" }
 "#
 );
 
@@ -93,7 +96,7 @@ impl StageSpec for CompassStageSpec {
     }
 
     fn output(&self) -> Vec<Channel> {
-        vec![channel::HEADING, channel::ATTITUDE]
+        vec![channel::HEADING, channel::ATTITUDE, channel::MAGNETIC_FIELD]
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
@@ -103,10 +106,7 @@ impl StageSpec for CompassStageSpec {
             soft_iron: Matrix3::from_rows(&self.soft_iron.map(|row| Vector3::from(row.si()).transpose())),
             hard_iron: self.hard_iron.si().into(),
             gate: self.gate.filter(|g| g.enabled).map(|g| g.build()),
-            learn_for: self.gate.map_or(0.0, |g| g.learn_for.si()),
             period: nanos(1.0 / self.rate.si()),
-            begun: None,
-            field: Vector3::zeros(),
             force: self.level_source.is_none().then_some(LEVEL),
             next: Time::MIN,
         }))
@@ -123,11 +123,7 @@ struct CompassStage {
     soft_iron: Matrix3<f64>,
     hard_iron: Vector3<f64>,
     gate: Option<FieldGate>,
-    learn_for: f64,
     period: i64,
-    begun: Option<(Time, f64)>,
-    /// The mean field while learning.
-    field: Vector3<f64>,
     /// The last specific force, for the tilt before there is an estimate.
     force: Option<Vector3<f64>>,
     next: Time,
@@ -150,17 +146,8 @@ impl Stage for CompassStage {
             (None, None) => return,
         };
         let seen = field::field(&m, &q, self.declination);
-        let (since, count) = self.begun.get_or_insert((time, 0.0));
-        if let Some(gate) = &mut self.gate {
-            if time.seconds_since(*since) < self.learn_for {
-                *count += 1.0;
-                self.field += (q * m - self.field) / *count;
-            } else {
-                gate.learn(&field::field(&self.field, &UnitQuaternion::identity(), 0.0));
-                if !gate.passes(&seen, time) {
-                    return;
-                }
-            }
+        if self.gate.as_mut().is_some_and(|gate| !gate.passes(&seen, time)) {
+            return;
         }
         if time >= self.next {
             // Before the start, an initialiser averages whatever there is.
@@ -168,7 +155,7 @@ impl Stage for CompassStage {
                 self.next = time.shifted(self.period);
             }
             let (heading, q) = (wrap(so3::to_rpy(&q).z + seen.turn), field::turned(&q, seen.turn));
-            out.emit(time, &[heading, q.w, q.i, q.j, q.k]);
+            out.emit(time, &[heading, q.w, q.i, q.j, q.k, m.x, m.y, m.z]);
         }
     }
 
@@ -188,10 +175,7 @@ mod tests {
             soft_iron: Matrix3::identity(),
             hard_iron: Vector3::zeros(),
             gate: gate.then(|| FieldGateSpec::default().build()),
-            learn_for: 1.0,
             period: 0,
-            begun: None,
-            field: Vector3::zeros(),
             force: None,
             next: Time::MIN,
         }

@@ -1,8 +1,14 @@
 //! Whether a magnetic field is the Earth's: its size and its dip against the undisturbed ones.
+//!
+//! Smoothed   horizontal and downward part of the field, each by a first-order low-pass: no turn of the
+//!            body and no yaw changes them, so noise averages out and a turning body does not
+//! Hold-off   a field that was wrong has to look right for a while before it is believed again: at the
+//!            edge of a disturbance, and where the body turns in it, wrong fields look right at times
 
 use super::field::Field;
-use crate::units::{self, Positive, Quantity, dim};
+use crate::units::{self, NonNegative, Positive, Quantity, dim};
 use fusion_core::time::Time;
+use nalgebra::Vector2;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -18,10 +24,14 @@ pub struct FieldGateSpec {
     magnitude: Positive<dim::Ratio>,
     /// Largest difference of the dip from that of the reference.
     dip: Positive<dim::Angle>,
+    /// Time constant over which the field is smoothed before it is judged.
+    smooth_over: NonNegative<dim::Duration>,
+    /// How long the field must have been within the bounds before headings are used again.
+    hold_off: NonNegative<dim::Duration>,
     /// A different field that has been steady for this long becomes the new reference.
     adopt_after: Positive<dim::Duration>,
     /// How long the undisturbed field is averaged at the start, where it is learnt.
-    pub(crate) learn_for: Positive<dim::Duration>,
+    learn_for: Positive<dim::Duration>,
 }
 
 /// An undisturbed field.
@@ -44,6 +54,8 @@ impl Default for FieldGateSpec {
             field: None,
             magnitude: positive(0.05),
             dip: positive(3_f64.to_radians()),
+            smooth_over: NonNegative::default(),
+            hold_off: NonNegative::default(),
             adopt_after: positive(60.0),
             learn_for: positive(1.0),
         }
@@ -55,9 +67,35 @@ impl FieldGateSpec {
         FieldGate {
             magnitude: self.magnitude.si(),
             dip: self.dip.si(),
+            smooth_over: self.smooth_over.si(),
+            hold_off: self.hold_off.si(),
             adopt_after: self.adopt_after.si(),
-            reference: self.field.map(|f| (f.magnitude.si(), f.dip.si())),
+            learn_for: self.learn_for.si(),
+            reference: self.field.map(|f| Shape {
+                magnitude: f.magnitude.si(),
+                dip: f.dip.si(),
+            }),
+            learning: None,
+            smooth: None,
             other: None,
+            wrong_at: None,
+        }
+    }
+}
+
+/// What of a field no turn about the vertical changes.
+#[derive(Clone, Copy, Debug)]
+struct Shape {
+    magnitude: f64,
+    dip: f64,
+}
+
+impl Shape {
+    /// Of horizontal and downward parts.
+    fn of(parts: &Vector2<f64>) -> Self {
+        Self {
+            magnitude: parts.norm(),
+            dip: parts.y.atan2(parts.x),
         }
     }
 }
@@ -65,42 +103,75 @@ impl FieldGateSpec {
 /// The gate with its memory.
 #[derive(Clone, Copy, Debug)]
 pub struct FieldGate {
-    /// Largest relative difference of |m|.
-    pub magnitude: f64,
-    /// Largest difference of the dip \[rad\].
-    pub dip: f64,
-    /// A field that has been another one, but steady, for so long \[s\] is the new reference.
-    pub adopt_after: f64,
-    /// The undisturbed |m| and dip, once declared or learnt.
-    pub reference: Option<(f64, f64)>,
+    magnitude: f64,
+    dip: f64,
+    smooth_over: f64,
+    hold_off: f64,
+    adopt_after: f64,
+    learn_for: f64,
+    /// The undisturbed field, once declared or learnt.
+    reference: Option<Shape>,
+    /// While learning: since when, how many fields, and their mean.
+    learning: Option<(Time, f64, Vector2<f64>)>,
+    /// The smoothed field and its time.
+    smooth: Option<(Vector2<f64>, Time)>,
     /// Another field, and since when.
-    pub other: Option<(f64, f64, Time)>,
+    other: Option<(Shape, Time)>,
+    /// When the field was last out of bounds.
+    wrong_at: Option<Time>,
 }
 
 impl FieldGate {
-    /// Takes `seen` for undisturbed where no field is declared.
-    pub fn learn(&mut self, seen: &Field) {
-        self.reference.get_or_insert((seen.magnitude, seen.dip));
-    }
-
-    /// Whether the field looks as it does undisturbed.
+    /// Whether the field looks as it does undisturbed, and has for long enough.
     pub fn passes(&mut self, seen: &Field, time: Time) -> bool {
-        let (magnitude, dip) = (self.magnitude, self.dip);
-        let near = |m: f64, d: f64| (seen.magnitude / m - 1.0).abs() <= magnitude && (seen.dip - d).abs() <= dip;
-        if self.reference.is_none_or(|(m, d)| near(m, d)) {
-            self.other = None;
+        let (sin, cos) = seen.dip.sin_cos();
+        let parts = Vector2::new(cos, sin) * seen.magnitude;
+        let Some(reference) = self.reference.or_else(|| self.learn(&parts, time)) else {
             return true;
+        };
+        let now = Shape::of(&self.smoothed(&parts, time));
+        if self.near(&now, &reference) {
+            self.other = None;
+            return self.wrong_at.is_none_or(|at| time.seconds_since(at) >= self.hold_off);
         }
+        self.wrong_at = Some(time);
         match self.other {
-            Some((m, d, since)) if near(m, d) => {
+            Some((other, since)) if self.near(&now, &other) => {
                 if time.seconds_since(since) >= self.adopt_after {
-                    self.reference = Some((m, d));
-                    self.other = None;
+                    (self.reference, self.other) = (Some(other), None);
                 }
             }
-            _ => self.other = Some((seen.magnitude, seen.dip, time)),
+            _ => self.other = Some((now, time)),
         }
         false
+    }
+
+    fn near(&self, a: &Shape, b: &Shape) -> bool {
+        (a.magnitude / b.magnitude - 1.0).abs() <= self.magnitude && (a.dip - b.dip).abs() <= self.dip
+    }
+
+    /// Averages what is seen at the start; the reference once that has lasted.
+    fn learn(&mut self, parts: &Vector2<f64>, time: Time) -> Option<Shape> {
+        let (since, count, mean) = self.learning.get_or_insert((time, 0.0, Vector2::zeros()));
+        if *count > 0.0 && time.seconds_since(*since) >= self.learn_for {
+            self.reference = Some(Shape::of(mean));
+        } else {
+            *count += 1.0;
+            *mean += (parts - *mean) / *count;
+        }
+        self.reference
+    }
+
+    fn smoothed(&mut self, parts: &Vector2<f64>, time: Time) -> Vector2<f64> {
+        let smooth = match self.smooth {
+            Some((before, at)) if self.smooth_over > 0.0 => {
+                let share = -(-time.seconds_since(at) / self.smooth_over).exp_m1();
+                before + (parts - before) * share
+            }
+            _ => *parts,
+        };
+        self.smooth = Some((smooth, time));
+        smooth
     }
 }
 
@@ -108,20 +179,51 @@ impl FieldGate {
 mod tests {
     use super::*;
 
+    fn field(magnitude: f64, dip: f64) -> Field {
+        Field { turn: 0.0, magnitude, dip }
+    }
+
+    /// A gate that has learnt |m| = 50 and a dip of 1.1 rad, and answers for a second of the run.
+    fn gate(smooth_over: f64, hold_off: f64) -> impl FnMut(i32, f64, f64) -> bool {
+        let mut gate = FieldGateSpec::default().build();
+        (gate.smooth_over, gate.hold_off) = (smooth_over, hold_off);
+        let mut at = move |t: i32, magnitude, dip| gate.passes(&field(magnitude, dip), Time::from_seconds(f64::from(t)));
+        assert!(at(-1, 50.0, 1.1) && at(0, 50.0, 1.1));
+        at
+    }
+
     #[test]
     fn another_field_is_left_out_and_believed_once_it_has_been_steady() {
-        let mut gate = FieldGateSpec::default().build();
-        let field = |magnitude: f64, dip: f64| Field { turn: 0.0, magnitude, dip };
-        gate.learn(&field(50.0, 1.1));
-        gate.learn(&field(10.0, 0.0));
-        let mut at = |t: i32, magnitude, dip| gate.passes(&field(magnitude, dip), Time::from_seconds(f64::from(t)));
+        let mut at = gate(0.0, 0.0);
         assert!(
-            at(0, 52.0, 1.14) && !at(1, 53.0, 1.1) && !at(2, 50.0, 1.16),
+            at(0, 52.0, 1.14) && !at(1, 53.0, 1.1) && !at(2, 50.0, 1.16) && at(3, 50.0, 1.1),
             "the bounds are 5 % and 3°"
         );
         // It is another field from second 10 on, moves on at 50, and is steady until 110.
         assert!((10..50).all(|t| !at(t, 60.0, 1.1)));
         assert!((50..=110).all(|t| !at(t, 70.0, 1.1)));
         assert!(at(111, 70.0, 1.1) && !at(112, 50.0, 1.1));
+    }
+
+    #[test]
+    fn after_a_wrong_field_headings_wait_until_it_has_been_right_for_the_hold_off() {
+        let mut at = gate(0.0, 5.0);
+        assert!(at(1, 50.0, 1.1), "nothing was wrong yet");
+        assert!(!at(10, 60.0, 1.1));
+        assert!((11..15).all(|t| !at(t, 50.0, 1.1)));
+        // Wrong for one sample more: the wait starts again.
+        assert!(!at(15, 60.0, 1.1) && !at(19, 50.0, 1.1) && at(20, 50.0, 1.1));
+    }
+
+    #[test]
+    fn noise_that_averages_out_is_not_a_disturbance_and_a_small_lasting_one_is() {
+        // ± 8 % each second sample: unsmoothed it is out of bounds, over 10 s of smoothing below 1 %.
+        let noisy = |t: i32| 50.0 + if t % 2 == 0 { 4.0 } else { -4.0 };
+        let (mut raw, mut smooth) = (gate(0.0, 0.0), gate(10.0, 0.0));
+        assert!((1..40).all(|t| !raw(t, noisy(t), 1.1)));
+        assert!((1..40).all(|t| smooth(t, noisy(t), 1.1)));
+        // 8 % that last pass 5 % when 1 − exp(−t/10 s) = 5/8: after 9.8 s.
+        let first = (40..80).find(|t| !smooth(*t, 54.0, 1.1)).unwrap();
+        assert!((48..=50).contains(&first), "{first}");
     }
 }
