@@ -487,6 +487,12 @@ impl Build<'_> {
             ParamSpec::Estimated(e) => {
                 let dynamics = e.dynamics().map_err(|(key, why)| BuildError::at(format!("{field}.{key}"), why))?;
                 let (initial, sigma) = (e.initial.value(), V::axes(&e.sigma).to_vec());
+                if sigma.iter().all(|s| *s == 0.0) && !matches!(dynamics, Dynamics::RandomWalk { .. }) {
+                    let message = "a parameter whose 1σ is 0 on every axis is never corrected: it is a constant, not estimated";
+                    let help =
+                        "give it the uncertainty of its initial value, or `estimate = false`; an axis of 0 beside others is kept as it is";
+                    return Err(BuildError::at(format!("{field}.sigma"), message).help(help));
+                }
                 let (name, owner) = (name.to_owned(), self.name.to_owned());
                 let declared = Declaration {
                     name,

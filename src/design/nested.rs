@@ -100,7 +100,9 @@ sensor.tilt = { type = "gravity_direction", source = "imu", noise = { sigma = 0.
 type = "explicit"
 position = { latitude = "35 deg", longitude = "129 deg", height = 0 }
 position_sigma = 1
+velocity = [0, 0, 0]
 velocity_sigma = 1
+attitude = [0, 0, 0]
 attitude_sigma = 0.1
 [sensor.attitude]
 type = "attitude"

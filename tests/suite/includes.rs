@@ -167,6 +167,7 @@ source = \"attitude\"
 noise = {{ from_source = true }}
 [initial.start]
 type = \"explicit\"
+attitude = [0, 0, 0]
 attitude_sigma = 1
 [stage.attitude]
 type = \"filter\"

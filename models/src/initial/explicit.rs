@@ -22,7 +22,7 @@ pub struct ExplicitSpec {
     position: Option<Place>,
     /// 1σ north, east, down.
     position_sigma: Option<Axes<dim::Length, range::NonNegative>>,
-    /// Initial velocity north, east, down.
+    /// Initial velocity north, east, down, given with `velocity_sigma`.
     velocity: Option<Vec3Of<dim::Speed>>,
     /// 1σ north, east, down.
     velocity_sigma: Option<Axes<dim::Speed, range::NonNegative>>,
@@ -76,6 +76,11 @@ impl InitialiserSpec for ExplicitSpec {
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {
         let sigma = |what: &str, given: bool, sigma: bool| match (given, sigma) {
             (true, false) => Err(BuildError::new(format!("`{what}` is given without `{what}_sigma`, its 1σ"))),
+            // A place has the origin for a default; nothing says how fast or which way the body starts.
+            (false, true) if what != "position" => {
+                let message = format!("`{what}_sigma` is given without `{what}`, the value that it is the 1σ of");
+                Err(BuildError::at(format!("{what}_sigma"), message).help(format!("add `{what}`: zeros, if that is what it starts from")))
+            }
             _ => Ok(()),
         };
         sigma("position", self.position.is_some(), self.position_sigma.is_some())?;
@@ -93,11 +98,9 @@ impl InitialiserSpec for ExplicitSpec {
         Ok(Box::new(Explicit {
             origin: b.origin,
             place: place.zip(self.position_sigma.map(Axes::si)),
-            velocity: self
-                .velocity_sigma
-                .map(|s| (self.velocity.map_or([0.0; 3], Vec3Of::si).into(), s.si())),
-            attitude: self.attitude_sigma.map(|s| (self.attitude.unwrap_or_default(), s.si())),
-            heading: self.heading_sigma.map(|s| (self.heading.map_or(0.0, Angle::si), s.si())),
+            velocity: self.velocity.map(|v| v.si().into()).zip(self.velocity_sigma.map(Axes::si)),
+            attitude: self.attitude.zip(self.attitude_sigma.map(Axes::si)),
+            heading: self.heading.map(Angle::si).zip(self.heading_sigma.map(|s| s.si())),
         }))
     }
 }
@@ -135,5 +138,35 @@ impl Initialiser for Explicit {
 
     fn boxed_clone(&self) -> Box<dyn Initialiser> {
         Box::new(self.clone())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::earth::Gravity;
+    use fusion_core::state::LayoutBuilder;
+
+    fn refused(toml: &str) -> Option<String> {
+        let spec: ExplicitSpec = toml::from_str(toml).unwrap();
+        let mut build = Build {
+            name: "start",
+            layout: &mut LayoutBuilder::new(),
+            origin: Some(Geodetic::new(0.6, 2.2, 0.0)),
+            gravity: Gravity::default(),
+        };
+        spec.build(&mut build).err().map(|e| format!("{}: {e}", e.field))
+    }
+
+    #[test]
+    fn a_value_and_its_sigma_come_together_but_for_the_position_which_has_the_origin() {
+        for (what, value) in [("velocity", "[1, 0, 0]"), ("attitude", "[0, 0, 1]"), ("heading", "1")] {
+            let lacks_value = refused(&format!("{what}_sigma = 0.1")).unwrap();
+            assert!(lacks_value.starts_with(&format!("{what}_sigma: ")), "{lacks_value}");
+            let lacks_sigma = refused(&format!("{what} = {value}")).unwrap();
+            assert!(lacks_sigma.contains(&format!("without `{what}_sigma`")), "{lacks_sigma}");
+            assert_eq!(refused(&format!("{what} = {value}\n{what}_sigma = 0.1")), None);
+        }
+        assert_eq!(refused("position_sigma = 2"), None);
     }
 }

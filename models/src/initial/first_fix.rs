@@ -1,10 +1,15 @@
 //! Position and velocity from the latest fix before the start, or the median of the latest few.
+//!
+//! A fix is that of the antenna: the body is at  r_fix − C_nb l_ba_b, with the attitude that initialisers
+//! earlier in the file have found. What that attitude leaves open of the lever arm goes into the 1σ: per
+//! axis the variance of C_nb [l ×] P_att [l ×]ᵀ C_nbᵀ, at most |l|². Where no attitude is known, |l|² and
+//! no shift. The velocity is that of the antenna: a body that turns at the start is not meant.
 
-use super::{write_position, write_velocity};
+use super::{known_attitude, write_position, write_velocity};
 use crate::block::{Build, BuildError, InitialiserSpec, Listen};
-use crate::units::{Axes, dim, range};
+use crate::units::{Axes, Vec3Of, dim, range};
 use crate::vocabulary::{channel, state};
-use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::geometry::{so3, wgs84::Geodetic};
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Belief, Layout, Manifold};
 use fusion_core::time::Time;
@@ -25,6 +30,9 @@ pub struct FirstFixSpec {
     /// Takes the `velocity` channel too, with this 1σ; without it another initialiser must give the
     /// velocity.
     velocity_sigma: Option<Axes<dim::Speed, range::NonNegative>>,
+    /// Position of the antenna in body axes, from the body origin, as its sensor declares it.
+    #[serde(default)]
+    lever_arm: Vec3Of<dim::Length>,
     /// The position is the median of this many latest fixes, axis by axis: for a vehicle at rest
     /// whose fixes contain outliers.
     #[serde(default = "one")]
@@ -43,6 +51,7 @@ crate::register!(
 source = "gnss"
 position_sigma = ["2 m", "2 m", "4 m"]
 velocity_sigma = "0.3 m/s"
+lever_arm = ["30 cm", 0, "-1 m"]
 median_of = 1
 "#
 );
@@ -74,6 +83,7 @@ impl InitialiserSpec for FirstFixSpec {
             origin: b.origin,
             position_sigma: self.position_sigma.si(),
             velocity_sigma: self.velocity_sigma.map(Axes::si),
+            lever_arm: self.lever_arm.si().into(),
             median_of: self.median_of.get(),
             fixes: VecDeque::new(),
             velocity: None,
@@ -86,12 +96,24 @@ struct FirstFix {
     origin: Option<Geodetic>,
     position_sigma: [f64; 3],
     velocity_sigma: Option<[f64; 3]>,
+    lever_arm: Vector3<f64>,
     median_of: usize,
     fixes: VecDeque<Geodetic>,
     velocity: Option<Vector3<f64>>,
 }
 
 impl FirstFix {
+    /// From the body to the antenna, in navigation axes, and the variance of what is open of it.
+    fn lever(&self, layout: &Layout, belief: &Belief) -> (Vector3<f64>, Vector3<f64>) {
+        let l = &self.lever_arm;
+        let most = l.norm_squared();
+        let Some((q, p)) = known_attitude(layout, belief) else {
+            return (Vector3::zeros(), Vector3::repeat(most));
+        };
+        let slope = so3::rotation(&q) * so3::skew(l);
+        (q * l, (slope * p * slope.transpose()).diagonal().map(|v| v.min(most)))
+    }
+
     fn position(&self) -> Option<Geodetic> {
         let middle = |coordinate: fn(&Geodetic) -> f64| {
             let mut values: Vec<f64> = self.fixes.iter().map(coordinate).collect();
@@ -130,8 +152,10 @@ impl Initialiser for FirstFix {
     }
 
     fn write(&self, _: Time, layout: &Layout, belief: &mut Belief) {
-        if let Some(place) = self.position() {
-            write_position(layout, belief, self.origin, &place, &self.position_sigma);
+        if let Some(antenna) = self.position() {
+            let (lever, variance) = self.lever(layout, belief);
+            let sigma: [f64; 3] = core::array::from_fn(|i| self.position_sigma[i].hypot(variance[i].sqrt()));
+            write_position(layout, belief, self.origin, &antenna.offset(&-lever), &sigma);
         }
         if let (Some(v), Some(sigma)) = (&self.velocity, &self.velocity_sigma) {
             write_velocity(layout, belief, v, sigma);
@@ -146,6 +170,8 @@ impl Initialiser for FirstFix {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fusion_core::state::{Dynamics, Geodetic as Place, LayoutBuilder};
+    use nalgebra::UnitQuaternion;
 
     #[test]
     fn the_median_of_the_latest_fixes_is_not_moved_by_an_outlier() {
@@ -158,6 +184,7 @@ mod tests {
             origin: None,
             position_sigma: [1.0; 3],
             velocity_sigma: None,
+            lever_arm: Vector3::zeros(),
             median_of: 3,
             fixes: VecDeque::new(),
             velocity: None,
@@ -171,5 +198,54 @@ mod tests {
         let d = f.position().unwrap().difference(&origin);
         // Of 0.1, 30 and 0.2; 1e-6 m is the rounding of a longitude.
         assert!((d.y - 0.2).abs() < 1e-6, "{d}");
+    }
+    /// Body position and its 1σ, from a fix at the origin, an antenna 2 m above and the attitude that `start`
+    /// writes before.
+    fn started(start: impl Fn(&Layout, &mut Belief)) -> (Vector3<f64>, Vector3<f64>) {
+        let mut layout = LayoutBuilder::new();
+        let origin = Geodetic::new(0.6, 2.2, 10.0);
+        let mut b = Build {
+            name: "process",
+            layout: &mut layout,
+            origin: Some(origin),
+            gravity: crate::earth::Gravity::default(),
+        };
+        let unset = || vec![0.0; 3];
+        b.declare(state::POSITION, "m", origin, unset(), Dynamics::Process).unwrap();
+        b.declare(state::ATTITUDE, "rad", UnitQuaternion::identity(), unset(), Dynamics::Process)
+            .unwrap();
+        let spec: FirstFixSpec = toml::from_str("source = 'gnss'\nposition_sigma = [3, 3, 4]\nlever_arm = [0, 0, -2]").unwrap();
+        let mut fix = spec.build(&mut b).unwrap();
+        let layout = layout.finish();
+        let form = fusion_core::filter::Backend::default().form.form();
+        let mut belief = Belief::initial(&layout, &form, Time::default());
+        start(&layout, &mut belief);
+        let mut row = [0.0; 3];
+        Place::write(&origin, &mut row);
+        fix.row(0, Time::default(), &row);
+        fix.write(Time::default(), &layout, &mut belief);
+        let block = layout.block(state::POSITION).unwrap();
+        let place = Place::read(&belief.x[block.storage_range()]);
+        let variance = belief.covariance.marginal::<3>(block).diagonal();
+        (place.difference(&origin), variance.map(f64::sqrt))
+    }
+
+    #[test]
+    fn the_body_is_a_lever_arm_from_the_antenna_as_well_as_the_attitude_is_known() {
+        use super::super::write_attitude;
+        let q = so3::from_rpy(0.5, 0.0, 0.0);
+        let (body, sigma) = started(|layout, belief| write_attitude(layout, belief, &q, &[0.1, 0.0, 3.0]));
+        // Rolled to the right, the antenna is 2 sin 0.5 east of the body and 2 cos 0.5 above; 1e-8 m: longitude.
+        assert!((body - Vector3::new(0.0, -0.958_851, 1.755_165)).amax() < 1e-6, "{body}");
+        // A roll of 0.1 rad moves it by 0.2 m across, cos 0.5 of it east and sin 0.5 down; the yaw's 3 rad turn
+        // nothing, as the arm is along their axis.
+        let expected = Vector3::new(3.0, 3.0_f64.hypot(0.2 * 0.5_f64.cos()), 4.0_f64.hypot(0.2 * 0.5_f64.sin()));
+        assert!((sigma - expected).amax() < 1e-12, "{sigma}");
+        // Where no attitude is known, the body is somewhere about the antenna.
+        let (body, sigma) = started(|_, _| {});
+        assert!(body.norm() < 1e-8 && (sigma - Vector3::new(13.0_f64.sqrt(), 13.0_f64.sqrt(), 20.0_f64.sqrt())).amax() < 1e-12);
+        // A tilt of half a turn says no more than that.
+        let (_, sigma) = started(|layout, belief| write_attitude(layout, belief, &q, &[3.0; 3]));
+        assert!(sigma.y <= 13.0_f64.sqrt() + 1e-12, "{sigma}");
     }
 }

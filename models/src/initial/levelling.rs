@@ -4,6 +4,8 @@
 //! Gyro bias  the mean rate at rest (less the Earth's where the heading is known)
 //! Compassing ω_x' = ω_x cθ + ω_y sφ sθ + ω_z cφ sθ,  ω_y' = ω_y cφ − ω_z sφ,
 //!            ψ = atan2(−ω_y', ω_x')
+//! Tilt 1σ    σ² = `tilt_sigma`² + s²/|f|², s the 1σ of the mean force across f over eighths of the rest:
+//!            vibration averages out of it, a vehicle that drives does not
 //! Predicted  σ_ψ² = (σ_g² + N_g²/T)/(Ω cos φ)² + ((σ_a/g) tan φ)²
 //! Kept       after the vehicle moves, the gyros carry the attitude to the start
 //! Valid      at rest, |latitude| < 80° for compassing
@@ -18,7 +20,7 @@ use fusion_core::geometry::{so3, wgs84};
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Belief, Layout, Manifold, Vector};
 use fusion_core::time::Time;
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -33,7 +35,8 @@ pub struct LevellingSpec {
     duration: Positive<dim::Duration>,
     /// Limits of the rest test; without them the vehicle is assumed to be at rest from the first row on.
     still: Option<StillSpec>,
-    /// 1σ of roll and pitch: accelerometer bias over gravity.
+    /// 1σ of roll and pitch: accelerometer bias over gravity. Where the force wandered while it was
+    /// averaged, the 1σ grows by that.
     tilt_sigma: NonNegative<dim::Angle>,
     /// 1σ of the gyro bias found at rest; sets the state `gyro_bias`.
     gyro_bias_sigma: Option<Axes<dim::AngularRate, range::NonNegative>>,
@@ -100,6 +103,7 @@ impl InitialiserSpec for LevellingSpec {
             compass,
             rest: Rest::default(),
             found: None,
+            wander: 0.0,
             last: None,
         }))
     }
@@ -159,6 +163,9 @@ struct Compass {
     lat: f64,
 }
 
+/// Parts of the rest whose mean forces are compared.
+const PARTS: f64 = 8.0;
+
 /// Sums over one spell of rest.
 #[derive(Clone, Copy, Debug, Default)]
 struct Rest {
@@ -166,6 +173,52 @@ struct Rest {
     count: f64,
     w: Vector3<f64>,
     f: Vector3<f64>,
+    parts: Parts,
+}
+
+impl Rest {
+    fn add(&mut self, w: &Vector3<f64>, f: &Vector3<f64>, share: f64) {
+        self.count += 1.0;
+        self.w += w;
+        self.f += f;
+        self.parts.add(f, share);
+    }
+}
+
+/// Mean and scatter of the mean forces of equal parts of a spell.
+#[derive(Clone, Copy, Debug, Default)]
+struct Parts {
+    /// Of the part that runs.
+    count: f64,
+    sum: Vector3<f64>,
+    /// Of those that are complete: how many, their mean, the sum of squared deviations from it.
+    complete: f64,
+    mean: Vector3<f64>,
+    squares: Matrix3<f64>,
+}
+
+impl Parts {
+    /// Adds a force when `share` of the spell has passed.
+    fn add(&mut self, f: &Vector3<f64>, share: f64) {
+        self.count += 1.0;
+        self.sum += f;
+        if share * PARTS >= self.complete + 1.0 {
+            let part = self.sum / self.count;
+            self.complete += 1.0;
+            let before = part - self.mean;
+            self.mean += before / self.complete;
+            self.squares += before * (part - self.mean).transpose();
+            (self.count, self.sum) = (0.0, Vector3::zeros());
+        }
+    }
+
+    /// What the direction of the mean force is uncertain by \[rad\]: 1σ of a part across it.
+    fn wander(&self, f: &Vector3<f64>) -> f64 {
+        let across = Matrix3::identity() - f * f.transpose() / f.norm_squared();
+        let variance = (across * self.squares * across).trace() / (self.complete - 1.0).max(1.0);
+        // Two axes share it.
+        (0.5 * variance).max(0.0).sqrt() / f.norm()
+    }
 }
 
 #[derive(Clone, Debug)]
@@ -177,6 +230,8 @@ struct Levelling {
     compass: Option<Compass>,
     rest: Rest,
     found: Option<(UnitQuaternion<f64>, Vector3<f64>)>,
+    /// 1σ of tilt \[rad\] by which the force wandered over the rest that was found.
+    wander: f64,
     last: Option<Time>,
 }
 
@@ -190,6 +245,7 @@ impl Levelling {
             q.inverse() * Vector3::new(c.lat.cos(), 0.0, -c.lat.sin()) * wgs84::EARTH_RATE
         });
         self.found = Some((q, w - earth));
+        self.wander = self.rest.parts.wander(&f);
     }
 }
 
@@ -210,10 +266,9 @@ impl Initialiser for Levelling {
                     ..Rest::default()
                 };
             }
-            self.rest.count += 1.0;
-            self.rest.w += w;
-            self.rest.f += f;
-            if self.rest.since.is_some_and(|since| time.seconds_since(since) >= self.duration) {
+            let lasted = self.rest.since.map_or(0.0, |since| time.seconds_since(since));
+            self.rest.add(&w, &f, lasted / self.duration);
+            if lasted >= self.duration {
                 self.solve();
                 return;
             }
@@ -226,13 +281,22 @@ impl Initialiser for Levelling {
     }
 
     fn waits_for(&self) -> Option<String> {
-        self.found.is_none().then(|| format!("{} s at rest, to level", self.duration))
+        self.found.is_none().then(|| {
+            let rest = format!("{} s at rest, to level", self.duration);
+            match self.test.as_ref().map(StillTest::unrest) {
+                Some([gyro, accel]) if gyro.max(accel) > 1.0 => {
+                    format!("{rest}; lately the rate shakes by {gyro:.1} and the force by {accel:.1} of what `still` allows")
+                }
+                _ => rest,
+            }
+        })
     }
 
     fn write(&self, _: Time, layout: &Layout, belief: &mut Belief) {
         let Some((q, bias)) = &self.found else { return };
         let yaw = self.compass.map_or(core::f64::consts::PI, |c| c.sigma);
-        write_attitude(layout, belief, q, &[self.tilt_sigma, self.tilt_sigma, yaw]);
+        let tilt = self.tilt_sigma.hypot(self.wander);
+        write_attitude(layout, belief, q, &[tilt, tilt, yaw]);
         if let (Some(sigma), Some(b)) = (&self.gyro_bias_sigma, layout.block(state::GYRO_BIAS)) {
             Vector::<3>::write(bias, &mut belief.x[b.storage_range()]);
             belief.covariance.set_sigmas(b, sigma);
@@ -333,6 +397,7 @@ mod tests {
                     compass: Some(Compass { sigma: 0.0, lat: LAT }),
                     rest: Rest::default(),
                     found: None,
+                    wander: 0.0,
                     last: None,
                 };
                 let mut k = 0;
@@ -351,18 +416,63 @@ mod tests {
         assert!((sigma / 3.2 - 1.0).abs() < 0.12, "{sigma}");
     }
 
-    #[test]
-    fn without_bounds_the_first_rows_are_averaged_and_the_gyros_carry_on() {
-        let mut levelling = Levelling {
+    /// Levelling over `duration` without a rest test.
+    fn unbounded(duration: f64) -> Levelling {
+        Levelling {
             test: None,
-            duration: 1.0,
+            duration,
             tilt_sigma: 0.01,
             gyro_bias_sigma: None,
             compass: None,
             rest: Rest::default(),
             found: None,
+            wander: 0.0,
             last: None,
+        }
+    }
+
+    #[test]
+    fn the_1_sigma_of_tilt_grows_by_what_the_force_wandered_and_not_by_vibration() {
+        let wander = |force: &dyn Fn(f64) -> f64| {
+            let mut levelling = unbounded(4.0);
+            (0..=400).for_each(|k| {
+                let t = f64::from(k) * 0.01;
+                levelling.row(0, Time::from_seconds(t), &[0.0, 0.0, 0.0, force(t), 0.0, -G]);
+            });
+            assert!(levelling.found.is_some());
+            levelling.wander
         };
+        assert_eq!(wander(&|_| 0.3), 0.0, "at rest");
+        // 1 m/s² at 31 Hz: an eighth of 0.5 s holds 15.5 periods, of which half a one is left: 1/31π of it.
+        let vibration = wander(&|t| (31.0 * core::f64::consts::TAU * t).sin());
+        assert!(vibration < 2e-3, "{vibration}");
+        // Pulling away after 2 s with 2 m/s²: means of 0 and 2, 1σ 1.07 m/s² on one of two axes.
+        let driving = wander(&|t| if t > 2.0 { 2.0 } else { 0.0 });
+        let expected = (8.0_f64 / 7.0 / 2.0).sqrt() / (G * G + 1.0).sqrt();
+        // 3 %: the axis across the mean force, which leans by 0.1 rad, and the sample between the halves.
+        assert!((driving / expected - 1.0).abs() < 0.03, "{driving} {expected}");
+    }
+
+    #[test]
+    fn what_keeps_it_from_levelling_is_said_in_shares_of_the_bounds() {
+        let still: StillSpec = toml::from_str("accel_std = 0.1\ngyro_std = 0.01").unwrap();
+        let mut levelling = unbounded(2.0);
+        levelling.test = Some(StillTest::new(&still));
+        assert_eq!(levelling.waits_for().unwrap(), "2 s at rest, to level");
+        for k in 0..200 {
+            let shake = if k % 2 == 0 { 0.3 } else { -0.3 };
+            levelling.row(0, Time::from_seconds(f64::from(k) * 0.01), &[0.0, 0.0, 0.0, shake, 0.0, -G]);
+        }
+        let message = levelling.waits_for().unwrap();
+        assert!(
+            message.contains("the rate shakes by 0.0 and the force by 3.0 of what `still` allows"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn without_bounds_the_first_rows_are_averaged_and_the_gyros_carry_on() {
+        let mut levelling = unbounded(1.0);
         // Shaking that no bound of stillness would let pass, and that averages out over 11 rows.
         for k in 0..=10 {
             assert!(levelling.waits_for().is_some(), "{k}");

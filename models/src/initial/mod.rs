@@ -38,6 +38,14 @@ fn write_velocity(layout: &Layout, belief: &mut Belief, v: &Vector3<f64>, sigma:
     }
 }
 
+/// The attitude that an initialiser has written, with its covariance; `None` before one has: then there
+/// is the identity without any variance.
+fn known_attitude(layout: &Layout, belief: &Belief) -> Option<(UnitQuaternion<f64>, nalgebra::Matrix3<f64>)> {
+    let b = layout.block(state::ATTITUDE).filter(|b| b.kind == Kind::Attitude)?;
+    let (q, p) = (Attitude::read(&belief.x[b.storage_range()]), belief.covariance.marginal::<3>(b));
+    (q != UnitQuaternion::identity() || p.diagonal().amax() > 0.0).then_some((q, p))
+}
+
 fn write_attitude(layout: &Layout, belief: &mut Belief, q: &UnitQuaternion<f64>, sigma: &[f64]) {
     if let Some(b) = layout.block(state::ATTITUDE) {
         Attitude::write(q, &mut belief.x[b.storage_range()]);

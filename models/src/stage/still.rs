@@ -95,6 +95,24 @@ impl StillTest {
         [origin[0] + self.sum[0] / n, origin[1] + self.sum[1] / n]
     }
 
+    /// Standard deviations of rate \[rad/s\] and force \[m/s²\] over the window, per axis.
+    #[must_use]
+    pub fn deviations(&self) -> [Vector3<f64>; 2] {
+        let n = self.samples.len().max(1) as f64;
+        core::array::from_fn(|k| {
+            let mean = self.sum[k] / n;
+            (self.squares[k] / n - mean.component_mul(&mean)).map(|v| v.max(0.0).sqrt())
+        })
+    }
+
+    /// How far the window is from still: the largest standard deviation over its bound, of rate and of
+    /// force.
+    #[must_use]
+    pub fn unrest(&self) -> [f64; 2] {
+        let [w, f] = self.deviations();
+        [w.component_div(&self.gyro_std).max(), f.component_div(&self.accel_std).max()]
+    }
+
     /// Whether the window is full and still, given the gyro bias \[rad/s\].
     #[must_use]
     pub fn is_still(&self, gyro_bias: &Vector3<f64>) -> bool {
@@ -104,13 +122,8 @@ impl StillTest {
         let n = self.samples.len() as f64;
         // n samples cover n intervals, of which n − 1 lie between them.
         let full = n >= 4.0 && (last.0 - first.0) * n / (n - 1.0) >= 0.9 * self.window;
-        let within = |k: usize, limit: &Vector3<f64>| {
-            let mean = self.sum[k] / n;
-            let variance = self.squares[k] / n - mean.component_mul(&mean);
-            (0..3).all(|i| variance[i] <= limit[i] * limit[i])
-        };
         let mean = self.means()[0] - gyro_bias;
-        full && within(0, &self.gyro_std) && within(1, &self.accel_std) && (0..3).all(|i| mean[i].abs() <= self.mean_rate[i])
+        full && self.unrest().iter().all(|share| *share <= 1.0) && (0..3).all(|i| mean[i].abs() <= self.mean_rate[i])
     }
 }
 

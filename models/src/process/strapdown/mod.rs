@@ -8,6 +8,9 @@
 //! Φ          I + FΔt, or + ½F²Δt², F from [`error_model`]
 //! Q          trapezoid of white accelerometer noise on velocity and gyro noise on attitude
 //! Gaps       velocity and attitude stay, up to the vehicle's [agility](AgilitySpec)
+//! Slow input a sample of more than 0.2 s ([`LONGEST_STEP`]) is integrated in pieces, and as only its
+//!            mean is known Q gains what a change from the neighbour's rate and force may move attitude
+//!            and velocity by within it: (T Δw)²/8, (T Δf)²/8 per axis and sample
 //! Source     spec of the mechanisation: Savage 1998; Titterton and Weston 2004, ch. 12
 
 pub mod error_model;
@@ -172,6 +175,11 @@ impl ProcessSpec for StrapdownSpec {
     }
 }
 
+/// The longest step of one linearisation \[s\]: a turn of 0.5 rad/s is 0.1 rad then, and what Φ leaves
+/// out of it 0.5 %. Inertial units are read at 50 Hz and more; slower ones leave open what the body does
+/// between two samples.
+pub const LONGEST_STEP: f64 = 0.2;
+
 /// Numbers of an inertial sample: angular rate, specific force.
 const IMU: usize = 6;
 
@@ -264,6 +272,10 @@ impl Process for Strapdown {
         IMU
     }
 
+    fn max_step(&self) -> f64 {
+        LONGEST_STEP
+    }
+
     fn order(&self) -> u8 {
         match self.discretisation {
             Discretisation::FirstOrder => 1,
@@ -343,15 +355,16 @@ impl Process for Strapdown {
                 }
             }
         }
-        let p = &self.accel_psd;
+        let (slow_gyro, slow_accel) = within_sample(input);
+        let p = self.accel_psd + slow_accel;
         // Noise alike on all axes is the same in every frame.
         let psd_n = if p.m11 == p.m22 && p.m22 == p.m33 {
-            *p
+            p
         } else {
             b.v_accel * p * b.v_accel.transpose()
         };
         out.noise_trapezoid(v, v, &(psd_n * dt));
-        out.noise_trapezoid(a, a, &(self.gyro_psd * dt));
+        out.noise_trapezoid(a, a, &((self.gyro_psd + slow_gyro) * dt));
     }
 
     fn agility(&self) -> &[f64] {
@@ -386,6 +399,20 @@ impl Process for Strapdown {
         out.add_quantity(self.acceleration, &self.accel_bias, &times_diagonal(&-b.v_accel, &f.by_bias()));
         out.add_quantity(self.acceleration, &self.accel_scale, &times_diagonal(&-b.v_accel, &f.by_scale()));
     }
+}
+
+/// The density of noise on rate and on force that stands for their unknown course within a long sample.
+/// Where they change by Δ from one sample to the next, their integral is off in the middle by ΔT/8 if they
+/// do so steadily, by ΔT/2 if they jump there; a density of T Δ²/8 has a 1σ of ΔT/4 there.
+fn within_sample(input: &Input<'_>) -> (Matrix3<f64>, Matrix3<f64>) {
+    let other = neighbour(input, IMU).filter(|other| other.interval > 0.0 && input.interval > LONGEST_STEP);
+    let density = |from: usize| {
+        other.map_or_else(Matrix3::zeros, |other| {
+            let change = |k: usize| input.sample[from + k] - other.sample[from + k];
+            Matrix3::from_diagonal(&Vector3::from_fn(|k, _| change(k).powi(2) * input.interval / 8.0))
+        })
+    };
+    (density(0), density(3))
 }
 
 /// Φ in 3×3 blocks; the last two are the response to an error of specific force and of rate.

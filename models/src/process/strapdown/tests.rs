@@ -106,3 +106,31 @@ fn accelerometer_noise_that_differs_by_axis_is_rotated_to_navigation_axes() {
     // 4 ε: products of rotation matrices.
     assert!((got - wanted).amax() < 4.0 * f64::EPSILON * wanted.amax(), "{got} {wanted}");
 }
+
+#[test]
+fn a_sample_that_lasts_long_adds_noise_for_what_it_hides() {
+    let (layout, process) = built("gyro = { noise = 0 }\naccelerometer = { noise = 0 }");
+    let x = state(&layout, UnitQuaternion::identity());
+    let (now, before) = ([0.0, 0.0, 0.3, 1.0, 0.0, -9.8], [0.0, 0.0, 0.1, 0.0, 0.0, -9.8]);
+    // 1σ of yaw [rad] and of velocity north [m/s] over the whole of a sample.
+    let sigma = |interval: f64| {
+        let sample = [&now[..], &before[..], &[interval]].concat();
+        let input = Input { sample: &sample, interval };
+        let mut out = Transition::new(&layout);
+        process.linearise(&x, &input, interval, &mut out);
+        let variance = |axis: usize| -> f64 {
+            let noise = out.noise_before().chain(out.noise_after());
+            noise.filter(|(i, j, _)| *i == axis && *j == axis).map(|(_, _, v)| v).sum()
+        };
+        (variance(8).sqrt(), variance(3).sqrt())
+    };
+    assert_eq!(sigma(LONGEST_STEP), (0.0, 0.0), "what units of 5 Hz and more hide is left out");
+    let (yaw, north) = sigma(1.0);
+    let root = 8_f64.sqrt();
+    // 1e-15: a square root of a square.
+    assert!(
+        (yaw - 0.2 / root).abs() < 1e-15 && (north - 1.0 / root).abs() < 1e-15,
+        "{yaw} {north}"
+    );
+    assert!(process.max_step() <= LONGEST_STEP);
+}
