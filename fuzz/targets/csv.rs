@@ -76,7 +76,10 @@ fuzz_target!(|bytes: &[u8]| {
     let spec = &specs[usize::from(*first) % specs.len()];
     std::fs::write(path, content).expect("a folder for temporary files");
     let origin = Some(fusion::core::geometry::wgs84::Geodetic::new(0.8, 0.1, 400.0));
-    let context = OpenContext { origin, ..OpenContext::default() };
+    let context = OpenContext {
+        origin,
+        ..OpenContext::default()
+    };
     let mut source = match spec.open(&context) {
         Ok(source) => source,
         Err(error) => return assert!(!error.to_string().is_empty()),

@@ -3,12 +3,24 @@
 #![no_main]
 
 use fusion::Navigator;
+use fusion::assembly::{assemble, declared_streams};
+use fusion::config::Document;
 use fusion::core::time::Time;
+use fusion::design::Design;
+use fusion::examine::build;
 use libfuzzer_sys::fuzz_target;
 
 /// An inertial unit with estimated biases, a receiver of position and velocity with gates and a
 /// reported 1σ, a barometer without a gate.
 const DESIGN: &str = include_str!("feed.toml");
+
+thread_local! {
+    /// Read once: most of the time of a short sequence.
+    static DECLARED: Design = {
+        let (document, _) = Document::parse("feed.toml", DESIGN);
+        build(document).unwrap_or_else(|d| panic!("{d}"))
+    };
+}
 
 /// The rest of the input.
 struct Bytes<'a>(&'a [u8]);
@@ -88,7 +100,10 @@ fn check(nav: &mut Navigator) {
 }
 
 fn feed(mut bytes: Bytes<'_>) -> Option<()> {
-    let mut nav = Navigator::from_toml(DESIGN).unwrap_or_else(|d| panic!("{d}"));
+    let mut nav = DECLARED.with(|design| {
+        let assembled = declared_streams(design).and_then(|streams| assemble(design, streams));
+        Navigator::from_assembly(assembled.unwrap_or_else(|d| panic!("{d}")))
+    });
     let streams = nav.streams().to_vec();
     let mut last = 0.0;
     while let Some(kind) = bytes.byte() {
@@ -106,7 +121,8 @@ fn feed(mut bytes: Bytes<'_>) -> Option<()> {
         check(&mut nav);
     }
     // What is held back.
-    nav.finish(&mut |_: &fusion::core::runner::Event<'_>| {}).expect("no observer fails");
+    nav.finish(&mut |_: &fusion::core::runner::Event<'_>| {})
+        .expect("no observer fails");
     check(&mut nav);
     Some(())
 }
