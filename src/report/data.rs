@@ -340,9 +340,9 @@ mod tests {
         let data = data(&[run]);
         let alone = &data.runs[0].sensors[0];
         assert_eq!(alone.rows, ["x [deg]", "y [deg]"]);
-        assert_eq!(alone.updates.c.len(), 5 + 3 * 2);
+        assert_eq!(alone.updates.c.len(), 5 + 4 * 2);
         assert_eq!(alone.updates.c[5..7], [stored(0.1), stored(0.2)]);
-        assert_eq!(alone.updates.c[9..], [stored(3.0 * 0.1), stored(3.0 * 0.1)]);
+        assert_eq!(alone.updates.c[9..11], [stored(3.0 * 0.1), stored(3.0 * 0.1)]);
         let both = super::data(&[run, run]);
         assert!(both.runs.iter().all(|r| r.sensors[0].updates.c.len() == 5 + 2 * 2));
     }
