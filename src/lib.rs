@@ -27,6 +27,7 @@ pub mod run;
 pub mod score;
 pub mod solution;
 pub mod source;
+pub mod stress;
 pub mod world;
 
 pub use design::schema;

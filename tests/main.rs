@@ -48,6 +48,9 @@ mod real;
 /// The JSON Schema against every example and every shipped design.
 #[path = "suite/schema.rs"]
 mod schema;
+/// A design under its catalogue of faults: does it survive, and does it say so.
+#[path = "suite/stress.rs"]
+mod stress;
 /// A workspace of files for a test, and the command run in it.
 #[path = "suite/support.rs"]
 mod support;

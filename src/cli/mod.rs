@@ -14,6 +14,7 @@ mod progress;
 mod run;
 #[cfg(unix)]
 mod stop;
+mod stress;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use fusion::config::{Diagnostic, Diagnostics, Document, Files, Severity};
@@ -112,6 +113,22 @@ Examples:
         visible_alias = "mc"
     )]
     Montecarlo(montecarlo::MonteCarloArgs),
+    /// Run a design under a catalogue of faults, one at a time and in random pairs: does it survive,
+    /// and does it say so.
+    ///
+    /// First the design runs undisturbed. Then each fault of the catalogue is applied to each stream or
+    /// channel that it fits, at one moment in motion, to recorded data as to simulated data. A case
+    /// fails, and the exit code is 3, if the estimate is wrong beyond 3σ, or there is none, for longer
+    /// than its recovery time while the health of the filter is good.
+    ///
+    /// The table [stress] of a design changes the catalogue: `[stress] at = "600 s"`,
+    /// `[stress.fault.spike] size.value = 50`, `[stress.fault.ramp] enabled = false`.
+    #[command(after_long_help = "\
+Examples:
+  fusion stress configs/ins-gps-outlier.toml
+  fusion stress drive.toml --data ~/logs/drive-3 --only gap-5,spike --pairs 0
+  fusion stress drive.toml --out results    writes stress.csv with what --set repeats each case by")]
+    Stress(stress::StressArgs),
     /// Print the JSON Schema of a design, for editors that complete and check TOML.
     #[command(after_long_help = "\
 Examples:
@@ -325,6 +342,8 @@ enum Failure {
     Output(std::io::Error),
     /// A filter was not in good health, where that was asked for.
     Health,
+    /// The filter failed under stress, which has been told.
+    Stress,
 }
 
 impl From<Diagnostics> for Failure {
@@ -358,6 +377,7 @@ pub fn main() -> ExitCode {
         Command::Blocks(args) => blocks::blocks(&args),
         Command::Compare(args) => compare::compare(&args),
         Command::Montecarlo(args) => montecarlo::montecarlo(&args),
+        Command::Stress(args) => stress::stress(&args),
         Command::Schema => print(&format!("{:#}\n", fusion::schema::design())),
     };
     match done {
@@ -370,7 +390,7 @@ pub fn main() -> ExitCode {
             }
             ExitCode::from(2)
         }
-        Err(Failure::Health) => ExitCode::from(3),
+        Err(Failure::Health | Failure::Stress) => ExitCode::from(3),
         // The reader of a pipe has seen enough: `fusion schema | head`.
         Err(Failure::Output(e)) if e.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(Failure::Output(e)) => {

@@ -59,6 +59,11 @@ impl Document {
         Ok(())
     }
 
+    /// Lays `over`, a table of another document, over the whole tree, as [`overlay`](Self::overlay) does.
+    pub(crate) fn lay(&mut self, over: &Node) {
+        merge(&mut self.root, over);
+    }
+
     /// Lays the table at `path`, such as `variant.udu`, over the whole tree.
     ///
     /// Tables merge entry by entry and everything else is replaced; a block of another `type` is

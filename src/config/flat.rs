@@ -96,6 +96,13 @@ fn quoted(text: &str) -> String {
     toml::Value::String(text.to_owned()).to_string().replace('\n', "\\n")
 }
 
+impl Node {
+    /// The value as TOML, on one line.
+    pub(crate) fn inline(&self) -> String {
+        inline(self)
+    }
+}
+
 /// A value on one line.
 fn inline(node: &Node) -> String {
     match &node.value {

@@ -11,6 +11,7 @@
 //! [source.NAME]         # recorded data, with faults
 //! [simulation]          # or a simulated world
 //! [reference]           # what the run is scored against
+//! [stress]              # what `fusion stress` does to it
 //! [variant.NAME]        # overrides by path
 //! ```
 

@@ -5,7 +5,7 @@ use crate::config::{Diagnostic, Diagnostics, Entry, INCLUDE, Node};
 use fusion_models::sim::{IMU, REFERENCE};
 
 /// Tables that may stand at the top of a design.
-pub(super) const TABLES: [&str; 11] = [
+pub(super) const TABLES: [&str; 12] = [
     "run",
     "filter",
     "health",
@@ -16,6 +16,7 @@ pub(super) const TABLES: [&str; 11] = [
     "source",
     "simulation",
     "reference",
+    "stress",
     "variant",
 ];
 

@@ -10,6 +10,7 @@
 
 use crate::config::INCLUDE;
 use crate::design::{FILTER_TABLES, FilterSpec, HealthSpec, InputSpec, NoiseSpec, OnlyWithSpec, ReferenceSpec, RunSpec};
+use crate::stress::CatalogueSpec;
 use fusion_models::registry::{self, Registration, Role};
 use fusion_models::sim::SimulationSpec;
 use schemars::{JsonSchema, schema_for};
@@ -52,6 +53,7 @@ pub fn design() -> Value {
         ("source", s.named(Role::Source, "Recorded data by name.")),
         ("simulation", simulation),
         ("reference", s.of::<ReferenceSpec>("reference")),
+        ("stress", s.of::<CatalogueSpec>("stress")),
     ];
     for (table, schema) in &sections {
         if FILTER_TABLES.contains(table) {

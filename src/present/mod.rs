@@ -17,6 +17,7 @@ mod judged;
 mod number;
 pub mod run;
 mod sensors;
+mod stress;
 pub mod text;
 mod tree;
 mod unit;

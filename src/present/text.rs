@@ -7,6 +7,8 @@ use std::fmt::{self, Write};
 
 /// Characters in a line where the width of the terminal is not known.
 pub const WIDTH: usize = 100;
+/// Words longer than this may be broken.
+const LONG: usize = 24;
 /// Before every line of a table.
 const INDENT: &str = "  ";
 
@@ -74,6 +76,11 @@ fn write_table(out: &mut String, table: &Table, width: usize) -> fmt::Result {
             let widest = table.rows().iter().map(|r| table.shown(r, k).chars().count() + 2).max();
             let widest = u16::try_from(widest.unwrap_or(0).min(width)).unwrap_or(u16::MAX);
             drawn.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(widest)));
+        } else if !table.is_list() {
+            // Words are wrapped between, not within, if they are names of a usual length.
+            let words = table.rows().iter().map(|r| longest_word(&table.shown(r, k)).min(LONG) + 2).max();
+            let widest = u16::try_from(words.unwrap_or(0).min(width)).unwrap_or(u16::MAX);
+            drawn.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(widest)));
         }
     }
     for line in drawn.lines() {
@@ -90,6 +97,10 @@ fn short(text: &str) -> Cow<'_, str> {
         Some((end, _)) => format!("{}…", &text[..end]).into(),
         None => text.into(),
     }
+}
+
+fn longest_word(text: &str) -> usize {
+    text.split_whitespace().map(|word| word.chars().count()).max().unwrap_or(0)
 }
 
 /// `text` in lines of at most `width` characters, broken at blanks; its own line breaks and the

@@ -7,6 +7,7 @@ use crate::design::{Design, Draft};
 use crate::rows::FaultChain;
 use crate::run::{Options, data_dir, open_one, unknown_reference};
 use crate::source::OpenContext;
+use crate::stress;
 use crate::world;
 use std::path::{Path, PathBuf};
 
@@ -51,6 +52,7 @@ fn draft(document: Document) -> (Draft, Diagnostics) {
     let draft = Draft::of(document, &mut d);
     assembly::check(&draft, &mut d);
     world::check(&draft, &mut d);
+    stress::check(&draft.document, &mut d);
     (draft, d)
 }
 

@@ -6,7 +6,7 @@ use serde_json::Value;
 #[test]
 fn help_has_examples_for_every_subcommand() {
     let w = Workspace::new("command-help");
-    for sub in ["run", "check", "blocks", "compare", "montecarlo", "schema"] {
+    for sub in ["run", "check", "blocks", "compare", "montecarlo", "stress", "schema"] {
         let help = stdout(&w.fusion(&[sub, "--help"]).success().stderr("").stdout(narrow()));
         let example = help.split("Examples:").nth(1).unwrap_or_else(|| panic!("{help}"));
         assert!(example.contains(&format!("fusion {sub}")), "{example}");

@@ -1,0 +1,116 @@
+//! A design under its catalogue of faults.
+
+use super::tree::{Cell, Column, Page, Section, Table};
+use super::unit::Unit;
+use crate::stress::{Row, Stress, Verdict};
+
+impl Stress {
+    /// As it is shown: a row for each case.
+    #[must_use]
+    pub fn page(&self) -> Page {
+        let failed = self.failures();
+        let mut warnings = Vec::new();
+        if failed > 0 {
+            warnings.push(format!(
+                "{failed} of {} cases failed: the filter was wrong, or gave no estimate, for longer than its recovery time \
+                 while its health was good",
+                self.rows.len()
+            ));
+        }
+        for row in &self.rows {
+            if let Some(why) = &row.outcome.stopped {
+                warnings.push(format!("{} on {}: the run stopped: {why}", row.case.fault, row.case.on));
+            }
+        }
+        let at = Cell::time(self.at).shown(&Unit::none());
+        let (pairs, singles): (Vec<&Row>, Vec<&Row>) = self.rows.iter().partition(|r| r.case.sets.len() > 1);
+        let alone = core::iter::once(&self.undisturbed).chain(singles.iter().copied());
+        Page {
+            title: format!("{}, under {} faults from {at} s on", self.description, self.rows.len()),
+            warnings,
+            sections: vec![
+                self.explained(Section::new("One fault at a time", [outcomes(alone)])),
+                Section::new("Two faults", [outcomes(pairs.iter().copied())]),
+                Section::new("Sizes", [sizes(&singles)]),
+            ],
+        }
+    }
+
+    fn explained(&self, section: Section) -> Section {
+        let reference = if self.has_reference {
+            "the reference"
+        } else {
+            "the undisturbed run"
+        };
+        let section = section.note(format!(
+            "worst: the largest error against {reference} that the undisturbed run does not have, in σ of the filter; \
+             of \"none\" its own. position: the largest error. recovered: from the end of the fault until the error is within \
+             3σ for good. health: the worst state, and when it was no longer good. FAILED: beyond 3σ, or no estimate, for \
+             longer than the recovery time while the health was good."
+        ));
+        let is_known = self
+            .rows
+            .iter()
+            .any(|r| matches!(r.verdict(), Some(Verdict::Known | Verdict::Passed)));
+        let section = if is_known {
+            section.note("known: it fails, as the design says. passes now: the design says that it fails.")
+        } else {
+            section
+        };
+        match self.unfit.as_slice() {
+            [] => section,
+            unfit => section.note(format!("On no stream of this design: {}.", unfit.join(", "))),
+        }
+    }
+}
+
+fn outcomes<'a>(rows: impl Iterator<Item = &'a Row>) -> Table {
+    let mut t = Table::new([
+        Column::text("fault"),
+        Column::text("on"),
+        Column::text("survived"),
+        Column::with_unit("worst", Unit::shown("σ")),
+        Column::with_unit("position", Unit::of_si("m")),
+        Column::with_unit("recovered", Unit::of_si("s")),
+        Column::text("health"),
+        Column::with_unit("after", Unit::of_si("s")),
+        Column::text(""),
+    ]);
+    for row in rows {
+        let (case, outcome) = (&row.case, &row.outcome);
+        let said = outcome.health.as_ref();
+        t.row([
+            Cell::text(&case.fault),
+            Cell::text(&case.on),
+            match (case.sets.is_empty(), outcome.survived) {
+                (true, _) => Cell::Empty,
+                (_, true) => Cell::text("yes"),
+                (_, false) => Cell::text("no"),
+            },
+            outcome.worst.map_or(Cell::Empty, |(ratio, _)| decimal(ratio)),
+            outcome.metres.map_or(Cell::Empty, decimal),
+            outcome
+                .recovered
+                .filter(|_| !case.sets.is_empty())
+                .map_or(Cell::Empty, Cell::Seconds),
+            Cell::text(said.map_or("good", |said| said.state.word())),
+            said.map_or(Cell::Empty, |said| Cell::Seconds(said.after)),
+            row.verdict().map_or(Cell::Empty, |verdict| Cell::text(verdict.word())),
+        ]);
+    }
+    t
+}
+
+/// To a tenth; large ones with four digits.
+fn decimal(value: f64) -> Cell {
+    if value < 1e5 { Cell::Fixed(value, 1) } else { Cell::Real(value) }
+}
+
+/// How large the faults are that have a size.
+fn sizes(rows: &[&Row]) -> Table {
+    let mut t = Table::new(["fault", "on", "size"].map(Column::text));
+    for Row { case, .. } in rows.iter().filter(|r| !r.case.size.is_empty()) {
+        t.row([&case.fault, &case.on, &case.size].map(Cell::text));
+    }
+    t
+}

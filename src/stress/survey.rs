@@ -1,0 +1,214 @@
+//! The undisturbed run: what its streams are like, when it moves, how wrong it is.
+
+use super::catalogue::Catalogue;
+use super::errors::Errors;
+use crate::assembly::StreamLayout;
+use crate::observe::{RunEvent, RunObserver};
+use crate::run::Summary;
+use crate::score::{EpochError, ReferenceEpoch};
+use fusion_core::geometry::so3;
+use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::runner::{Event, Halt};
+use fusion_core::state::Manifold;
+use fusion_core::time::Time;
+use fusion_models::block::Shape;
+use nalgebra::UnitQuaternion;
+
+/// Estimates are kept so far apart \[ns\]: they take the place of a reference, and tell of motion.
+const SPACING: i64 = 100_000_000;
+
+/// What is learnt of a stream.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Learnt {
+    /// The stamps of its rows.
+    pub(super) times: Vec<Time>,
+    /// Per number of a row: sum, sum of squares about the first, sum of squared changes.
+    sums: Vec<[f64; 3]>,
+    first: Vec<f64>,
+    last: Vec<f64>,
+    /// Squared metres between rows, by channel.
+    moved: Vec<f64>,
+}
+
+impl Learnt {
+    fn add(&mut self, time: Time, values: &[f64], layout: &StreamLayout) {
+        if !values.iter().all(|v| v.is_finite()) {
+            return;
+        }
+        if self.times.is_empty() {
+            self.first = values.to_vec();
+            self.last = values.to_vec();
+            self.sums = vec![[0.0; 3]; values.len()];
+            self.moved = vec![0.0; layout.channels.len()];
+        }
+        self.times.push(time);
+        for (k, sums) in self.sums.iter_mut().enumerate() {
+            let (off, change) = (values[k] - self.first[k], values[k] - self.last[k]);
+            *sums = [sums[0] + off, sums[1] + off * off, sums[2] + change * change];
+        }
+        for (moved, channel) in self.moved.iter_mut().zip(&layout.channels) {
+            let range = channel.offset..channel.offset + channel.width;
+            *moved += match channel.shape {
+                Shape::Geodetic => Geodetic::read(&values[range.clone()])
+                    .difference(&Geodetic::read(&self.last[range]))
+                    .norm_squared(),
+                Shape::Angle => so3::wrap_angle(values[range.start] - self.last[range.start]).powi(2),
+                Shape::Vector | Shape::Quaternion => 0.0,
+            };
+        }
+        self.last.copy_from_slice(values);
+    }
+
+    /// The greatest standard deviation of a channel's numbers.
+    pub(super) fn spread(&self, layout: &StreamLayout, channel: usize) -> f64 {
+        let n = self.times.len().max(1) as f64;
+        self.greatest(layout, channel, |[sum, squares, _]| squares / n - (sum / n).powi(2))
+    }
+
+    /// The root mean square change between two rows; metres of a place, an angle of an attitude.
+    pub(super) fn change(&self, layout: &StreamLayout, channel: usize) -> f64 {
+        let n = (self.times.len().max(2) - 1) as f64;
+        match layout.channels[channel].shape {
+            Shape::Geodetic | Shape::Angle => (self.moved.get(channel).copied().unwrap_or(0.0) / n).sqrt(),
+            Shape::Vector => self.greatest(layout, channel, |[.., changes]| changes / n),
+            // A rotation by φ changes a component by φ/2 at most.
+            Shape::Quaternion => 2.0 * self.greatest(layout, channel, |[.., changes]| changes / n),
+        }
+    }
+
+    fn greatest(&self, layout: &StreamLayout, channel: usize, variance: impl Fn([f64; 3]) -> f64) -> f64 {
+        let c = &layout.channels[channel];
+        let sums = self.sums.get(c.offset..c.offset + c.width).unwrap_or_default();
+        sums.iter().map(|s| variance(*s).max(0.0).sqrt()).fold(0.0, f64::max)
+    }
+}
+
+/// Observes the undisturbed run.
+#[derive(Debug)]
+pub(super) struct Survey {
+    layouts: Vec<StreamLayout>,
+    /// By stream.
+    pub(super) streams: Vec<Learnt>,
+    pub(super) started: Option<Time>,
+    /// Its estimates, some 0.1 s apart.
+    pub(super) estimates: Vec<ReferenceEpoch>,
+    /// The greatest pause between two of all its estimates \[s\].
+    pub(super) longest_pause: f64,
+    last_estimate: Option<Time>,
+    epochs: Vec<EpochError>,
+    /// Taken out of the attitude errors.
+    pub(super) mounting: UnitQuaternion<f64>,
+    /// Root mean square of the innovations of each sensor.
+    pub(super) innovations: Vec<(String, Vec<f64>)>,
+    /// In order of time; empty where there is no reference.
+    pub(super) errors: Vec<Errors>,
+}
+
+impl Survey {
+    pub(super) fn new(layouts: Vec<StreamLayout>) -> Self {
+        Self {
+            streams: vec![Learnt::default(); layouts.len()],
+            layouts,
+            started: None,
+            estimates: Vec::new(),
+            longest_pause: 0.0,
+            last_estimate: None,
+            epochs: Vec::new(),
+            mounting: UnitQuaternion::identity(),
+            innovations: Vec::new(),
+            errors: Vec::new(),
+        }
+    }
+
+    /// The run is over, with this result.
+    pub(super) fn finish(&mut self, summary: &Summary) {
+        let told = summary.sensors.iter().filter(|s| s.innovations.count > 0);
+        self.innovations = told.map(|s| (s.name.clone(), s.innovations.rms.clone())).collect();
+        let mounting = summary.score.as_ref().and_then(|score| score.mounting_deg);
+        let [roll, pitch, yaw] = mounting.unwrap_or_default().map(f64::to_radians);
+        self.mounting = so3::from_rpy(roll, pitch, yaw);
+        let epochs = core::mem::take(&mut self.epochs);
+        self.errors = epochs.iter().map(|e| Errors::of(e, &self.mounting)).collect();
+    }
+
+    /// Its errors at this epoch.
+    pub(super) fn errors_at(&self, time: Time) -> Option<&Errors> {
+        let at = self.errors.binary_search_by_key(&time, |e| e.time).ok()?;
+        self.errors.get(at)
+    }
+
+    /// The last of its stamps.
+    pub(super) fn end(&self) -> Time {
+        let last = self.streams.iter().filter_map(|s| s.times.last());
+        last.copied().max().unwrap_or_default()
+    }
+
+    /// The moment of the faults: the declared one, or the first at which the vehicle has been moving
+    /// for 5 s and goes on for 5 s, once the filter has converged; where it never does, half-way.
+    pub(super) fn moment(&self, catalogue: &Catalogue, from: Option<Time>) -> Time {
+        if let Some(at) = catalogue.at {
+            return Time::from_seconds(at);
+        }
+        let started = self.started.unwrap_or_default();
+        let earliest = started.shifted((catalogue.settle * 1e9) as i64).max(from.unwrap_or(Time::MIN));
+        let speeds: Vec<(Time, f64)> = self.estimates.iter().filter_map(|e| Some((e.time, e.velocity?.norm()))).collect();
+        let squares = speeds.iter().map(|(_, v)| v * v).sum::<f64>();
+        let moving = 0.5 * (squares / speeds.len().max(1) as f64).sqrt();
+        let (mut since, mut found) = (None, None);
+        for (time, speed) in speeds {
+            if speed < moving {
+                since = None;
+                continue;
+            }
+            let since = *since.get_or_insert(time);
+            let middle = time.shifted(-5_000_000_000);
+            if since.max(earliest) <= middle && time.seconds_since(since) >= 10.0 {
+                found = Some(middle);
+                break;
+            }
+        }
+        let end = self.end();
+        found.unwrap_or_else(|| Time::from_seconds(0.5 * (earliest.min(end).seconds() + end.seconds())))
+    }
+}
+
+impl RunObserver for Survey {
+    fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
+        match event {
+            RunEvent::Row(row) => {
+                if let (Some(learnt), Some(layout)) = (self.streams.get_mut(row.stream), self.layouts.get(row.stream)) {
+                    learnt.add(row.time, row.values, layout);
+                }
+            }
+            RunEvent::Filter { filter, event } => {
+                if let Event::Started { belief } = event
+                    && filter.is_outermost()
+                {
+                    self.started.get_or_insert(belief.time);
+                }
+            }
+            RunEvent::Estimate { filter, solution, .. } if filter.is_outermost() => {
+                if let Some(last) = self.last_estimate.replace(solution.time) {
+                    self.longest_pause = self.longest_pause.max(solution.time.seconds_since(last));
+                }
+                let is_next = |last: &ReferenceEpoch| solution.time.nanos().saturating_sub(last.time.nanos()) >= SPACING;
+                if self.estimates.last().is_none_or(is_next) {
+                    self.estimates.push(ReferenceEpoch {
+                        time: solution.time,
+                        position: solution.position.map(|(p, _)| p),
+                        velocity: solution.velocity.map(|(v, _)| v),
+                        attitude: solution.attitude.map(|(q, _)| q),
+                        ..ReferenceEpoch::default()
+                    });
+                }
+            }
+            RunEvent::Reference {
+                filter,
+                error: Some(error),
+                ..
+            } if filter.is_outermost() => self.epochs.push(**error),
+            _ => {}
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,67 @@
+//! stress.csv.
+
+use super::{Outcome, Stress, Verdict};
+use crate::output::Cells;
+use std::io::{self, Write};
+
+impl Stress {
+    /// Writes stress.csv: one row per case, with what `--set` repeats it by. Cells are empty where
+    /// there is nothing to say.
+    ///
+    /// # Errors
+    /// What the writer reports.
+    pub fn write(&self, out: impl Write) -> io::Result<()> {
+        let mut cells = Cells::new(out);
+        cells.texts([
+            "fault",
+            "on",
+            "size",
+            "from_s",
+            "to_s",
+            "survived",
+            "worst_sigma",
+            "worst_of",
+            "position_m",
+        ])?;
+        cells.texts([
+            "attitude_rad",
+            "recovered_s",
+            "missing_s",
+            "unsaid_s",
+            "health",
+            "reason",
+            "health_after_s",
+        ])?;
+        cells.texts(["verdict", "stopped", "set"])?;
+        cells.end()?;
+        for row in core::iter::once(&self.undisturbed).chain(&self.rows) {
+            let (case, outcome) = (&row.case, &row.outcome);
+            cells.texts([case.fault.as_str(), &case.on, &case.size])?;
+            // To a microsecond: rows are further apart.
+            cells.put(format_args!("{:.6}", case.from.seconds()))?;
+            cells.put(format_args!("{:.6}", case.to.seconds()))?;
+            outcome.write(&mut cells)?;
+            cells.text(row.verdict().map_or("", Verdict::word))?;
+            cells.text(outcome.stopped.as_deref().unwrap_or_default())?;
+            cells.text(&case.sets.join("\n"))?;
+            cells.end()?;
+        }
+        cells.flush()
+    }
+}
+
+impl Outcome {
+    fn write(&self, cells: &mut Cells<impl Write>) -> io::Result<()> {
+        cells.put(self.survived)?;
+        cells.maybe(self.worst.map(|(ratio, _)| ratio))?;
+        cells.text(self.worst.map_or("", |(_, group)| group))?;
+        cells.maybe(self.metres)?;
+        cells.maybe(self.angle)?;
+        cells.maybe(self.recovered)?;
+        cells.put(self.missing)?;
+        cells.put(self.unsaid)?;
+        cells.text(self.health.as_ref().map_or("", |said| said.state.word()))?;
+        cells.maybe(self.health.as_ref().and_then(|said| said.reason.as_ref()))?;
+        cells.maybe(self.health.as_ref().map(|said| said.after))
+    }
+}

@@ -1,0 +1,257 @@
+//! `fusion stress` on a short simulated design, on recorded fixes, and its mistakes.
+
+use crate::support::{Workspace, narrow, shows, squeezed, stderr, stdout};
+use predicates::str::contains;
+use serde_json::Value;
+
+/// A boat on a straight line: a receiver of position and velocity, no input, a hundred seconds.
+const BOAT: &str = r#"
+[run]
+description = "Boat with GNSS, simulated"
+origin = { latitude = "47 deg", longitude = "8 deg" }
+seed = 4
+
+[process]
+type = "constant_velocity"
+acceleration_noise = "0.1 m/s^2/sqrt(Hz)"
+position_sigma = "10 m"
+velocity_sigma = "5 m/s"
+
+[sensor.fix]
+type = "gnss_position"
+source = "gps"
+noise = { sigma = "2 m" }
+gate = { type = "nis", probability = 0.999 }
+
+[sensor.speed]
+type = "gnss_velocity"
+source = "gps"
+noise = { sigma = "0.2 m/s" }
+
+[initial.fix]
+type = "first_fix"
+source = "gps"
+position_sigma = "5 m"
+velocity_sigma = "1 m/s"
+
+[simulation]
+trajectory = [{ type = "straight", distance = "1000 m", speed = "10 m/s" }]
+sensor.fix = { rate = "2 Hz", white = "2 m" }
+sensor.speed = { rate = "2 Hz", white = "0.2 m/s" }
+
+[stress]
+settle = "20 s"
+watch = "30 s"
+pairs = 2
+
+# Health that says nothing.
+[variant.mute.health]
+innovations = { degraded = 1e9, lost = 1e9 }
+rejected = { degraded = "1 h", lost = "1 h" }
+reacquired = 0
+silent.at_least = "1 h"
+calibration = 1e9
+"#;
+
+fn boat(test: &str) -> Workspace {
+    let w = Workspace::new(test);
+    w.write("boat.toml", BOAT);
+    w
+}
+
+/// The rows of stress.csv, each with its cells by name.
+fn rows(w: &Workspace, file: &str) -> Vec<std::collections::HashMap<String, String>> {
+    let mut reader = csv::Reader::from_path(w.path(file)).unwrap();
+    let found: Result<Vec<_>, csv::Error> = reader.deserialize().collect();
+    found.unwrap()
+}
+
+#[test]
+fn every_fault_that_fits_is_applied_to_every_stream_the_same_on_any_number_of_threads() {
+    let w = boat("stress-all");
+    for (out, threads) in [("one", "1"), ("two", "2")] {
+        let ran = w.fusion(&["stress", "boat.toml", "--threads", threads, "--out", out]);
+        let parts = ["One fault at a time", "Two faults", "Sizes", "worst", "recovered", "health"];
+        shows(ran.stdout(narrow()), &parts);
+    }
+    assert_eq!(w.read("one/stress.csv"), w.read("two/stress.csv"));
+    let all = rows(&w, "one/stress.csv");
+    let on = |fault: &str| -> Vec<&str> { all.iter().filter(|r| r["fault"] == fault).map(|r| r["on"].as_str()).collect() };
+    for fault in [
+        "gap-1",
+        "lost",
+        "spike",
+        "stuck",
+        "nan",
+        "step",
+        "ramp",
+        "duplicate",
+        "disorder",
+        "glitch",
+        "clock-jump",
+    ] {
+        assert_eq!(on(fault), ["fix", "speed"], "{fault}");
+    }
+    // A position has neither scale nor sign.
+    assert_eq!((on("scale"), on("sign")), (vec!["speed"], vec!["speed"]));
+    let pairs = all.iter().filter(|r| r["fault"].contains(" + ")).count();
+    assert_eq!((on("none").len(), pairs), (1, 2));
+    let row = |fault: &str, on: &str| all.iter().find(|r| r["fault"] == fault && r["on"] == on).unwrap();
+    // 30 and 10 times the declared σ of all three axes, or up to twice that where the innovations are
+    // larger; with a direction of unit length.
+    let size = |fault: &str, on: &str| row(fault, on)["size"].split(' ').next().unwrap().parse::<f64>().unwrap();
+    assert!((60.0..120.0).contains(&size("spike", "fix")), "{:?}", row("spike", "fix"));
+    assert!((2.0..4.0).contains(&size("step", "speed")), "{:?}", row("step", "speed"));
+    // A duplicate and a short gap are nothing to a filter that predicts; a sensor lost for good is said.
+    assert_eq!(
+        (
+            row("duplicate", "fix")["survived"].as_str(),
+            row("gap-1", "fix")["recovered_s"].as_str()
+        ),
+        ("true", "0")
+    );
+    assert_ne!(row("lost", "fix")["health"], "", "{:?}", row("lost", "fix"));
+}
+
+#[test]
+fn a_filter_that_is_wrong_and_says_so_passes_and_one_that_is_silent_fails() {
+    let w = boat("stress-silent");
+    let stress = |variant: &str, more: &[&str]| {
+        let args = ["stress", "boat.toml", "--only", "sign", "--pairs", "0", "--variant", variant];
+        w.fusion(&[&args, more].concat())
+    };
+    let row = |ran: &assert_cmd::assert::Assert| squeezed(&stdout(ran)).into_iter().find(|l| l.starts_with("sign speed")).unwrap();
+    // Ten seconds of velocity backwards: the fixes contradict it.
+    let silent = stress("mute", &[]).code(3);
+    assert!(row(&silent).ends_with(" FAILED"), "{}", row(&silent));
+    assert!(stderr(&silent).contains("1 of 1 cases failed"), "{}", stderr(&silent));
+    let honest = stress("base", &[]).success();
+    assert!(
+        row(&honest).contains(" lost ") && !row(&honest).contains("FAILED"),
+        "{}",
+        row(&honest)
+    );
+    assert_eq!(stderr(&honest), "");
+    // What is declared is told, and no failure; so is that it is no longer so.
+    let known = ["--set", "stress.fault.sign.known=['speed']"];
+    let declared = stress("mute", &known).success();
+    assert!(row(&declared).ends_with(" known"), "{}", row(&declared));
+    assert!(row(&stress("base", &known).success()).ends_with(" passes now"));
+}
+
+#[test]
+fn a_case_is_repeated_by_what_its_row_says() {
+    let w = boat("stress-repeat");
+    w.fusion(&["stress", "boat.toml", "--only", "gap-30", "--pairs", "0", "--out", "out"]);
+    let set = &rows(&w, "out/stress.csv")[1]["set"];
+    let ran = w.fusion(&["run", "boat.toml", "--set", set]).success();
+    // Half a minute at 2 Hz.
+    assert!(
+        stdout(&ran).contains("fix: left out 60: withheld by fault stress-1"),
+        "{set}\n{}",
+        stdout(&ran)
+    );
+}
+
+#[test]
+fn the_seed_draws_directions_and_pairs() {
+    let w = boat("stress-seed");
+    let sets = |seed: &str| -> Vec<String> {
+        w.fusion(&["stress", "boat.toml", "--only", "spike,gap-1", "--seed", seed, "--out", seed]);
+        rows(&w, &format!("{seed}/stress.csv")).iter().map(|r| r["set"].clone()).collect()
+    };
+    let (one, again, two) = (sets("1"), sets("1"), sets("2"));
+    assert_eq!(one, again);
+    assert_ne!(one, two);
+}
+
+#[test]
+fn a_design_changes_the_catalogue_and_a_file_replaces_it() {
+    let w = boat("stress-catalogue");
+    let own = "\n[stress.fault.gap-1]\nenabled = false\n[stress.fault.dropped]\ntype = 'drop'\nrate = 0.5\nduration = '10 s'\n";
+    w.write(
+        "own.toml",
+        format!("{}{own}", BOAT.replace("pairs = 2", "pairs = 0\nat = '44.8 s'")),
+    );
+    w.fusion(&["stress", "own.toml", "--out", "own"]);
+    let all = rows(&w, "own/stress.csv");
+    let names: Vec<&str> = all.iter().map(|r| r["fault"].as_str()).collect();
+    assert!(
+        !names.contains(&"gap-1") && names.contains(&"gap-5") && names.contains(&"dropped"),
+        "{names:?}"
+    );
+    let dropped = all.iter().find(|r| r["fault"] == "dropped").unwrap();
+    assert_eq!((dropped["from_s"].as_str(), dropped["to_s"].as_str()), ("44.800000", "54.800000"));
+    // One row, between its neighbours: at 45.0 s.
+    let spike = all.iter().find(|r| r["fault"] == "spike").unwrap();
+    assert_eq!((spike["from_s"].as_str(), spike["to_s"].as_str()), ("44.750000", "45.250000"));
+    w.write("short.toml", "[fault.cut]\ntype = 'outage'\nduration = '3 s'\n");
+    let ran = w.fusion(&[
+        "stress",
+        "boat.toml",
+        "--catalogue",
+        "short.toml",
+        "--format",
+        "json",
+        "--pairs",
+        "0",
+    ]);
+    let page: Value = serde_json::from_str(&stdout(&ran.success())).unwrap();
+    let cells = |row: &Value| row["cells"][0].as_str().map(str::to_owned);
+    let table = page["sections"][0]["tables"][0]["rows"].as_array().unwrap();
+    let faults: Vec<String> = table.iter().filter_map(cells).collect();
+    assert_eq!(faults, ["none", "cut", "cut"]);
+}
+
+#[test]
+fn without_a_reference_the_undisturbed_run_is_one() {
+    let w = Workspace::new("stress-recorded");
+    let args = [
+        "stress",
+        "design.toml",
+        "--only",
+        "gap-5,spike,nan",
+        "--pairs",
+        "0",
+        "--set",
+        "stress.settle=10 s",
+    ];
+    let ran = w.fusion(&args);
+    let text = squeezed(&stdout(&ran.stdout(contains("against the undisturbed run"))));
+    let row = |fault: &str| {
+        text.iter()
+            .find(|l| l.starts_with(fault))
+            .unwrap_or_else(|| panic!("{text:?}"))
+            .clone()
+    };
+    // The undisturbed run is exactly as wrong as itself; a refused spike costs one fix.
+    assert!(row("none").starts_with("none 0.0 0.0"), "{}", row("none"));
+    assert!(
+        row("spike gnss.position").starts_with("spike gnss.position yes"),
+        "{}",
+        row("spike")
+    );
+}
+
+#[test]
+fn mistakes_of_the_catalogue_are_told_by_every_command() {
+    let w = boat("stress-mistakes");
+    let said = |table: &str, command: &str| {
+        w.write("wrong.toml", format!("{BOAT}\n[stress.fault.own]\n{table}\n"));
+        stderr(&w.fusion(&[command, "wrong.toml"]).code(2))
+    };
+    for command in ["check", "stress"] {
+        let both = said("type = 'outage'\nrows = 1\nduration = 3", command);
+        assert!(
+            both.contains("wrong.toml:") && both.contains("`rows` or for a `duration`"),
+            "{both}"
+        );
+    }
+    assert!(said("type = 'outrage'", "stress").contains("did you mean `outage`?"));
+    assert!(said("type = 'scale'\neach = 'channel'", "stress").contains("missing field `factor`"));
+    assert!(said("type = 'outage'\nsise.value = 3", "stress").contains("unknown field `sise`"));
+    let unknown = stderr(&w.fusion(&["stress", "boat.toml", "--only", "spik"]).code(2));
+    assert!(unknown.contains("did you mean `spike`?"), "{unknown}");
+    let never = w.fusion(&["stress", "boat.toml", "--set", "initial.fix.source=nobody"]);
+    never.code(2);
+}
