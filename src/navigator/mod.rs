@@ -277,6 +277,51 @@ impl Navigator {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fusion_core::health::State;
+
+    #[test]
+    fn a_program_hears_of_the_health_and_reads_it_with_names() {
+        let mut nav = Navigator::from_toml(
+            "[process]
+            type = 'constant_velocity'
+            acceleration_noise = 0.1
+            position_sigma = 10
+            velocity_sigma = 5
+            [run]
+            origin = { latitude = 0.8, longitude = 0.1 }
+            [sensor.fix]
+            type = 'gnss_position'
+            source = 'gnss'
+            noise = { sigma = 2 }
+            gate = { type = 'nis', probability = 0.99 }
+            [initial.start]
+            type = 'first_fix'
+            source = 'gnss'
+            position_sigma = 5
+            velocity_sigma = 1",
+        )
+        .unwrap_or_else(|d| panic!("{d}"));
+        assert_eq!(nav.health().state, State::Aligning);
+        let gnss = nav.stream("gnss").unwrap();
+        let width = nav.streams()[gnss].width();
+        let mut heard = Vec::new();
+        for k in 0..20 {
+            let mut row = [0.8, 0.1, 0.0, 0.0, 0.0, 0.0];
+            // Ten fixes at a distance of 6 km.
+            row[0] += if k < 10 { 0.0 } else { 1e-3 };
+            let mut listen = |event: &Event<'_>| {
+                if let Event::Health { health } = event {
+                    heard.push(health.state);
+                }
+            };
+            nav.feed_stream(gnss, Time::from_seconds(f64::from(k)), &row[..width], &mut listen)
+                .unwrap();
+        }
+        assert_eq!(heard, [State::Good, State::Degraded]);
+        assert_eq!(nav.health().state, State::Degraded);
+        let reasons: Vec<String> = nav.health_reasons().iter().map(ToString::to_string).collect();
+        assert_eq!(reasons, ["`fix` rejected"]);
+    }
 
     #[test]
     fn a_reported_sigma_of_an_attitude_has_a_number_per_axis() {

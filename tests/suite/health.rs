@@ -38,7 +38,7 @@ fn design(name: &str, variants: &[&str], sets: &[&str]) -> Option<(Design, Optio
 #[derive(Debug, Default)]
 struct Watch {
     state: State,
-    /// When the horizontal error first passed so many of its 3σ, and the state then.
+    /// When the position error first passed so many of its 3σ, and the state then.
     passed: Option<(f64, State)>,
     /// The largest of these ratios.
     worst: f64,
@@ -58,8 +58,7 @@ impl RunObserver for Watch {
                 let Some(position) = error.and_then(|e| e.position) else {
                     return Ok(());
                 };
-                let sigma = (position.own[(0, 0)] + position.own[(1, 1)]).sqrt();
-                let ratio = position.error.xy().norm() / (3.0 * sigma);
+                let ratio = position.error.norm() / (3.0 * position.own.trace().sqrt());
                 self.worst = self.worst.max(ratio);
                 if ratio > ASTRAY && self.passed.is_none() {
                     self.passed = Some((epoch.time.seconds(), self.state));
@@ -209,6 +208,52 @@ fn an_estimate_that_runs_away_from_sound_fixes_is_told() {
         watch.passed,
         health[0].transitions
     );
+}
+
+#[test]
+fn a_slow_sensor_that_is_rejected_for_long_is_told() {
+    let slow = "source.gnss.keep={ every = 10 }";
+    let spike = fault(
+        "gnss",
+        "type = \"spike\", channel = \"position\", value = [0, \"60 m\", 0], window = { from = \"600 s\" }",
+    );
+    let Some((health, _)) = car(&[GATED[0], GATED[1], slow, &spike]) else {
+        return;
+    };
+    // Three fixes ten seconds apart, and ten to the first of them.
+    let told = health.transitions.iter().find(|t| t.time > 600.0);
+    assert!(
+        told.is_some_and(|t| t.state >= State::Degraded && t.time < 631.0),
+        "{:#?}",
+        health.transitions
+    );
+    let Some((health, _)) = car(&[GATED[0], GATED[1], slow]) else {
+        return;
+    };
+    assert!(health.is_good(), "{:#?}", health.transitions);
+}
+
+/// A barometer whose bias is estimated and which no gate guards, beside GNSS behind gates.
+const BAROMETER: [&str; 4] = [
+    "sensor.velocity.gate={ type = \"nis\", probability = 0.999 }",
+    "sensor.baro={ type = \"barometer\", source = \"baro\", bias = { estimate = true, initial = 0, sigma = \"10 m\" }, noise = { sigma = \"20 Pa\" } }",
+    "simulation.sensor.baro={ rate = \"10 Hz\", white = \"20 Pa\" }",
+    "run.stop=55 s",
+];
+
+#[test]
+fn a_bias_that_takes_the_blame_for_a_glitch_of_gnss_is_told() {
+    let glitch = |sensor: &str, value: &str| {
+        let window = "window = { from = \"40 s\", duration = \"2.6 s\" }";
+        format!("simulation.sensor.{sensor}.fault.glitch={{ type = \"spike\", value = [0, 0, \"{value}\"], {window} }}")
+    };
+    let glitches = [glitch("position", "-500 m"), glitch("velocity", "-50 m/s")];
+    let sets: Vec<&str> = BAROMETER.into_iter().chain(glitches.iter().map(String::as_str)).collect();
+    let (health, watch) = watched("ins-gps", &[], &sets).unwrap();
+    let spoke = watch.passed.is_none_or(|(_, state)| state >= State::Degraded);
+    assert!(spoke && !health[0].is_good(), "{:?} {:#?}", watch.passed, health[0].transitions);
+    let (health, _) = watched("ins-gps", &[], &BAROMETER).unwrap();
+    assert!(health[0].is_good(), "{:#?}", health[0].transitions);
 }
 
 #[test]

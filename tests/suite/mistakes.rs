@@ -167,6 +167,11 @@ fn values() {
     wrong("negative_noise", "sigma = \"2 m\"", "sigma = \"-2 m\"");
     wrong("zero_noise", "sigma = \"2 m\"", "sigma = 0");
     wrong("out_of_range", "\"0.5 m/s^2/sqrt(Hz)\"", "\"-0.5 m/s^2/sqrt(Hz)\"");
+    wrong(
+        "lost_before_degraded",
+        "[sensor.gnss]",
+        "[health]\nrejected = { degraded = \"1 min\" }\n\n[sensor.gnss]",
+    );
     wrong("probability_above_one", "probability = 0.999", "probability = 1.5");
     wrong("probability_of_a_gate_too_small", "probability = 0.999", "probability = 0.3");
     wrong(

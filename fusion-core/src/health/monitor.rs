@@ -9,6 +9,9 @@ use crate::runner::{Event, StreamId};
 use crate::state::{Belief, Layout};
 use crate::time::Time;
 
+/// Beliefs are looked at no more often than this \[s\].
+const PERIOD: f64 = 0.1;
+
 /// What a monitor has to know of a sensor.
 #[derive(Clone, Copy, Debug)]
 pub struct Watched {
@@ -29,8 +32,9 @@ pub struct Monitor {
     streams: Vec<(StreamId, Pulse, Held)>,
     blocks: Blocks,
     phase: Phase,
-    /// The time of the latest judgement.
+    /// The time of the latest judgement, and of the latest belief that was looked at.
     now: Time,
+    scrutinised: Time,
     /// Where the input ends, while there is none.
     gap: Option<Time>,
     refused: Held,
@@ -70,6 +74,7 @@ impl Monitor {
             blocks: Blocks::new(layout),
             phase: Phase::Waiting,
             now: Time::MIN,
+            scrutinised: Time::MIN,
             gap: None,
             refused: Held::default(),
             unsound: Held::default(),
@@ -98,6 +103,8 @@ impl Monitor {
     pub fn hear(&mut self, event: &Event<'_>) -> bool {
         let now = match event {
             Event::Started { belief } => self.start(belief),
+            // Estimates may be many: the rest of them changes nothing that matters so soon.
+            Event::Estimate { belief } if belief.time.seconds_since(self.scrutinised) < PERIOD => return false,
             Event::Estimate { belief } => self.estimate(belief),
             Event::Updated { sensor, update, time, .. } => {
                 self.updated(*sensor, *time, update);
@@ -139,6 +146,7 @@ impl Monitor {
     }
 
     fn estimate(&mut self, belief: &Belief) -> Time {
+        self.scrutinised = belief.time;
         // Once aligned it may fall back by as much again, so that the state does not flicker.
         let allowed = self.limits.aligned * if self.phase == Phase::Aligned { 2.0 } else { 1.0 };
         let is_aligned = self.blocks.attitude_within(belief, allowed);

@@ -343,6 +343,15 @@ fn two_sensors_rejected_at_once_degrade_at_once() {
     assert_eq!(bench.reasons(), []);
     bench.update(SPEED, 11.2, Rejected, 100.0);
     assert_eq!(bench.reasons(), [rejected(POSITION), rejected(SPEED)]);
+    // Not by one that was rejected when it was last heard of, long ago.
+    let mut bench = Bench::new();
+    for sensor in [POSITION, SPEED] {
+        bench.updates(sensor, 1, 10, Accepted, 2.0);
+    }
+    bench.update(POSITION, 11.0, Rejected, 100.0);
+    bench.updates(SPEED, 11, 22, Accepted, 2.0);
+    bench.update(SPEED, 22.5, Rejected, 100.0);
+    assert_eq!(bench.reasons(), []);
     // One after the other, each used meanwhile.
     let mut bench = Bench::new();
     for (sensor, verdict) in [(POSITION, Rejected), (POSITION, Accepted), (SPEED, Rejected), (SPEED, Accepted)] {
@@ -369,6 +378,16 @@ fn a_filter_is_lost_when_all_that_comes_from_outside_has_been_rejected_for_long(
         bench.reasons(),
         [Reason::Rejected {
             sensor: POSITION,
+            lost: false
+        }]
+    );
+    // A pseudo-measurement alone does not make it so.
+    let mut other = Bench::new();
+    other.updates(WHEELS, 1, 60, Rejected, 100.0);
+    assert_eq!(
+        other.reasons(),
+        [Reason::Rejected {
+            sensor: WHEELS,
             lost: false
         }]
     );
@@ -407,9 +426,9 @@ fn a_sensor_that_falls_silent_degrades_after_thirty_of_its_own_periods() {
     }
     let silent = |sensor| Reason::Silent { sensor };
     // From 0.4 s on, for 5 s at least. What a stage emits may pause.
-    bench.estimate(5.39);
+    bench.estimate(5.35);
     assert_eq!(bench.reasons(), []);
-    bench.estimate(5.41);
+    bench.estimate(5.45);
     assert_eq!(bench.reasons(), [silent(SPEED)]);
     bench.estimate(339.0);
     assert_eq!(bench.reasons(), [silent(SPEED)]);
