@@ -130,6 +130,7 @@ impl Composed {
             value: z,
             noise: &self.noise,
             quality: None,
+            lateness: None,
         };
         assert_eq!(self.filter.update(&observed, &mut Open, &[], &Quadratic).verdict, Verdict::Accepted);
     }

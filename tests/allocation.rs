@@ -91,6 +91,7 @@ type = "gnss_velocity"
 source = "gnss"
 lever_arm = { shared = "position.lever_arm" }
 only_with = "position"
+time_offset = { estimate = true, initial = "50 ms", sigma = "10 ms" }
 noise = { sigma = "0.1 m/s" }
 loss = { type = "huber", k = 1.5 }
 
@@ -159,8 +160,8 @@ fn an_allocation_is_counted() {
 fn prediction_and_update_allocate_nothing_nor_do_those_of_a_copy() {
     for backend in ["error_state", "ekf"] {
         let mut nav = navigator(backend, "one_sample");
-        // Rows are held back for the receiver's latency.
-        (0..50).for_each(|k| nav.feed("imu", k as f64 * 0.01, &imu(k)).unwrap());
+        // Rows are held back for the receiver's latency, as far as it may go.
+        (0..100).for_each(|k| nav.feed("imu", k as f64 * 0.01, &imu(k)).unwrap());
         let belief = nav.belief().unwrap().clone();
         let assembly = nav.assembly();
         let backend = if backend == "ekf" { Backend::EKF } else { Backend::ERROR_STATE };
@@ -176,6 +177,7 @@ fn prediction_and_update_allocate_nothing_nor_do_those_of_a_copy() {
                         value,
                         noise: &noise,
                         quality: None,
+                        lateness: None,
                     },
                     &mut Open,
                     &[],

@@ -30,6 +30,9 @@ mod health;
 /// Designs put together from parts, and how they read when flat.
 #[path = "suite/includes.rs"]
 mod includes;
+/// Time offsets that are estimated: recorded logs, and a simulated drive with noisy accelerometers.
+#[path = "suite/latency.rs"]
+mod latency;
 /// A magnetometer with hard iron, and what disturbs it.
 #[path = "suite/magnetometer.rs"]
 mod magnetometer;

@@ -267,8 +267,8 @@ pub trait ProcessSpec: Debug + Send + Sync {
     fn build(&self, build: &mut Build<'_>) -> Result<Box<dyn Process>, BuildError>;
 }
 
-/// A measurement model as declared. Source, noise, gate and loss are its siblings and are read
-/// by the assembler.
+/// A measurement model as declared. Source, noise, time offset, gate and loss are its siblings and are
+/// read by the assembler.
 #[typetag::deserialize]
 pub trait SensorSpec: Debug + Send + Sync {
     /// What it reads.
@@ -292,12 +292,6 @@ pub trait SensorSpec: Debug + Send + Sync {
             dimension: self.noise().first().copied().unwrap_or(Dimension::NONE),
             shape: Shape::Vector,
         })
-    }
-
-    /// Seconds by which rows are valid before their stamp: the fixed or initial value of its
-    /// `time_offset`. At most [`LONGEST_DELAY`], of either sign.
-    fn delay(&self) -> f64 {
-        0.0
     }
 
     /// Declares the states it brings and makes the model.

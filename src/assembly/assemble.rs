@@ -1,12 +1,13 @@
 //! The assembler: builds every block over one layout, then puts the runner together.
 
+use super::sensors::{self, Built};
 use super::streams::known_streams;
 use super::{Inside, SensorInfo, StreamLayout};
 use crate::config::{Diagnostic, Diagnostics, Node};
 use crate::design::{Design, Draft, Named, ProcessDesign, SourceDesign};
 use fusion_core::filter::{Estimator, Filter};
 use fusion_core::geometry::wgs84::Geodetic;
-use fusion_core::model::{Measurement, Process, Size};
+use fusion_core::model::{Process, Size};
 use fusion_core::runner::{InitialiserUnit, InputLimits, Port, Runner, Sensor, StageUnit};
 use fusion_core::state::{Block, Dynamics, Layout, LayoutBuilder};
 use fusion_models::block::{Build, BuildError};
@@ -105,7 +106,7 @@ pub(super) struct Assembler<'a, P> {
     pub(super) data: Data<'a>,
     /// The filters inside stages, as far as they are assembled.
     pub(super) inside: Vec<Inside>,
-    layout: LayoutBuilder,
+    pub(super) layout: LayoutBuilder,
     gravity: Gravity,
     /// Sensors that could not be built: states that they would have brought are not missed.
     failed: Vec<&'a str>,
@@ -150,11 +151,11 @@ impl<'a, P> Assembler<'a, P> {
         let is_moved = process.is_some();
         let mut models = Vec::new();
         for sensor in &design.sensors {
-            let model = is_moved.then(|| self.build(sensor, |s, b| s.model.build(b))).flatten();
-            if model.is_none() {
+            let built = is_moved.then(|| self.build(sensor, sensors::build)).flatten();
+            if built.is_none() {
                 self.failed.push(&sensor.name);
             }
-            models.push(model.map(Into::into));
+            models.push(built);
         }
         for stage in &design.stages {
             self.streams.push(StreamLayout::of(&stage.name, None, &stage.block.output()));
@@ -200,7 +201,7 @@ impl<'a, P> Assembler<'a, P> {
         node.any(&|node| node.as_str().is_some_and(is_state_of_failed))
     }
 
-    fn sensors(&mut self, models: Vec<Option<Arc<dyn Measurement>>>) -> (Vec<Sensor>, Vec<SensorInfo>) {
+    fn sensors(&mut self, models: Vec<Option<Built>>) -> (Vec<Sensor>, Vec<SensorInfo>) {
         let design = self.design;
         let connected = design
             .sensors

@@ -69,6 +69,7 @@ impl<'a, P> Assembler<'a, P> {
         let origins = self.adopt(&inside.streams, outside);
         let driver = parts.input.as_ref().map(|port| (origins[port.stream], port.delay));
         let inlets = localise(&mut inside.streams, &mut parts, &origins);
+        self.check_in_time(named, &inlets);
         let assembly = process.and_then(|process| inside.finish(process, parts, infos));
         self.d.extend(inside.d.iter().cloned());
         let Assembly {
@@ -86,6 +87,12 @@ impl<'a, P> Assembler<'a, P> {
             return None;
         }
         let driving = driver.and_then(|(stream, delay)| Some((&self.streams[stream?], delay)));
+        if process.input_dim() == 0 && runner.sensors().iter().any(|s| s.offset.is_some()) {
+            let message = "a filter inside a stage that time alone drives cannot wait for when a row is valid";
+            let help = "give its sensors time offsets that are fixed, or put the filter outside";
+            self.d.push(Diagnostic::error(message).at(named.node.name_place()).help(help));
+            return None;
+        }
         let (outlets, channels) = outlets(&layout, driving);
         self.inside.push(Inside {
             name: named.name.clone(),
@@ -114,6 +121,19 @@ impl<'a, P> Assembler<'a, P> {
                 let help = "give the stage inside another name, and name that where it is read";
                 self.d.push(Diagnostic::error(message).at(node.name_place()).help(help));
             }
+        }
+    }
+
+    /// Rows of a stage outside come when they are stamped: they cannot be valid before.
+    fn check_in_time(&mut self, named: &Named<Draft>, inlets: &[Inlet]) {
+        for inlet in inlets.iter().filter(|inlet| inlet.delay > 0) {
+            if !self.is_emitted(inlet.stream) {
+                continue;
+            }
+            let stage = &self.streams[inlet.stream].name;
+            let message = format!("rows of the stage `{stage}` come too late to be valid earlier inside this filter");
+            let help = "declare the time offset where the stage gets its rows, or read the stage outside";
+            self.d.push(Diagnostic::error(message).at(named.node.name_place()).help(help));
         }
     }
 

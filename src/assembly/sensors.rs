@@ -6,9 +6,10 @@ use crate::design::{Named, NoiseSpec, SensorDesign};
 use fusion_core::gate::{Gate, OnlyWith, Open};
 use fusion_core::loss::{Loss, Quadratic};
 use fusion_core::model::Measurement;
-use fusion_core::runner::{Noise, Sensor, StreamId};
+use fusion_core::runner::{Noise, Offset, Sensor, StreamId};
+use fusion_core::state::{Param, Scalar, Slot};
 use fusion_core::time::nanos;
-use fusion_models::block::{Channel, Reading, SensorSpec, check_delay};
+use fusion_models::block::{Build, BuildError, Channel, Reading, SensorSpec, check_delay};
 use fusion_models::units::{Dimension, range};
 use std::sync::Arc;
 
@@ -23,8 +24,10 @@ pub struct SensorInfo {
     pub stream: String,
     /// Its channel; none for a pseudo-measurement.
     pub channel: Option<Channel>,
-    /// Its declared delay \[s\].
+    /// Its declared delay \[s\], with the fixed or initial value of its time offset.
     pub delay: f64,
+    /// Its time offset, where that is a state.
+    pub offset: Option<Slot<Scalar>>,
     /// Declared 1σ per residual row; empty where only the source reports it.
     pub sigma: Vec<f64>,
     /// Dimension of each residual row.
@@ -33,9 +36,32 @@ pub struct SensorInfo {
     pub axes: &'static [&'static str],
 }
 
+/// A sensor's model and its time offset.
+pub(super) type Built = (Arc<dyn Measurement>, Param<Scalar>);
+
+/// Builds a sensor's model, and its time offset after it.
+pub(super) fn build(design: &SensorDesign, b: &mut Build<'_>) -> Result<Built, BuildError> {
+    let model = design.model.build(b)?.into();
+    Ok((model, b.param("time_offset", &design.common.time_offset)?))
+}
+
+/// How far above and below its initial value the rows of an estimated time offset may follow it, in σ;
+/// what is beyond is taken to first order. Above, all rows are held back for as long; below costs
+/// nothing.
+const REACH: [f64; 2] = [6.0, 12.0];
+
+/// When rows are valid.
+struct Timing {
+    /// Before their stamp, by what is declared \[s\].
+    declared: f64,
+    /// By the most that is allowed for \[s\].
+    most: f64,
+    offset: Option<Offset>,
+}
+
 impl<P> Assembler<'_, P> {
     /// Connects a sensor whose model has been built; its other mistakes are found without a model.
-    pub(super) fn sensor(&mut self, design: &Named<SensorDesign>, model: Option<Arc<dyn Measurement>>) -> Option<(Sensor, SensorInfo)> {
+    pub(super) fn sensor(&mut self, design: &Named<SensorDesign>, built: Option<Built>) -> Option<(Sensor, SensorInfo)> {
         let SensorDesign { model: spec, common, .. } = &design.block;
         let node = &design.node;
         let rows = spec.noise();
@@ -44,7 +70,6 @@ impl<P> Assembler<'_, P> {
             Reading::Constant(value) => (None, value),
         };
         let port = self.port(&common.source, channel.as_slice(), node);
-        let delay = self.d.keep(check_delay("time_offset", spec.delay()).map_err(|e| node.locate(&e)));
         let sigma = self.d.keep(sigma(design, &rows));
         let reported = match &port {
             Some(port) if common.noise.from_source => self.reported(port.stream, spec.as_ref(), node),
@@ -56,15 +81,21 @@ impl<P> Assembler<'_, P> {
         };
         let gate = self.d.keep(gate(design, &rows));
         let loss = self.d.keep(loss(design));
-        let (model, mut port, sigma) = (model?, port?, sigma?);
-        delay?;
-        port.delay += nanos(spec.delay());
+        let ((model, time_offset), mut port, sigma) = (built?, port?, sigma?);
+        let timing = self.timing(&time_offset, port.stream).map_err(|e| node.locate(&e));
+        let timing = self.d.keep(timing)?;
+        let delay = port.delay.saturating_add(nanos(timing.declared)) as f64 * 1e-9;
+        port.delay = port.delay.saturating_add(nanos(timing.most));
         let info = SensorInfo {
             name: design.name.clone(),
             model: model.clone(),
             stream: common.source.clone(),
             channel,
-            delay: port.delay as f64 * 1e-9,
+            delay,
+            offset: match time_offset {
+                Param::State(slot) => Some(slot),
+                Param::Fixed(_) | Param::Signal(_) => None,
+            },
             sigma,
             rows,
             axes: spec.axes(),
@@ -73,6 +104,7 @@ impl<P> Assembler<'_, P> {
             name: design.name.clone(),
             model,
             port,
+            offset: timing.offset,
             constant,
             noise: noise(&common.noise, &info.sigma, reported?),
             quality: quality?,
@@ -80,6 +112,35 @@ impl<P> Assembler<'_, P> {
             loss: loss?,
         };
         Some((sensor, info))
+    }
+
+    /// When the rows of `stream` are valid for a sensor with this time offset.
+    fn timing(&self, offset: &Param<Scalar>, stream: StreamId) -> Result<Timing, BuildError> {
+        let layout = self.layout.so_far();
+        let (declared, sigma) = match offset {
+            Param::State(slot) => (slot.read(layout.initial()), layout.block_of(*slot).map_or(0.0, |b| b.sigma[0])),
+            fixed => (fixed.stored(&[]).unwrap_or(0.0), 0.0),
+        };
+        check_delay("time_offset", declared)?;
+        let [above, below] = REACH.map(|reach| reach * sigma);
+        let (least, most) = (declared - below, declared + above);
+        check_delay("time_offset", most).map_err(|e| BuildError {
+            message: format!("`initial` and {} times `sigma` are too much: {}", REACH[0], e.message),
+            ..e
+        })?;
+        // A stage has its rows when they are stamped, and not before.
+        let is_late = declared > 0.0 && self.is_emitted(stream);
+        let is_moved = is_late || matches!(offset, Param::State(_));
+        let value = offset.clone();
+        let offset = is_moved.then_some(Offset { value, least, most });
+        Ok(Timing { declared, most, offset })
+    }
+
+    /// Whether a stage of this design emits the stream.
+    pub(super) fn is_emitted(&self, stream: StreamId) -> bool {
+        let name = &self.streams[stream].name;
+        let filters = self.design.filters.iter().map(|f| &f.name);
+        self.design.stages.iter().map(|s| &s.name).chain(filters).any(|stage| stage == name)
     }
 
     /// The columns in which the source reports the sensor's 1σ.

@@ -99,7 +99,7 @@ fn one(r: &Registration) -> String {
                  of another block.\n";
     }
     match r.role {
-        Role::Sensor => text += "\nAlso: `source`, `noise`, `gate`, `loss`, `quality`, `only_with` and `enabled`.\n",
+        Role::Sensor => text += "\nAlso: `source`, `noise`, `time_offset`, `gate`, `loss`, `quality`, `only_with` and `enabled`.\n",
         Role::Process => text += "\nAlso: `source`, the stream of its input.\n",
         Role::Source => text += "\nAlso: `fault`, the faults of its rows by name.\n",
         _ => {}

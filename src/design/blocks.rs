@@ -5,7 +5,9 @@ use crate::config::Node;
 use crate::source::SourceSpec;
 use fusion_models::block::{GateSpec, LossSpec, ProcessSpec, SensorSpec};
 use fusion_models::fault::FaultSpec;
+use fusion_models::param::ScalarParam;
 use fusion_models::sim::SimulationSpec;
+use fusion_models::units::dim;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -21,6 +23,9 @@ pub struct SensorCommon {
     /// A channel of its source with one number that says how good a row is, HDOP for one: for gates
     /// that judge by it.
     pub quality: Option<String>,
+    /// How late its rows are stamped: valid at stamp − offset; at most 1 h, of either sign.
+    #[serde(default)]
+    pub time_offset: ScalarParam<dim::Duration>,
     /// The sensor that it goes with.
     pub only_with: Option<OnlyWithSpec>,
     /// False leaves the sensor out.

@@ -320,7 +320,7 @@ fn read_sensor(node: &Node, d: &mut Diagnostics) -> Option<SensorDesign> {
     let mut own = node.clone();
     let gate = own.take("gate").map(|n| n.read_block("gate", &registry::names(Role::Gate), d));
     let loss = own.take("loss").map(|n| n.read_block("loss", &registry::names(Role::Loss), d));
-    let siblings = own.split_off(&["source", "noise", "quality", "only_with", "enabled"]);
+    let siblings = own.split_off(&["source", "noise", "time_offset", "quality", "only_with", "enabled"]);
     let common: Option<SensorCommon> = siblings.read(d);
     let model = own.read_block("sensor", &registry::names(Role::Sensor), d)?;
     let block = SensorDesign {

@@ -11,8 +11,10 @@
 use crate::config::INCLUDE;
 use crate::design::{FILTER_TABLES, FilterSpec, HealthSpec, InputSpec, NoiseSpec, OnlyWithSpec, ReferenceSpec, RunSpec};
 use crate::stress::CatalogueSpec;
+use fusion_models::param::ScalarParam;
 use fusion_models::registry::{self, Registration, Role};
 use fusion_models::sim::SimulationSpec;
+use fusion_models::units::dim;
 use schemars::{JsonSchema, schema_for};
 use serde_json::{Map, Value, json};
 
@@ -169,6 +171,8 @@ impl Builder {
             "type": "string",
             "description": "A channel of its source with one number that says how good a row is, HDOP for one: for gates that judge by it.",
         });
+        let mut time_offset = self.of::<ScalarParam<dim::Duration>>("time_offset");
+        describe(&mut time_offset, "How late its rows are stamped: valid at stamp − offset.");
         let only_with = self.of::<OnlyWithSpec>("only_with");
         let gate = self.any(Role::Gate, "Accepts or rejects each measurement; without a gate, all are accepted.");
         let loss = self.any(Role::Loss, "Weighs each measurement; without one, least squares.");
@@ -187,6 +191,7 @@ impl Builder {
                     property(schema, "source", source("The source or stage that it reads or that times it."));
                     property(schema, "noise", noise.clone());
                     property(schema, "quality", quality.clone());
+                    property(schema, "time_offset", time_offset.clone());
                     property(schema, "only_with", only_with.clone());
                     property(schema, "enabled", enabled.clone());
                     property(schema, "gate", gate.clone());
@@ -267,6 +272,12 @@ fn property(schema: &mut Value, name: &str, value: Value) {
         if let Some(properties) = properties.as_object_mut() {
             properties.insert(name.to_owned(), value);
         }
+    }
+}
+
+fn describe(schema: &mut Value, description: &str) {
+    if let Some(object) = schema.as_object_mut() {
+        object.insert("description".to_owned(), json!(description));
     }
 }
 

@@ -152,6 +152,7 @@ fn simulator(design: &Design, simulation: &Named<SimulationDesign>, assembly: &A
             channel: info.channel.clone()?,
             rows: named.block.model.noise(),
             delay: info.delay,
+            offset: info.offset,
         })
     });
     let setup = Setup {

@@ -11,7 +11,7 @@ use fusion::design::Design;
 use fusion::world::SimulatedRows;
 
 /// A minute of the built-in design, started by levelling and the first fixes, with a GNSS that is
-/// stamped late.
+/// stamped late by times that are not known.
 const DESIGN: &str = r#"
 [run]
 origin = { latitude = "36.1 deg", longitude = "129.4 deg" }
@@ -24,13 +24,14 @@ accelerometer = { noise = "0.33 mm/s/sqrt(s)", bias = { estimate = true, initial
 [sensor.position]
 type = "gnss_position"
 source = "gnss"
-time_offset = "0.13 s"
+time_offset = { estimate = true, initial = "0.1 s", sigma = "50 ms" }
 lever_arm = [0.3, 0, "-1 m"]
 noise = { sigma = "1 m" }
 gate = { type = "nis", probability = 0.99 }
 [sensor.velocity]
 type = "gnss_velocity"
 source = "gnss"
+only_with = "position"
 time_offset = { estimate = true, initial = "0.3 s", sigma = "50 ms" }
 noise = { sigma = "0.05 m/s" }
 [stage.wheels]
@@ -61,6 +62,7 @@ source = "gnss"
 min_speed = "2 m/s"
 sigma = "5 deg"
 [simulation]
+draw_parameters = true
 imu = { rate = "100 Hz", preset = "hg1700" }
 trajectory = [
     { type = "rest", duration = "6 s" },

@@ -1,5 +1,6 @@
 //! The interface of every estimator.
 
+use super::lateness::Lateness;
 use super::step::Step;
 use crate::gate::{Gate, Mode, Outcome};
 use crate::loss::Loss;
@@ -84,6 +85,8 @@ pub struct Observed<'a> {
     pub noise: &'a [f64],
     /// What the row says of its own quality, HDOP for one: for gates that judge by it.
     pub quality: Option<f64>,
+    /// What is left of its time offset; none for a measurement that is valid when it is used.
+    pub lateness: Option<Lateness<'a>>,
 }
 
 /// The interface of every estimator, with or without a covariance.

@@ -8,6 +8,7 @@
 mod backend;
 mod estimator;
 mod kalman;
+mod lateness;
 mod reacquire;
 mod rule;
 mod step;
@@ -15,6 +16,7 @@ mod step;
 pub use backend::{Backend, ChartKind, UpdateKind};
 pub use estimator::{Estimator, FilterError, Observed, Update, Verdict};
 pub use kalman::{Filter, Parts};
+pub use lateness::Lateness;
 pub use rule::{Innovation, Problem, Single, UpdateRule};
 pub use step::Step;
 

@@ -74,7 +74,7 @@ impl Problem<'_> {
     /// # Errors
     /// [`Undefined`] where the model has no value.
     pub fn linearise(&mut self, work: &mut Innovation) -> Result<(), Undefined> {
-        Self::linearise_with(self.observed, self.process, self.x, self.signals, work)
+        Self::linearise_with(self.layout, self.observed, self.process, self.x, self.signals, work)
     }
 
     /// The same at another state `x`.
@@ -83,12 +83,13 @@ impl Problem<'_> {
     /// [`Undefined`] where the model has no value there.
     pub fn linearise_at(&mut self, x: &[f64], work: &mut Innovation) -> Result<(), Undefined> {
         self.signals.forget();
-        let linearised = Self::linearise_with(self.observed, self.process, x, self.signals, work);
+        let linearised = Self::linearise_with(self.layout, self.observed, self.process, x, self.signals, work);
         self.signals.forget();
         linearised
     }
 
     fn linearise_with(
+        layout: &Layout,
         o: &Observed<'_>,
         process: &dyn Process,
         x: &[f64],
@@ -101,13 +102,16 @@ impl Problem<'_> {
         let view = signals.buffer.view(x);
         work.jacobian.reset(m);
         o.model.predict(&view, &mut work.predicted[..value])?;
-        o.model
-            .residual(&o.value[..value], &work.predicted[..value], &mut work.residual[..m]);
         o.model.jacobian(&view, &mut work.jacobian)?;
         if work.jacobian.needs_signals() {
             signals.evaluate(process, x, true);
             work.jacobian.chain(&signals.buffer.jacobian);
         }
+        if let Some(lateness) = &o.lateness {
+            lateness.account(o.model, process, layout, x, work);
+        }
+        o.model
+            .residual(&o.value[..value], &work.predicted[..value], &mut work.residual[..m]);
         Ok(())
     }
 }
@@ -129,6 +133,10 @@ pub struct Innovation {
     pub correction: Vec<f64>,
     /// HP, HPHᵀ, S, its factor and Kᵀ.
     pub work: Workspace,
+    /// A state a little later, and the change up to it; what a measurement changes by.
+    pub(super) moved: Vec<f64>,
+    pub(super) rate: Vec<f64>,
+    pub(super) shift: Vec<f64>,
     pub(super) whitened: Vec<f64>,
     pub(super) sigma: Vec<f64>,
     /// (S⁻¹)_ii.
@@ -150,6 +158,9 @@ impl Innovation {
             noise: vec![0.0; m * m],
             correction: vec![0.0; n],
             work: Workspace::new(form, n, m),
+            moved: vec![0.0; layout.storage()],
+            rate: vec![0.0; n],
+            shift: vec![0.0; m],
             whitened: vec![0.0; m],
             sigma: vec![0.0; m],
             unit_nis: vec![0.0; m],

@@ -10,6 +10,7 @@ use crate::time::Time;
 use nalgebra::{DMatrix, Matrix1, SMatrix, SVector};
 use std::sync::Arc;
 
+mod late;
 mod reacquire;
 mod signals;
 mod steps;
@@ -133,6 +134,7 @@ fn accept<'a>(f: &'a mut Filter, model: &'a dyn Measurement, value: &'a [f64], n
             value,
             noise,
             quality: None,
+            lateness: None,
         },
         &mut Open,
         &[],
@@ -307,6 +309,7 @@ fn a_loss_divides_the_noise_by_its_weight() {
                 value: &[50.0],
                 noise: &[0.2],
                 quality: None,
+                lateness: None,
             },
             &mut Open,
             &[],
@@ -492,6 +495,7 @@ fn a_rejected_measurement_changes_nothing() {
             value: &[1e3],
             noise: &[0.1],
             quality: None,
+            lateness: None,
         },
         &mut gate,
         &[],
@@ -529,6 +533,7 @@ fn a_measurement_that_is_no_number_never_reaches_its_gate() {
         value: &[f64::NAN],
         noise: &[0.1],
         quality: None,
+        lateness: None,
     };
     assert_eq!(f.update(&observed, &mut Unasked, &[], &Quadratic).verdict, Verdict::Unusable);
 }

@@ -4,6 +4,7 @@ use crate::covariance::Covariance;
 use crate::linear::{Jacobian, Transition};
 use crate::state::{Layout, Manifold, Quantity, Signal, Slot, Tangent, View};
 use core::fmt::Debug;
+use core::ops::Range;
 use nalgebra::{Matrix3, SMatrix};
 
 /// One sample of the process input, valid over the interval that ends at its stamp.
@@ -118,6 +119,12 @@ pub trait Process: Debug + Send + Sync {
     /// I + FΔt. The law of processes holds it to this.
     fn order(&self) -> u8 {
         1
+    }
+
+    /// Which numbers of a sample are rates that may be averaged over several samples; the others, such as
+    /// an attitude at the end of the interval, may not.
+    fn rates(&self) -> Range<usize> {
+        0..self.input_dim()
     }
 
     /// Moves the process's blocks of `x` by `dt` seconds.

@@ -85,6 +85,13 @@ impl Guard {
         self.first_repeats <= FEW_REPEATS && self.repeats > FROZEN
     }
 
+    /// Whether a sample to come would pass as things are now; it is not remembered.
+    pub(super) fn is_plausible(&self, sample: &[f64], process: &dyn Process) -> bool {
+        let in_range = sample.iter().zip(&self.range).all(|(x, limit)| x.abs() <= *limit);
+        let is_finite = sample.iter().all(|x| x.is_finite());
+        is_finite && in_range && self.unusual(sample, process.agility()).is_none()
+    }
+
     /// Forgets the samples: nothing that follows is their neighbour.
     pub(super) fn forget(&mut self) {
         // A frozen instrument is still to be recognised after the gap that it leaves.

@@ -137,6 +137,11 @@ impl Intake {
         self.push(start, time, values);
     }
 
+    /// Whether a row that is still to come may be looked at.
+    pub(super) fn is_plausible(&self, values: &[f64], process: &dyn Process) -> bool {
+        self.guard.is_plausible(values, process)
+    }
+
     /// Forgets the input: the next row is a first one.
     pub(super) fn close(&mut self) {
         self.latest = None;

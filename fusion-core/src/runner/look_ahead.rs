@@ -19,7 +19,7 @@ impl Runner {
         if self.is_ahead {
             return None;
         }
-        let until = self.coming(leader, row)?;
+        let mut until = self.coming(leader, row)?;
         let mut ahead = self.clone();
         ahead.is_ahead = true;
         let mut nobody = |_: &Event<'_>| {};
@@ -28,6 +28,11 @@ impl Runner {
         }
         ahead.run_ready(&mut nobody).ok()?;
         ahead.drain(until, &mut nobody).ok()?;
+        // With an estimated offset, only now is it known when the leader is valid.
+        if let Some(time) = ahead.coming(leader, row) {
+            until = time;
+            ahead.drain(until, &mut nobody).ok()?;
+        }
         ahead.serve_waiting(&mut nobody).ok()?;
         ahead.outcomes[leader].filter(|outcome| outcome.time == until)
     }
@@ -35,7 +40,8 @@ impl Runner {
     /// When the measurement of `sensor` made of row number `row` is valid, if it has not been served.
     fn coming(&self, sensor: usize, row: usize) -> Option<Time> {
         let waiting = self.waiting.iter().find(|w| w.sensor == sensor && w.row == row).map(|w| w.time);
-        let is_it = |consumer| matches!(consumer, Consumer::Sensor(_, s) if s == sensor);
-        waiting.or_else(|| self.queue.find(|e| is_it(e.consumer) && e.row == row).map(|e| e.time))
+        let is_it = |consumer| matches!(consumer, Consumer::Sensor(_, s) | Consumer::Aim(s) if s == sensor);
+        let queued = || self.queue.iter().find(|e| is_it(e.consumer) && e.row == row);
+        waiting.or_else(|| queued().map(|e| e.time))
     }
 }

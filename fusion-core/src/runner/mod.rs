@@ -14,6 +14,7 @@ mod guard;
 mod intake;
 mod look_ahead;
 mod nested;
+mod offset;
 mod ordering;
 mod parts;
 mod quarantine;
@@ -24,6 +25,7 @@ mod watching;
 
 pub use event::{Discard, Event, Halt, Observer, Observers, RowId};
 pub use nested::{Nested, Outlet};
+pub use offset::Offset;
 pub use ordering::Runner;
 pub use parts::{Emitter, Initialiser, InitialiserUnit, InputLimits, Noise, Port, Sensor, Stage, StageUnit};
 pub use rows::Row;

@@ -216,6 +216,7 @@ mod tests {
                 columns: vec![0],
                 delay,
             },
+            offset: None,
             constant: Vec::new(),
             noise: Noise::diagonal(&[0.5]),
             quality: None,

@@ -1,6 +1,7 @@
 //! The runner itself: what it is put together from, and the order of rows in time.
 
 use super::intake::Intake;
+use super::offset::Window;
 use super::parts::Emitted;
 use super::quarantine::{Admission, Held, Quarantine};
 use super::rows::{Consumer, Entry, Queue, Row, Rows};
@@ -41,7 +42,7 @@ pub struct Runner {
     pub(super) sensors: Vec<Sensor>,
     /// By sensor: how many it takes to reach one that goes with no other, itself included. Of one
     /// time, lower ranks are served first.
-    ranks: Vec<usize>,
+    pub(super) ranks: Vec<usize>,
     /// By sensor: what became of its latest measurement.
     pub(super) outcomes: Vec<Option<Outcome>>,
     pub(super) stages: Vec<StageUnit>,
@@ -51,8 +52,8 @@ pub struct Runner {
     /// What was believed before the filter stopped.
     pub(super) last: Option<Belief>,
     quarantine: Quarantine,
-    buffer: i64,
-    lag: i64,
+    pub(super) buffer: i64,
+    pub(super) lag: i64,
     pub(super) queue: Queue,
     pub(super) rows: Rows,
     pub(super) watermark: Time,
@@ -61,6 +62,8 @@ pub struct Runner {
     pub(super) start_after: Time,
     /// In order.
     pub(super) waiting: VecDeque<Waiting>,
+    /// The latest input, for sensors whose time offset is estimated.
+    pub(super) window: Window,
     pub(super) emitted: Emitted,
     /// Rows that each stage has emitted so far.
     pub(super) emissions: Vec<u64>,
@@ -104,6 +107,7 @@ impl Runner {
             started: false,
             start_after: Time::MIN,
             waiting: VecDeque::with_capacity(64),
+            window: Window::default(),
             emitted: Emitted::default(),
             emissions: Vec::new(),
             epoch: None,
@@ -202,7 +206,7 @@ impl Runner {
     /// first is used, so that rows are held back until a later one comes. A follower that is valid
     /// before its leader, on one stream: all rows up to the leader's validity must be there, to look
     /// ahead.
-    fn hold_back(&mut self) {
+    pub(super) fn hold_back(&mut self) {
         let input = self.input.iter().map(|input| &input.port);
         let sensors = self.sensors.iter().map(|s| &s.port);
         let others = self.stages.iter().flat_map(|s| &s.inputs);
@@ -210,11 +214,11 @@ impl Runner {
         let delay = input.chain(sensors).chain(others).map(|port| port.delay).max().unwrap_or(0).max(0);
         let (mut apart, mut ahead) = (0, 0);
         for (s, sensor) in self.sensors.iter().enumerate() {
-            let Some(leader) = self.leader(s).map(|leader| &self.sensors[leader].port) else {
+            let Some(leader) = self.leader(s).map(|leader| &self.sensors[leader]) else {
                 continue;
             };
-            if leader.stream == sensor.port.stream {
-                ahead = ahead.max(sensor.port.delay - leader.delay);
+            if leader.port.stream == sensor.port.stream {
+                ahead = ahead.max(sensor.port.delay - leader.least_delay());
             } else {
                 apart = 1;
             }
@@ -335,9 +339,13 @@ impl Runner {
     pub(super) fn enqueue(&mut self, row: &Row<'_>, observer: &mut dyn Observer) -> Result<(), Halt> {
         let at = self.rows.put(row, self.watermark);
         let released = self.released;
+        let is_emitted = self.stages.iter().any(|stage| stage.output == row.stream);
         let (mut rows, mut queue) = (core::mem::take(&mut self.rows), core::mem::take(&mut self.queue));
         let offered = self.consumers().each(row.stream, |consumer, port, name| {
-            let time = row.time.shifted(-port.delay);
+            let mut time = row.time.shifted(-port.delay);
+            if is_emitted && matches!(consumer, Consumer::Aim(_)) {
+                time = time.max(released);
+            }
             if time < released {
                 let (row, why) = (rows.get(at).id(&port.columns), Discard::Late { now: released });
                 return observer.on(&Event::Discarded {
@@ -421,7 +429,11 @@ impl Consumers<'_> {
             }
         }
         for (s, sensor) in self.sensors.iter().enumerate() {
-            offer(Consumer::Sensor(self.ranks[s], s), &sensor.port, &sensor.name)?;
+            let consumer = match sensor.offset {
+                Some(_) => Consumer::Aim(s),
+                None => Consumer::Sensor(self.ranks[s], s),
+            };
+            offer(consumer, &sensor.port, &sensor.name)?;
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! What a runner is put together from.
 
-use super::StreamId;
 use super::event::{Event, Halt, Observer};
+use super::{Offset, StreamId};
 use crate::gate::Gate;
 use crate::loss::Loss;
 use crate::model::Measurement;
@@ -95,6 +95,8 @@ pub struct Sensor {
     pub model: Arc<dyn Measurement>,
     /// Where its value comes from; no columns where the value is `constant`.
     pub port: Port,
+    /// Its time offset, where it is estimated.
+    pub offset: Option<Offset>,
     /// The value of a pseudo-measurement.
     pub constant: Vec<f64>,
     /// Its noise.

@@ -43,6 +43,8 @@ pub(super) enum Consumer {
     Initialiser(usize, usize),
     /// Unit, input.
     Stage(usize, usize),
+    /// Finds out when a row of a sensor with an estimated offset is valid: its number.
+    Aim(usize),
     /// Rank, number.
     Sensor(usize, usize),
 }
@@ -75,8 +77,9 @@ impl Queue {
         }
     }
 
-    pub(super) fn find(&self, is_it: impl Fn(&Entry) -> bool) -> Option<&Entry> {
-        self.0.iter().find(|e| is_it(e))
+    /// The entries in order.
+    pub(super) fn iter(&self) -> impl Iterator<Item = &Entry> {
+        self.0.iter()
     }
 
     /// The entry that comes first.
@@ -100,6 +103,10 @@ pub(super) struct Slot {
 }
 
 impl Slot {
+    pub(super) const fn stamp(&self) -> Time {
+        self.id.stamp
+    }
+
     /// Its identity for a consumer that reads `columns`, or does not say which.
     pub(super) fn id(&self, columns: &[usize]) -> RowId {
         RowId {

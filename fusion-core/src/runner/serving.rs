@@ -16,6 +16,10 @@ impl Runner {
             Consumer::Input => self.input_row(entry.time, entry.row, observer)?,
             Consumer::Initialiser(unit, input) => self.initialiser_row(unit, input, entry.time, entry.row, observer)?,
             Consumer::Stage(unit, input) => self.stage_row(unit, input, entry.time, entry.row, observer)?,
+            Consumer::Aim(sensor) => {
+                self.aim(sensor, entry);
+                return Ok(());
+            }
             Consumer::Sensor(_, sensor) => return self.sensor_row(sensor, entry.time, entry.row, observer),
         }
         self.rows.release(entry.row);
@@ -86,7 +90,9 @@ impl Runner {
         if !self.value.iter().all(|v| v.is_finite()) {
             return self.discard_input(time, row, Discard::NotFinite, observer);
         }
-        match input.take(time, &self.value, self.process.as_ref()) {
+        let taken = input.take(time, &self.value, self.process.as_ref());
+        self.keep_input(&taken, time);
+        match taken {
             Taken::First => {}
             Taken::Sample => self.run_ready(observer)?,
             Taken::Resumes { since, start } => self.resume(since, start, time, observer)?,
@@ -223,6 +229,7 @@ impl Runner {
         let leader = self.sensors[sensor].gate.leader();
         let foreseen = leader.and_then(|leader| self.foresee(leader, row, during));
         let quality = self.sensors[sensor].quality.map(|column| self.rows.get(row).values[column]);
+        let assumed = self.assumed_offset(sensor, row, time, during.map(Sample::input));
         self.rows.release(row);
         let (s, now) = (&mut self.sensors[sensor], self.estimator.belief().time);
         let m = s.model.size().residual;
@@ -246,6 +253,11 @@ impl Runner {
             value: &self.value,
             noise,
             quality,
+            lateness: s
+                .offset
+                .as_ref()
+                .zip(assumed)
+                .map(|(offset, assumed)| self.window.lateness(offset, assumed)),
         };
         let told = leader.filter(|_| foreseen.is_some());
         let latest = told.and_then(|leader| core::mem::replace(&mut self.outcomes[leader], foreseen));

@@ -53,6 +53,7 @@ fn runner(sensors: &[(Port, Option<usize>, bool)], widths: &[usize], buffer: f64
             name: i.to_string(),
             model: Arc::new(Direct(x)),
             port: port.clone(),
+            offset: None,
             constant: Vec::new(),
             noise: Noise::diagonal(&[1.0]),
             quality: None,
@@ -403,6 +404,7 @@ fn a_measurement_inside_an_interval_of_the_input_splits_it() {
         name: "fix".to_owned(),
         model: Arc::new(Direct(position)),
         port: port(1, 0, 0.0),
+        offset: None,
         constant: Vec::new(),
         // So coarse that it does not move the estimate.
         noise: Noise::diagonal(&[1e9]),

@@ -227,6 +227,12 @@ impl Layout {
         }
     }
 
+    /// The block of a handle.
+    #[must_use]
+    pub fn block_of<M: Manifold>(&self, slot: Slot<M>) -> Option<&Block> {
+        self.blocks.iter().find(|b| b.tangent == slot.tangent)
+    }
+
     /// A typed handle to the state block `name`.
     ///
     /// # Errors

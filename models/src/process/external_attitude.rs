@@ -96,6 +96,8 @@ impl ProcessSpec for ExternalAttitudeSpec {
 
 /// Numbers of a sample: specific force, attitude.
 const SAMPLE: usize = 7;
+/// Of those, specific force.
+const FORCE: usize = 3;
 
 /// By how much the numbers of a sample may change; a quaternion may change its sign.
 fn changes(agility: &Agility) -> [f64; SAMPLE] {
@@ -164,6 +166,10 @@ impl Process for ExternalAttitude {
 
     fn input_dim(&self) -> usize {
         SAMPLE
+    }
+
+    fn rates(&self) -> core::ops::Range<usize> {
+        0..FORCE
     }
 
     fn propagate(&self, x: &mut [f64], input: &Input<'_>, dt: f64) {

@@ -1,37 +1,33 @@
-//! GNSS position with an antenna lever arm, a late stamp and a slow error.
+//! GNSS position with an antenna lever arm and a slow error.
 //!
 //! Measured   z = geodetic position of the antenna a: latitude, longitude \[rad\], height \[m\]
-//! Predicted  h(x) = r_eb ⊕ (C_nb l_ba_b − v_eb_n τ + b), ⊕ in metres NED at r_eb
+//! Predicted  h(x) = r_eb ⊕ (C_nb l_ba_b + b), ⊕ in metres NED at r_eb
 //! Jacobian   ∂h/∂δr = I₃,  ∂h/∂δφ_b = −C_nb [l_ba_b ×],  ∂h/∂δl = C_nb,
-//!            ∂h/∂δv = −τ I₃,  ∂h/∂δτ = −v_eb_n,  ∂h/∂δb = I₃
-//! Here       τ is the error of the declared time offset: rows are already valid at stamp − τ₀
+//!            ∂h/∂δb = I₃
 //! Valid      rigid mount; metres at the antenna for metres at the body, 1 part in 10⁶ per metre
 //! Not here   multipath (a gate or a loss), the receiver's clock
 //! Source     Groves 2013, §14.3.1
 
 use super::NED;
 use crate::block::{Build, BuildError, Reading, SensorSpec};
-use crate::param::{ScalarParam, VectorParam};
+use crate::param::VectorParam;
 use crate::units::{Dimension, Dimensional, dim};
 use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3::skew;
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
-use fusion_core::state::{Attitude, Geodetic, Manifold, Param, Quantity, Scalar, Vector, Velocity, View};
+use fusion_core::state::{Attitude, Geodetic, Manifold, Param, Quantity, Vector, View};
 use nalgebra::{Matrix3, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// GNSS position with an antenna lever arm, a time offset and a correlated error.
+/// GNSS position with an antenna lever arm and a correlated error.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GnssPositionSpec {
     /// Antenna position in body axes, from the body origin (the IMU).
     #[serde(default)]
     lever_arm: VectorParam<dim::Length>,
-    /// How late the receiver stamps its fixes: valid at stamp − offset; at most 1 h.
-    #[serde(default)]
-    time_offset: ScalarParam<dim::Duration>,
     /// Correlated position error, north east down; give it a `correlation_time`.
     #[serde(default)]
     bias: VectorParam<dim::Length>,
@@ -46,7 +42,6 @@ crate::register!(
     GnssPositionSpec,
     r#"
 lever_arm = { estimate = true, initial = [0.1, -0.2, "-1 m"], sigma = "20 cm" }
-time_offset = { estimate = true, initial = "0.1 s", sigma = "50 ms" }
 bias = { estimate = true, initial = [0, 0, 0], sigma = "1 m", correlation_time = "100 s" }
 "#
 );
@@ -65,30 +60,18 @@ impl SensorSpec for GnssPositionSpec {
         if self.horizontal { &NED[..2] } else { NED }
     }
 
-    fn delay(&self) -> f64 {
-        self.time_offset.initial().unwrap_or(0.0)
-    }
-
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
         let lever_arm = b.param("lever_arm", &self.lever_arm)?;
-        let time_offset = b.param("time_offset", &self.time_offset)?;
         let fixed_at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
         Ok(Box::new(GnssPosition {
             position: b.quantity(state::POSITION)?,
-            // A process without an attitude or velocity serves an antenna at the body origin.
+            // A process without an attitude serves an antenna at the body origin.
             attitude: if fixed_at_the_body {
                 None
             } else {
                 Some(b.quantity(state::ATTITUDE)?)
             },
-            velocity: if self.time_offset.is_state() {
-                Some(b.quantity(state::VELOCITY)?)
-            } else {
-                None
-            },
-            delay: self.delay(),
             lever_arm,
-            time_offset,
             bias: b.param("bias", &self.bias)?,
             rows: if self.horizontal { 2 } else { 3 },
         }))
@@ -100,18 +83,9 @@ impl SensorSpec for GnssPositionSpec {
 struct GnssPosition {
     position: Quantity<Geodetic>,
     attitude: Option<Quantity<Attitude>>,
-    velocity: Option<Quantity<Velocity>>,
     lever_arm: Param<Vector<3>>,
-    time_offset: Param<Scalar>,
     bias: Param<Vector<3>>,
-    delay: f64,
     rows: usize,
-}
-
-impl GnssPosition {
-    fn lateness(&self, at: &View<'_>) -> f64 {
-        at.get(&self.time_offset) - self.delay
-    }
 }
 
 impl Measurement for GnssPosition {
@@ -127,9 +101,6 @@ impl Measurement for GnssPosition {
         if let Some(attitude) = &self.attitude {
             offset += at.get(attitude) * at.get(&self.lever_arm);
         }
-        if let Some(velocity) = &self.velocity {
-            offset -= at.get(velocity) * self.lateness(at);
-        }
         Geodetic::write(&at.get(&self.position).offset(&offset), value);
         Ok(())
     }
@@ -142,11 +113,6 @@ impl Measurement for GnssPosition {
             let lever_arm = at.get(&self.lever_arm);
             h.add(0, attitude, &(-c_nb * skew(&lever_arm)));
             h.add(0, &self.lever_arm, &c_nb);
-        }
-        if let Some(velocity) = &self.velocity {
-            let v = at.get(velocity);
-            h.add(0, velocity, &(Matrix3::identity() * -self.lateness(at)));
-            h.add(0, &self.time_offset, &(-v));
         }
         Ok(())
     }

@@ -1,38 +1,34 @@
-//! GNSS velocity with an antenna lever arm and a time offset.
+//! GNSS velocity with an antenna lever arm.
 //!
 //! Measured   z = v_ea_n, velocity of the antenna a, north east down \[m/s\]
-//! Predicted  h(x) = v_eb_n + C_nb (w_ib_b × l_ba_b) − a τ,  a = dv_eb_n/dt
+//! Predicted  h(x) = v_eb_n + C_nb (w_ib_b × l_ba_b)
 //! Jacobian   ∂h/∂δv = I₃,  ∂h/∂δφ_b = −C_nb [(w × l) ×],  ∂h/∂w = −C_nb [l ×],
-//!            ∂h/∂l = C_nb [w ×],  ∂h/∂a = −τ I₃,  ∂h/∂τ = −a
-//! Here       τ is the error of the declared time offset: rows are already valid at stamp − τ₀;
-//!            w and a are signals of the process, followed to the states by the chain rule
+//!            ∂h/∂l = C_nb [w ×]
+//! Here       w is a signal of the process, followed to the states by the chain rule
 //! Valid      rigid mount; w_ib for w_eb: 7e-5 m/s per metre of lever arm, the Earth's rotation
 //! Not here   receiver filtering
 //! Source     Groves 2013, §14.3.1
 
 use super::NED;
 use crate::block::{Build, BuildError, Reading, SensorSpec};
-use crate::param::{ScalarParam, VectorParam};
+use crate::param::VectorParam;
 use crate::units::{Dimension, Dimensional, dim};
 use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3::{rotation, skew};
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
-use fusion_core::state::{Attitude, Param, Quantity, Scalar, Vector, Velocity, View};
+use fusion_core::state::{Attitude, Param, Quantity, Vector, Velocity, View};
 use nalgebra::{Matrix3, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// GNSS velocity, north east down, with an antenna lever arm and a time offset.
+/// GNSS velocity, north east down, with an antenna lever arm.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GnssVelocitySpec {
     /// Antenna position in body axes, from the body origin (the IMU).
     #[serde(default)]
     lever_arm: VectorParam<dim::Length>,
-    /// How late the receiver stamps its velocities: valid at stamp − offset; at most 1 h.
-    #[serde(default)]
-    time_offset: ScalarParam<dim::Duration>,
     /// Use north and east only.
     #[serde(default)]
     horizontal: bool,
@@ -44,7 +40,6 @@ crate::register!(
     GnssVelocitySpec,
     r#"
 lever_arm = { estimate = true, initial = [0.1, -0.2, "-1 m"], sigma = "20 cm" }
-time_offset = { estimate = true, initial = "0.1 s", sigma = "50 ms" }
 horizontal = false
 "#
 );
@@ -63,10 +58,6 @@ impl SensorSpec for GnssVelocitySpec {
         if self.horizontal { &NED[..2] } else { NED }
     }
 
-    fn delay(&self) -> f64 {
-        self.time_offset.initial().unwrap_or(0.0)
-    }
-
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
         let lever_arm = b.param("lever_arm", &self.lever_arm)?;
         let at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
@@ -78,14 +69,7 @@ impl SensorSpec for GnssVelocitySpec {
             } else {
                 Some((b.quantity(state::ATTITUDE)?, b.quantity(state::ANGULAR_RATE)?))
             },
-            acceleration: if self.time_offset.is_state() {
-                Some(b.quantity(state::ACCELERATION)?)
-            } else {
-                None
-            },
             lever_arm,
-            time_offset: b.param("time_offset", &self.time_offset)?,
-            delay: self.delay(),
             rows: if self.horizontal { 2 } else { 3 },
         }))
     }
@@ -96,17 +80,8 @@ impl SensorSpec for GnssVelocitySpec {
 struct GnssVelocity {
     velocity: Quantity<Velocity>,
     turning: Option<(Quantity<Attitude>, Quantity<Vector<3>>)>,
-    acceleration: Option<Quantity<Vector<3>>>,
     lever_arm: Param<Vector<3>>,
-    time_offset: Param<Scalar>,
-    delay: f64,
     rows: usize,
-}
-
-impl GnssVelocity {
-    fn lateness(&self, at: &View<'_>) -> f64 {
-        at.get(&self.time_offset) - self.delay
-    }
 }
 
 impl Measurement for GnssVelocity {
@@ -122,9 +97,6 @@ impl Measurement for GnssVelocity {
         if let Some((attitude, rate)) = &self.turning {
             v += at.get(attitude) * at.get(rate).cross(&at.get(&self.lever_arm));
         }
-        if let Some(acceleration) = &self.acceleration {
-            v -= at.get(acceleration) * self.lateness(at);
-        }
         value.copy_from_slice(v.as_slice());
         Ok(())
     }
@@ -137,10 +109,6 @@ impl Measurement for GnssVelocity {
             h.add(0, attitude, &(-c_nb * skew(&w.cross(&l))));
             h.add(0, rate, &(-c_nb * skew(&l)));
             h.add(0, &self.lever_arm, &(c_nb * skew(&w)));
-        }
-        if let Some(acceleration) = &self.acceleration {
-            h.add(0, acceleration, &(Matrix3::identity() * -self.lateness(at)));
-            h.add(0, &self.time_offset, &(-at.get(acceleration)));
         }
         Ok(())
     }
@@ -157,10 +125,7 @@ mod tests {
         GnssVelocity {
             velocity: Quantity::Fixed(Vector3::new(1.0, 2.0, 3.0)),
             turning: Some((Quantity::Fixed(from_rpy(roll, pitch, yaw)), Quantity::Fixed(w))),
-            acceleration: Some(Quantity::Fixed(Vector3::new(0.0, 0.5, 0.0))),
             lever_arm: Param::Fixed(lever_arm),
-            time_offset: Param::Fixed(0.3),
-            delay: 0.1,
             rows: 3,
         }
     }
@@ -172,7 +137,7 @@ mod tests {
         let m = model(Vector3::new(2.0, 0.0, 0.0), Vector3::new(0.0, 0.0, 0.5), [0.0, 0.0, FRAC_PI_2]);
         let mut z = [0.0; 3];
         m.predict(&View::new(&[], &[]), &mut z).unwrap();
-        // Minus 0.2 s of 0.5 m/s² east: the stamp is later than declared. 4 ε: rounding.
-        assert!((Velocity::read(&z) - Vector3::new(0.0, 1.9, 3.0)).amax() < 1e-15, "{z:?}");
+        // 4 ε: rounding.
+        assert!((Velocity::read(&z) - Vector3::new(0.0, 2.0, 3.0)).amax() < 1e-15, "{z:?}");
     }
 }

@@ -89,6 +89,7 @@ impl Drive {
                 name,
                 model: model.clone(),
                 port: port(stream, width),
+                offset: None,
                 constant: Vec::new(),
                 noise: noise(model.as_ref()),
                 quality: None,
@@ -200,6 +201,7 @@ fn filtered(drive: &Drive, (filter, gates): &mut (Filter, Vec<Box<dyn Gate>>), a
             value,
             noise: &noise(model.as_ref()).covariance,
             quality: None,
+            lateness: None,
         };
         let update = filter.update(&observed, gate.as_mut(), &[], &Quadratic);
         accepted += usize::from(update.verdict == Verdict::Accepted);

@@ -32,6 +32,7 @@ fn the_motion_grows_until_the_residual_is_expected() {
         value: &value,
         noise: &noise,
         quality: None,
+        lateness: None,
     };
     f.keep_steps(true);
     let update = f.update(&observed, &mut Credulous, &[], &Quadratic);
@@ -69,6 +70,7 @@ fn reacquiring_bears_rows_that_depend_on_each_other_and_refuses_what_no_growth_e
             value,
             noise: &noise,
             quality: None,
+            lateness: None,
         };
         f.update(&observed, &mut Credulous, &[], &Quadratic).verdict
     };
@@ -94,6 +96,7 @@ fn reacquiring_what_cannot_be_used_leaves_the_belief_as_it_was() {
             value: &[value],
             noise: &[0.1],
             quality: None,
+            lateness: None,
         };
         assert_eq!(f.update(&observed, &mut Credulous, &[], &Quadratic).verdict, Verdict::Unusable);
         assert!(unchanged(&f, &before, &p), "{value}");
@@ -151,6 +154,7 @@ fn reacquire(f: &mut Filter, model: &dyn Measurement, value: f64) -> Verdict {
         value: &[value],
         noise: &[0.01],
         quality: None,
+        lateness: None,
     };
     f.update(&observed, &mut Credulous, &[], &Quadratic).verdict
 }
@@ -203,6 +207,7 @@ fn a_sensor_that_could_not_be_reacquired_is_offered_again_with_the_next_measurem
             value: &[value],
             noise: &[1.0],
             quality: None,
+            lateness: None,
         };
         let update = f.update(&observed, &mut gate, &[], &Quadratic);
         (update.verdict, update.mode)

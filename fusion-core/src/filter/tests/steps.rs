@@ -15,6 +15,7 @@ fn drive(f: &mut dyn Estimator, slots: (Slot<Scalar>, Slot<Scalar>), numbers: co
             value: &value,
             noise: &noise,
             quality: None,
+            lateness: None,
         };
         f.update(&observed, &mut gate, &[], &Quadratic);
     }

@@ -14,6 +14,7 @@
 //!          true biases where those are states
 //! Not here inputs other than an inertial unit; faults and dropouts (they act on rows)
 
+mod delay;
 mod true_state;
 
 use super::imu_error::ImuError;
@@ -27,11 +28,12 @@ use crate::process::strapdown::mechanisation::Nav;
 use crate::units::Dimension;
 use crate::vocabulary::channel;
 use core::cmp::Reverse;
+use delay::Delay;
 use fusion_core::Time;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::model::{Measurement, Process};
-use fusion_core::state::Layout;
+use fusion_core::state::{Layout, Scalar, Slot};
 use fusion_core::time::nanos;
 use std::collections::BinaryHeap;
 use std::sync::Arc;
@@ -50,6 +52,8 @@ pub struct SimulatedSensor {
     pub rows: Vec<Dimension>,
     /// Seconds by which its rows are valid before their stamp.
     pub delay: f64,
+    /// Its time offset where that is a state: `delay` is right for its declared value.
+    pub offset: Option<Slot<Scalar>>,
 }
 
 /// What a run is simulated for.
@@ -162,7 +166,7 @@ impl PartialOrd for Row {
 struct Sensor {
     model: Arc<dyn Measurement>,
     error: SensorError,
-    delay: i64,
+    delay: Delay,
     stream: usize,
 }
 
@@ -228,6 +232,7 @@ impl Simulator {
                 held: None,
             });
         }
+        let duration = world.end().seconds();
         for sensor in setup.sensors {
             let Some(simulated) = spec.sensor.get(&sensor.name) else { continue };
             let error =
@@ -237,9 +242,9 @@ impl Simulator {
                 ..Clock::new(Source::Sensor(sensors.len()), simulated.rate.si())
             });
             sensors.push(Sensor {
+                delay: Delay::new(&sensor, setup.layout, duration),
                 model: sensor.model,
                 error,
-                delay: nanos(sensor.delay),
                 stream: streams.len(),
             });
             streams.push(SimulatedStream {
@@ -257,9 +262,9 @@ impl Simulator {
             clocks,
             end: world.end(),
             world,
-            truth,
             imu,
-            least_delay: sensors.iter().map(|s| s.delay).min().unwrap_or(0).min(0),
+            least_delay: sensors.iter().map(|s| s.delay.least(truth.state())).min().unwrap_or(0).min(0),
+            truth,
             sensors,
             queue: BinaryHeap::new(),
             spare: Vec::new(),
@@ -354,7 +359,7 @@ impl Simulator {
                     return;
                 }
                 sensor.error.spoil(sensor.model.as_ref(), time, &mut z);
-                let (stamp, stream) = (time.shifted(sensor.delay), sensor.stream);
+                let (stamp, stream) = (time.shifted(sensor.delay.at(self.truth.state())), sensor.stream);
                 self.put(stamp, stream, z);
             }
             Source::Reference => {

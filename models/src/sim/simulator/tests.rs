@@ -48,7 +48,8 @@ fn simulate(text: &str, seed: u64) -> Result<(Layout, Arc<dyn Process>, Simulato
             model,
             channel,
             rows: spec.noise(),
-            delay: spec.delay(),
+            delay: if name == "gnss" { LATE } else { 0.0 },
+            offset: None,
         });
     }
     let layout = layout.finish();
@@ -83,8 +84,10 @@ fn strapdown(integrator: &str, states: bool) -> String {
 
 const GNSS: &str = "[sensor.gnss.gnss_position]\n\
      lever_arm = { estimate = true, initial = [0.5, -0.3, -1.2], sigma = '20 cm' }\n\
-     bias = { estimate = true, initial = [0, 0, 0], sigma = '1 m', correlation_time = '20 s' }\n\
-     time_offset = '150 ms'\n";
+     bias = { estimate = true, initial = [0, 0, 0], sigma = '1 m', correlation_time = '20 s' }\n";
+
+/// How late the fixes of `gnss` are stamped [s].
+const LATE: f64 = 0.15;
 
 fn simulation(more: &str, segments: &str) -> String {
     format!("[simulation]\n{more}\ntrajectory = [{segments}]\n")

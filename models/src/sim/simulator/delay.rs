@@ -1,0 +1,46 @@
+//! By how much rows are stamped after they are valid: what the design says, or what is true where the
+//! offset is a state whose true value is drawn and may move.
+
+use super::SimulatedSensor;
+use fusion_core::state::{Dynamics, Layout, Scalar, Slot};
+use fusion_core::time::nanos;
+
+/// How many σ an offset that moves is expected to stay within.
+const MOST_SIGMAS: f64 = 8.0;
+
+/// By how much the rows of a sensor are stamped after they are valid.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Delay {
+    /// Without the offset \[s\].
+    fixed: f64,
+    offset: Option<Slot<Scalar>>,
+    /// By how much the offset may move during the run \[s\].
+    play: f64,
+}
+
+impl Delay {
+    pub(super) fn new(sensor: &SimulatedSensor, layout: &Layout, duration: f64) -> Self {
+        let declared = sensor.offset.map_or(0.0, |offset| offset.read(layout.initial()));
+        let block = sensor.offset.and_then(|offset| layout.block_of(offset));
+        let sigma = match block.map(|block| &block.dynamics) {
+            Some(Dynamics::RandomWalk { psd }) => (psd[0] * duration).sqrt(),
+            Some(Dynamics::GaussMarkov { sigma, .. }) => sigma[0],
+            _ => 0.0,
+        };
+        Self {
+            fixed: sensor.delay - declared,
+            offset: sensor.offset,
+            play: MOST_SIGMAS * sigma,
+        }
+    }
+
+    /// What it is where the true state is `x` \[ns\].
+    pub(super) fn at(&self, x: &[f64]) -> i64 {
+        nanos(self.fixed + self.offset.map_or(0.0, |offset| offset.read(x)))
+    }
+
+    /// The least that it will ever be, `x` being true at first \[ns\].
+    pub(super) fn least(&self, x: &[f64]) -> i64 {
+        self.at(x) - nanos(self.play)
+    }
+}
