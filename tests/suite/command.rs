@@ -88,7 +88,10 @@ fn parameters_are_scored_against_the_truth_that_the_simulation_drew() {
     let estimated = "sensor.position.lever_arm={ estimate = true, initial = [0.3, 0, -1], sigma = \"20 cm\" }";
     let args = ["montecarlo", design, "-n", "4", "--out", "out", "--set", estimated];
     let drawn = w.fusion(&args).success();
-    shows(drawn, &["NEES gyro_bias", "NEES position.lever_arm", "position.lever_arm x [m]"]);
+    let drawn = shows(drawn, &["NEES gyro_bias", "position.lever_arm x [m]"]);
+    // A long name is broken over two lines of its column.
+    let judged = |text: &str| squeezed(text).iter().any(|line| line == "position.lever_arm");
+    assert!(judged(&stdout(&drawn)));
     let mut runs = csv::Reader::from_path(w.path("out/runs.csv")).unwrap();
     let header = runs.headers().unwrap().clone();
     let column = |name: &str| header.iter().position(|h| h == name).unwrap();
@@ -102,7 +105,7 @@ fn parameters_are_scored_against_the_truth_that_the_simulation_drew() {
     let fixed = w
         .fusion(&[&args[..], &["--set", "simulation.draw_parameters=false"]].concat())
         .success();
-    fixed.stdout(has("NEES position.lever_arm").not()).stdout(has("NEES gyro_bias"));
+    assert!(!judged(&stdout(&fixed.stdout(has("NEES gyro_bias")))));
 }
 
 #[test]

@@ -4,7 +4,7 @@
 //! Spike   |x_c − p_c| > max(a_c, 20 s_c) is suspect: p is the sample before, a the agility that the
 //!         process declares, s the mean size of the changes between samples. The third of
 //!         neighbouring suspects that are nearer to each other than to p is believed: then it was
-//!         no spike
+//!         no spike. Only of samples that come at 20 Hz at least
 //!
 //! Frozen  all numbers are those of the sample before, more than ten times in a row, on a stream that
 //!         repeats itself rarely
@@ -27,6 +27,9 @@ const REPEATS_KNOWN: u32 = 256;
 const FEW_REPEATS: u32 = 16;
 /// Repetitions in a row after which an instrument is frozen.
 const FROZEN: u32 = 10;
+/// Samples that are usually further apart than this prove nothing about each other: a vehicle may have
+/// changed its motion in between \[ns\].
+const SLOWEST: i64 = 50_000_000;
 /// Neighbouring suspects after which they are believed.
 const WITNESSES: u32 = 3;
 
@@ -51,8 +54,9 @@ pub(super) struct Guard {
 }
 
 impl Guard {
-    /// Judges a sample of finite numbers; one that passes is remembered.
-    pub(super) fn judge(&mut self, sample: &[f64], process: &dyn Process) -> Result<(), Discard> {
+    /// Judges a sample of finite numbers, of a stream with one every `interval` nanoseconds; one that
+    /// passes is remembered.
+    pub(super) fn judge(&mut self, sample: &[f64], interval: i64, process: &dyn Process) -> Result<(), Discard> {
         let too_large = sample.iter().zip(&self.range).position(|(x, limit)| x.abs() > *limit);
         if let Some(column) = too_large {
             return Err(Discard::OutOfRange { column });
@@ -60,7 +64,8 @@ impl Guard {
         if self.is_frozen(sample) {
             return Err(Discard::Frozen);
         }
-        if let Some(column) = self.unusual(sample, process.agility()) {
+        let is_dense = interval <= SLOWEST;
+        if let Some(column) = self.unusual(sample, process.agility()).filter(|_| is_dense) {
             let believed = self.is_confirmed(sample, column);
             self.suspects = if believed { self.suspects + 1 } else { 1 };
             self.suspect.clear();

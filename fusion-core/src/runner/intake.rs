@@ -113,7 +113,7 @@ impl Intake {
         if is_gap {
             self.guard.forget();
         }
-        if let Err(why) = self.guard.judge(values, process) {
+        if let Err(why) = self.guard.judge(values, self.pace.usual, process) {
             return Taken::Not(why);
         }
         let Some(end) = self.end() else {
