@@ -152,7 +152,10 @@ fn a_simulated_car_comes_through_gaps_on_a_straight_road_and_in_a_bend() {
             eprintln!("{from} {seconds} s: max {max:.2} m, {rejected} rejected");
             // Within the gap GNSS alone holds the position: fixes of 1 m, and ½·3.3 m/s² of the bend over
             // the second between two of them. After 5 s in it the heading is 90° off, with a 1σ of 80°.
-            assert!(max <= clean + 4.0 && rejected < 15, "{from} {seconds} s: {max} m, {rejected} rejected");
+            assert!(
+                max <= clean + 4.0 && rejected < 15,
+                "{from} {seconds} s: {max} m, {rejected} rejected"
+            );
         }
     }
 }
