@@ -183,8 +183,8 @@ fn outcome(design: &Design, case: &Case, watch: f64, options: &Options, survey: 
         out: None,
         seed: options.seed,
     };
-    let mut watch = Watch::new(survey, case, watch);
     let run = Run::open(&disturbed, &options)?;
+    let mut watch = Watch::new(survey, case, watch, run.assembly().runner.lag());
     let names = names(run.assembly());
     let ran = run.go(&mut [&mut watch], &mut |_| {});
     let stopped = ran.err().filter(|_| !watch.is_over);

@@ -72,6 +72,8 @@ pub(super) struct Watch<'a> {
     from: Time,
     /// The end of the watch.
     until: Time,
+    /// How far the estimates are behind the rows \[ns\].
+    lag: i64,
     /// Streams whose stamps may be wrong.
     disturbed: Vec<usize>,
     /// Longer pauses between estimates are no estimate \[ns\].
@@ -90,7 +92,8 @@ pub(super) struct Watch<'a> {
 }
 
 impl<'a> Watch<'a> {
-    pub(super) fn new(survey: &'a Survey, case: &Case, watch: f64) -> Self {
+    /// Of a `case`, for `watch` seconds behind its faults; the filter holds rows back for `lag` seconds.
+    pub(super) fn new(survey: &'a Survey, case: &Case, watch: f64, lag: f64) -> Self {
         /// Shorter pauses are of no account \[s\].
         const PAUSE: f64 = 0.5;
         let from = survey.estimates.partition_point(|e| e.time < case.from);
@@ -101,6 +104,7 @@ impl<'a> Watch<'a> {
             is_undisturbed: case.sets.is_empty(),
             from: case.from,
             until: case.to.shifted(nanos(watch)).min(survey.end()),
+            lag: nanos(lag),
             disturbed: case.streams.clone(),
             pause: nanos((1.5 * survey.longest_pause).max(PAUSE)),
             estimates: [None; 2],
@@ -200,7 +204,7 @@ impl RunObserver for Watch<'_> {
         match event {
             RunEvent::Row(row) if !self.disturbed.contains(&row.stream) => {
                 self.now = self.now.max(Some(row.time));
-                if row.time > self.until {
+                if row.time > self.until.shifted(self.lag) {
                     self.is_over = true;
                     return Err("the watch is over".into());
                 }
