@@ -1,5 +1,4 @@
 use crate::support::{DESIGN, Workspace, fixes, has, narrow, shows, snapshot, squeezed, stderr, stdout};
-use predicates::prelude::PredicateBooleanExt;
 use predicates::str::contains;
 use serde_json::Value;
 

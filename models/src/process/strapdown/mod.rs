@@ -7,7 +7,7 @@
 //! Signals    `angular_rate` w_ib_b \[rad/s\], `acceleration` dv_eb_n/dt \[m/s²\]
 //! Φ          I + FΔt, or + ½F²Δt², F from [`error_model`]
 //! Q          trapezoid of white accelerometer noise on velocity and gyro noise on attitude
-//! Gaps       velocity and attitude stay, up to the vehicle's [agility](AgilitySpec)
+//! Gaps       velocity and attitude stay, up to the vehicle's agility
 //! Slow input a sample of more than 0.2 s ([`LONGEST_STEP`]) is integrated in pieces, and as only its
 //!            mean is known Q gains what a change from the neighbour's rate and force may move attitude
 //!            and velocity by within it: (T Δw)²/8, (T Δf)²/8 per axis and sample
