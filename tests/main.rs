@@ -45,6 +45,9 @@ mod oracles;
 /// Order of arrival against order of time.
 #[path = "suite/order.rs"]
 mod order;
+/// False tracks that gates believe, or must not, and what they leave behind.
+#[path = "suite/reacquisition.rs"]
+mod reacquisition;
 /// Real recorded logs, scored against their references.
 #[path = "suite/real.rs"]
 mod real;
