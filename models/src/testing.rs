@@ -198,7 +198,8 @@ fn sensor(r: &Registration) -> Result<(), String> {
             return Err(format!("its noise has {sigmas} dimensions, its residual {} rows", size.residual));
         }
         let names = spec.axes().len();
-        if ![0, size.residual].contains(&names) {
+        // One row needs no name.
+        if names != size.residual && (names, size.residual) != (0, 1) {
             return Err(format!("it names {names} of its {} residual rows", size.residual));
         }
         let width = match spec.reading() {

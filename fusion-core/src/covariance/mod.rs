@@ -205,3 +205,50 @@ impl Covariance {
         self.form.condition(self.n, &mut self.p, h, r, w);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::covariance::FormKind;
+    use crate::filter::tests::declare;
+    use crate::state::{Dynamics, LayoutBuilder, Scalar, Vector};
+    use crate::testing::Lcg;
+
+    #[test]
+    fn numbers_are_read_by_block_and_covariances_compared_by_form_and_numbers() {
+        let mut b = LayoutBuilder::new();
+        let first = declare::<Scalar>(&mut b, "first", 0.0, &[1.0], Dynamics::Constant);
+        let second = declare::<Vector<2>>(&mut b, "second", [0.0; 2].into(), &[1.0; 2], Dynamics::Constant);
+        let third = declare::<Vector<2>>(&mut b, "third", [0.0; 2].into(), &[1.0; 2], Dynamics::Constant);
+        let layout = b.finish();
+        let mut random = Lcg::new(1);
+        let a = nalgebra::DMatrix::from_fn(5, 5, |_, _| random.signed());
+        let p = &a * a.transpose();
+        let of = |kind: FormKind| {
+            let mut c = Covariance::zeros(5, kind.form());
+            c.set_whole(p.as_slice());
+            c
+        };
+        let c = of(FormKind::Joseph);
+        let blocks = layout.blocks();
+        // 1e-15: stored as given, or as factors.
+        let near = |found: f64, i: usize, j: usize| (found - p[(i, j)]).abs() < 1e-15;
+        let block = c.block(&blocks[1]);
+        assert!(
+            block.len() == 4 && (0..4).all(|k| near(block[k], 1 + k / 2, 1 + k % 2)),
+            "{block:?}"
+        );
+        let between = c.between::<_, _, 2, 2>(second, third);
+        assert!((0..4).all(|k| near(between[(k / 2, k % 2)], 1 + k / 2, 3 + k % 2)), "{between}");
+        assert!(near(c.between::<_, _, 1, 2>(first, second)[1], 0, 2));
+        let mut other = c.clone();
+        assert_eq!(c, other);
+        other.scale(core::slice::from_ref(&(0..1)), 2.0);
+        assert_ne!(c, other, "other numbers");
+        assert_ne!(c, of(FormKind::Standard), "another form");
+        assert_ne!(
+            Covariance::zeros(5, FormKind::Joseph.form()),
+            Covariance::zeros(4, FormKind::Joseph.form())
+        );
+    }
+}

@@ -416,4 +416,28 @@ mod tests {
             assert!((found - wanted).abs() < 1e-15, "{found} {wanted}"); // rounding
         }
     }
+
+    #[test]
+    fn an_outlet_is_as_wide_as_what_it_gives() {
+        let mut b = LayoutBuilder::new();
+        declare::<crate::state::Attitude>(
+            &mut b,
+            "attitude",
+            nalgebra::UnitQuaternion::identity(),
+            &[1.0; 3],
+            Dynamics::Process,
+        );
+        let layout = b.finish();
+        let attitude = || layout.blocks()[0].clone();
+        let outlets = [
+            (Outlet::State(attitude()), 4),
+            (Outlet::Sigma(attitude()), 3),
+            (Outlet::Heading(attitude()), 4),
+            (Outlet::Signal(2..7), 5),
+            (Outlet::Passed(1..3), 2),
+        ];
+        outlets
+            .iter()
+            .for_each(|(outlet, width)| assert_eq!(outlet.width(), *width, "{outlet:?}"));
+    }
 }

@@ -154,9 +154,10 @@ fn overflow(form: &Arc<dyn Form>, layout: &Layout, slots: &[Slot<Scalar>], p: &D
     for (element, noise) in [(1e160, 0.0), (f64::NAN, 0.0), (0.5, f64::INFINITY), (0.5, -1e6)] {
         let mut t = Transition::new(layout);
         t.set(slots[0], last, &Matrix1::new(element));
-        // Twice the same element: what it held first must come back.
-        t.noise_trapezoid(slots[0], slots[0], &Matrix1::new(0.4));
-        t.noise_trapezoid(slots[0], slots[0], &Matrix1::new(1.0 / 3.0));
+        // Twice the same element, of a row that is not the first: what it held first must come back.
+        let middle = slots[slots.len() / 2];
+        t.noise_trapezoid(middle, middle, &Matrix1::new(0.4));
+        t.noise_trapezoid(middle, middle, &Matrix1::new(1.0 / 3.0));
         t.noise(last, last, &Matrix1::new(noise));
         let mut c = covariance(form, p);
         let before = c.clone();

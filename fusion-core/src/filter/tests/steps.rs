@@ -110,3 +110,60 @@ fn kept_steps_lead_from_belief_to_belief() {
     f.predict(second(40), &Input::held(&[0.0])).unwrap();
     assert!(f.steps().is_empty() && unheard.steps().is_empty());
 }
+
+/// Stands still, in steps of 0.3 s at most.
+#[derive(Debug)]
+struct Slow;
+
+impl Process for Slow {
+    fn input_dim(&self) -> usize {
+        0
+    }
+    fn max_step(&self) -> f64 {
+        0.3
+    }
+    fn propagate(&self, _: &mut [f64], _: &Input<'_>, _: f64) {}
+    fn linearise(&self, _: &[f64], _: &Input<'_>, _: f64, _: &mut Transition) {}
+}
+
+#[test]
+fn a_prediction_longer_than_the_longest_step_is_made_in_equal_pieces() {
+    let mut b = LayoutBuilder::new();
+    declare::<Scalar>(&mut b, "still", 0.0, &[1.0], Dynamics::RandomWalk { psd: vec![1.0] });
+    let mut f = filter(b, Slow, 1);
+    f.keep_steps(true);
+    for (to, pieces) in [(1_000_000_000, 4), (1_250_000_000, 1), (1_800_000_000, 2)] {
+        f.predict(Time::from_nanos(to), &Input::held(&[])).unwrap();
+        assert_eq!(f.steps().len(), pieces, "to {to} ns");
+    }
+}
+
+#[test]
+fn a_weight_makes_the_noise_of_every_row_larger() {
+    let run = |loss: &dyn crate::loss::Loss, noise: f64| {
+        let mut b = LayoutBuilder::new();
+        let x = declare::<Vector<3>>(&mut b, "x", SVector::zeros(), &[1.0; 3], Dynamics::Constant);
+        let mut f = filter(b, Still, 3);
+        let model = Linear {
+            x: Param::State(x),
+            h: SMatrix::<f64, 3, 3>::identity(),
+        };
+        let (value, r) = ([5.0, -7.0, 9.0], DMatrix::from_diagonal_element(3, 3, noise));
+        let observed = Observed {
+            model: &model,
+            value: &value,
+            noise: r.as_slice(),
+            quality: None,
+            lateness: None,
+        };
+        let weight = f.update(&observed, &mut Open, &[], loss).weight;
+        (weight, f.belief().clone())
+    };
+    let (weight, robust) = run(&Huber::new(1.345), 1.0);
+    assert!(weight < 0.5, "{weight}");
+    let (_, weaker) = run(&Quadratic, 1.0 / weight);
+    for (a, b) in robust.x.iter().zip(&weaker.x) {
+        // 1e-15 of 9: the same arithmetic on the same noise.
+        assert!((a - b).abs() < 1e-14, "{:?} {:?}", robust.x, weaker.x);
+    }
+}

@@ -98,11 +98,15 @@ fn accelerometer_noise_that_differs_by_axis_is_rotated_to_navigation_axes() {
     let c = so3::rotation(&q);
     let wanted = c * Matrix3::from_diagonal(&V::new(1e-6, 4e-6, 16e-6)) * c.transpose() * dt;
     let mut got = Matrix3::zeros();
+    let mut yaw = 0.0;
     for (i, j, v) in out.noise_before().chain(out.noise_after()) {
         if (3..6).contains(&i) && (3..6).contains(&j) {
             got[(i - 3, j - 3)] += v;
         }
+        yaw += if (i, j) == (8, 8) { v } else { 0.0 };
     }
+    // That of the gyros stays in body axes. 4 ε of it: a square and two halves.
+    assert!((yaw - 1e-8 * dt).abs() < 4.0 * f64::EPSILON * 1e-8 * dt, "{yaw}");
     // 4 ε: products of rotation matrices.
     assert!((got - wanted).amax() < 4.0 * f64::EPSILON * wanted.amax(), "{got} {wanted}");
 }
