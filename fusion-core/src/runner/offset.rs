@@ -233,20 +233,22 @@ mod tests {
         }
     }
 
+    /// What is allowed for either way, in most tests [s].
+    const MOST: f64 = 0.6;
+
     fn sensor(name: &str, port: (StreamId, usize), x: Slot<Scalar>, offset: Slot<Scalar>, leader: Option<usize>) -> Sensor {
-        let most = 0.6;
         Sensor {
             name: name.to_owned(),
             model: Arc::new(Direct(x)),
             port: Port {
                 stream: port.0,
                 columns: vec![port.1],
-                delay: nanos(most),
+                delay: nanos(MOST),
             },
             offset: Some(Offset {
                 value: offset.into(),
-                least: -0.6,
-                most,
+                least: -MOST,
+                most: MOST,
             }),
             constant: Vec::new(),
             noise: Noise::diagonal(&[0.02]),
@@ -339,14 +341,28 @@ mod tests {
     #[test]
     fn any_order_of_arrival_within_the_buffer_gives_the_same_bits() {
         let rows = rows();
-        let wanted = fed(&mut runner(0.5), &rows);
-        assert!(wanted.1.len() > 280);
-        for law in 1..5_i64 {
-            let mut arrivals: Vec<_> = rows.iter().enumerate().collect();
-            arrivals.sort_by_key(|(k, (_, time, _))| time.shifted((*k as i64 * 7919 * law).rem_euclid(49) * nanos(0.01)));
-            let shuffled: Rows = arrivals.into_iter().map(|(_, row)| row.clone()).collect();
-            let found = fed(&mut runner(0.5), &shuffled);
-            assert_eq!((found.0.x, found.1), (wanted.0.x.clone(), wanted.1.clone()), "{law}");
+        // With little allowed for, rows are held back for less than the window reaches.
+        for most in [MOST, 0.01] {
+            let runner = || {
+                let mut runner = runner(0.5);
+                for s in &mut runner.sensors {
+                    s.port.delay = nanos(most);
+                    s.offset.iter_mut().for_each(|o| (o.least, o.most) = (-most, most));
+                }
+                runner.hold_back();
+                runner
+            };
+            // The buffer, the longest delay, and from the earliest of the follower to the latest of its leader.
+            assert_eq!(runner().lag, nanos(0.5 + most + 2.0 * most));
+            let wanted = fed(&mut runner(), &rows);
+            assert!(wanted.1.len() > 280);
+            for law in 1..5_i64 {
+                let mut arrivals: Vec<_> = rows.iter().enumerate().collect();
+                arrivals.sort_by_key(|(k, (_, time, _))| time.shifted((*k as i64 * 7919 * law).rem_euclid(49) * nanos(0.01)));
+                let shuffled: Rows = arrivals.into_iter().map(|(_, row)| row.clone()).collect();
+                let found = fed(&mut runner(), &shuffled);
+                assert_eq!((found.0.x, found.1), (wanted.0.x.clone(), wanted.1.clone()), "{law}");
+            }
         }
     }
 
@@ -356,10 +372,13 @@ mod tests {
         runner.sensors.truncate(1);
         runner.hold_back();
         // A ramp: its mean is its value in the middle. Each sample is the mean over its interval.
-        for k in 0..300_i64 {
-            let (time, value) = (Time::from_nanos(k * 10_000_000), k as f64 - 0.5);
-            runner.feed(&Row::new(0, time, &[value]), &mut |_: &Event<'_>| {}).unwrap();
-        }
+        let fed = |runner: &mut Runner, samples: core::ops::Range<i64>| {
+            for k in samples {
+                let (time, value) = (Time::from_nanos(k * 10_000_000), k as f64 - 0.5);
+                runner.feed(&Row::new(0, time, &[value]), &mut |_: &Event<'_>| {}).unwrap();
+            }
+        };
+        fed(&mut runner, 0..300);
         let now = runner.belief().time;
         assert_eq!(now, Time::from_seconds(2.39), "rows are held back for 0.6 s");
         for before in [0.0, 0.003, 0.008] {
@@ -369,6 +388,15 @@ mod tests {
             // 100 ε of the sum of ten numbers of 250.
             assert!((mean - middle).abs() < 1e-10, "{mean} {middle}");
         }
+        // Where there is no input, nothing is known; a row that is no number is left out.
+        assert_eq!(runner.average_input(now.shifted(nanos(5.0)), None), None);
+        let wrong = Time::from_seconds(3.0);
+        runner.feed(&Row::new(0, wrong, &[f64::NAN]), &mut |_: &Event<'_>| {}).unwrap();
+        fed(&mut runner, 301..358);
+        let now = runner.belief().time;
+        assert!(now < wrong && wrong < now.shifted(nanos(0.05)), "{now}");
+        runner.average_input(now, None).unwrap();
+        assert!(runner.window.sample[0].is_finite());
     }
 
     /// Emits each row of its input as it is.
