@@ -25,8 +25,8 @@ pub(super) fn recorded() -> bool {
     data().is_some()
 }
 
-/// Runs `configs/real/NAME.toml` with variants and overrides; `None` without the data.
-pub(super) fn real(name: &str, variants: &[&str], sets: &[&str]) -> Option<Summary> {
+/// `configs/real/NAME.toml` with variants and overrides; `None` without the data.
+pub(super) fn real_design(name: &str, variants: &[&str], sets: &[&str]) -> Option<(Design, Options)> {
     let base = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/real");
     let options = Options {
         data: Some(data()?),
@@ -39,7 +39,12 @@ pub(super) fn real(name: &str, variants: &[&str], sets: &[&str]) -> Option<Summa
         document.overlay(&format!("variant.{variant}")).unwrap();
     }
     sets.iter().for_each(|set| document.set(set).unwrap());
-    let design = Design::read(document).unwrap_or_else(|e| panic!("{e}"));
+    Some((Design::read(document).unwrap_or_else(|e| panic!("{e}")), options))
+}
+
+/// Runs it.
+pub(super) fn real(name: &str, variants: &[&str], sets: &[&str]) -> Option<Summary> {
+    let (design, options) = real_design(name, variants, sets)?;
     Some(run(&design, &options, &mut |_| {}).unwrap_or_else(|e| panic!("{e}")))
 }
 
@@ -155,9 +160,9 @@ fn the_attitude_reference_knows_its_errors_where_nothing_disturbs_it() {
         // 3 is ideal; a factor of 2, as required.
         assert!((1.5..=6.0).contains(&nees.mean), "{nees:?}");
     }
-    // Measured 1.43° and 0.474°; the cascade has 1.585° and 0.515°.
+    // Measured 1.15° and 0.50°, and 5 %; the cascade has 1.58° and 0.51°.
     let [heading, inclination] = [own.heading_rmse_deg, own.inclination_rmse_deg].map(Option::unwrap);
-    assert!(heading < 1.6 && inclination < 0.53, "{heading} {inclination}");
+    assert!(heading < 1.21 && inclination < 0.53, "{heading} {inclination}");
 }
 
 #[test]
@@ -235,17 +240,18 @@ fn the_two_condition_gate_bears_outliers_and_a_false_track() {
 }
 
 #[test]
-fn the_heading_beside_a_magnet_stays_as_good_as_without_one_and_its_sigma_is_honest() {
-    let broad = |variants: &[&str]| Some(real("broad", variants, &[])?.score.unwrap());
-    let Some(undisturbed) = broad(&[]) else { return };
-    // Bar of the design: NEES of attitude in 1.5 … 6 where nothing disturbs.
-    let nees = undisturbed.nees_attitude.unwrap().mean;
-    assert!((1.5..6.0).contains(&nees), "{nees}");
-    let heading = |score: &fusion::score::Score| score.heading_rmse_deg.unwrap();
-    // A tenth above what was reached, 1.43°.
-    assert!(heading(&undisturbed) < 1.6, "{}", heading(&undisturbed));
-    let beside = heading(&broad(&["trial_31"]).unwrap());
-    assert!(beside < heading(&undisturbed), "beside the magnet {beside}");
-    let believing = heading(&broad(&["trial_31", "ungated"]).unwrap());
-    assert!(believing > 2.0 * beside, "every field believed: {believing}, gated {beside}");
+fn a_field_that_is_wrong_turns_the_heading_less_than_in_the_cascade() {
+    let heading = |variants: &[&str]| Some(real("broad", variants, &[])?.score.unwrap().heading_rmse_deg.unwrap());
+    // Where the body moves the field is 8 % and 3° of dip off that of the start, and 2.9° in direction;
+    // the magnet turns it by 10°. Measured 1.18° and 1.43°, and 5 %; the cascade has 2.08° and 1.81°.
+    let Some(moved) = heading(&["trial_15"]) else { return };
+    let beside = heading(&["trial_31"]).unwrap();
+    assert!(moved < 1.24 && beside < 1.50, "{moved} {beside}");
+    // Measured 1.9° and 2.7°.
+    let [moved, beside] = ["trial_15", "trial_31"].map(|trial| heading(&[trial, "wary"]).unwrap());
+    assert!(moved < 1.94 && beside < 2.79, "wary: {moved} {beside}");
+    // A filter that believes every field takes its errors for less than they are: measured 118 and 9.9.
+    let nees = |variants: &[&str]| real("broad", variants, &[]).unwrap().score.unwrap().nees_attitude.unwrap().mean;
+    let (gated, believing) = (nees(&["trial_31"]), nees(&["trial_31", "ungated"]));
+    assert!(believing > 5.0 * gated, "every field believed: {believing}, gated {gated}");
 }

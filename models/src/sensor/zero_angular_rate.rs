@@ -4,6 +4,7 @@
 //! Predicted  h(x) = b_g + C_nbᵀ w_in,  w_in = w_ie_n + w_en_n
 //! Jacobian   ∂h/∂b_g = I₃,  ∂h/∂δφ_b = [C_nbᵀ w_in ×],  ∂h/∂δv = C_nbᵀ ∂w_en/∂v,
 //!            ∂h/∂δr = C_nbᵀ ∂w_in/∂r
+//! Place      that of the process; where it has none, the origin of the run, at rest
 //! Valid      w_nb = 0; feed it by a detector of rest. The window's mean, not single samples:
 //!            its noise is the random walk over √window
 //! Source     Groves 2013, §15.3
@@ -65,11 +66,16 @@ impl SensorSpec for ZeroAngularRateSpec {
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
         let help = "let the process estimate its gyro bias: `gyro_bias = { estimate = true, … }`; without it this block corrects nothing";
+        // A process of attitude alone is where the run is declared to be.
+        let (position, velocity) = match (b.quantity(state::POSITION), b.origin) {
+            (Err(_), Some(origin)) => (Quantity::Fixed(origin), Quantity::Fixed(Vector3::zeros())),
+            (position, _) => (position?, b.quantity(state::VELOCITY)?),
+        };
         Ok(Box::new(ZeroAngularRate {
             gyro_bias: b.quantity(state::GYRO_BIAS).map_err(|e| e.help(help))?,
-            position: b.quantity(state::POSITION)?,
-            velocity: b.quantity(state::VELOCITY)?,
             attitude: b.quantity(state::ATTITUDE)?,
+            position,
+            velocity,
         }))
     }
 }
@@ -129,5 +135,30 @@ mod tests {
             // 1e-17 of 1e-11: rounding 1e-20/4e3, truncation (2 km/R)² relative = 1e-7.
             assert!((by_position.column(k) - numeric).amax() < 1e-17, "{k}: {numeric}");
         }
+    }
+
+    #[test]
+    fn a_process_without_a_place_is_at_the_origin() {
+        let built = |origin: Option<Geodetic>| {
+            let mut layout = fusion_core::state::LayoutBuilder::new();
+            let mut build = Build {
+                name: "process",
+                layout: &mut layout,
+                origin,
+                gravity: crate::earth::Gravity::default(),
+            };
+            let process = "[attitude_only]\ngyro_noise = 0\ngyro_bias = { estimate = true, initial = [0.1, 0, 0], sigma = 0.1 }";
+            let process: Box<dyn crate::block::ProcessSpec> = toml::from_str(process).unwrap();
+            process.build(&mut build).unwrap();
+            let sensor = ZeroAngularRateSpec {}.build(&mut build).map_err(|e| e.to_string())?;
+            let (layout, mut z) = (layout.finish(), [0.0; 3]);
+            sensor.predict(&View::new(layout.initial(), &[]), &mut z).unwrap();
+            Ok::<_, String>(Vector3::from(z))
+        };
+        let origin = Geodetic::new(0.6, 2.0, 100.0);
+        let expected = Vector3::new(0.1, 0.0, 0.0) + LocalEarth::at(&origin).earth_rate_n();
+        // 1e-16: one rounding of 0.1.
+        assert!((built(Some(origin)).unwrap() - expected).amax() < 1e-16);
+        assert!(built(None).unwrap_err().contains("position"));
     }
 }

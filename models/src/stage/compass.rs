@@ -4,7 +4,8 @@
 //! Output     `heading` ψ + η \[rad\] clockwise from true north, ψ the filter's own yaw and η the turn
 //!            about down that brings C_nb m to magnetic north; `attitude` the filter's own, turned by
 //!            η; before the filter starts, from the tilt that the specific force gives;
-//!            `magnetic_field` m \[T\], calibrated
+//!            `magnetic_field` m \[T\], calibrated; where `noise` is declared `magnetic_field_sigma`,
+//!            √(σ² + (k d)²) per axis, d how far the field is from the undisturbed one
 //! Gate       size and dip of the field against the undisturbed ones, learnt at the start
 //!            ([`field_gate`])
 //! Used by    the sensor `attitude` with `part = "heading"`, which has a heading at any pitch; the
@@ -16,7 +17,7 @@ pub mod field;
 pub mod field_gate;
 
 use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
-use crate::units::{self, Positive, Quantity as Unit, Vec3Of, dim};
+use crate::units::{self, Dimensional, NonNegative, Positive, Quantity as Unit, Vec3Of, dim};
 use crate::vocabulary::{channel, state};
 use field_gate::{FieldGate, FieldGateSpec};
 use fusion_core::geometry::so3;
@@ -50,6 +51,19 @@ pub struct CompassStageSpec {
     hard_iron: Vec3Of<dim::MagneticField>,
     /// Which samples of the field are left out; by default none.
     gate: Option<FieldGateSpec>,
+    /// 1σ of the field that goes out, for `noise = { from_source = true }`; needs a gate.
+    noise: Option<FieldNoiseSpec>,
+}
+
+/// The 1σ of a field: √(sigma² + (difference · d)²).
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct FieldNoiseSpec {
+    /// 1σ per axis of a field that looks undisturbed.
+    sigma: Positive<dim::MagneticField>,
+    /// How many times the difference d from the undisturbed field is added, horizontal and downward
+    /// part together. What is wrong is so for many rows: √N of those that share it.
+    difference: NonNegative<dim::Ratio>,
 }
 
 fn thirty_hertz() -> Positive<dim::Frequency> {
@@ -74,6 +88,7 @@ declination = "-8 deg"
 soft_iron = [[1.02, 0, 0], [0, 0.99, 0], [0, 0, 1]]
 hard_iron = ["1.2 uT", "-3 uT", 0]
 gate = { magnitude = "5 %", dip = "3 deg", smooth_over = "0.1 s", hold_off = "2 s", adopt_after = "60 s", learn_for = "1 s" }
+noise = { sigma = "0.8 uT", difference = 5 }
 "#
 );
 
@@ -96,16 +111,24 @@ impl StageSpec for CompassStageSpec {
     }
 
     fn output(&self) -> Vec<Channel> {
-        vec![channel::HEADING, channel::ATTITUDE, channel::MAGNETIC_FIELD]
+        let mut output = vec![channel::HEADING, channel::ATTITUDE, channel::MAGNETIC_FIELD];
+        if self.noise.is_some() {
+            output.push(Channel::vector("magnetic_field_sigma", 3, dim::MagneticField::KIND.dimension));
+        }
+        output
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
+        if self.noise.is_some() && self.gate.is_none() {
+            return Err(BuildError::at("noise", "the undisturbed field is known to a gate only").help("declare a `gate`"));
+        }
         Ok(Box::new(CompassStage {
             attitude: b.quantity(state::ATTITUDE)?,
             declination: self.declination.si(),
             soft_iron: Matrix3::from_rows(&self.soft_iron.map(|row| Vector3::from(row.si()).transpose())),
             hard_iron: self.hard_iron.si().into(),
-            gate: self.gate.filter(|g| g.enabled).map(|g| g.build()),
+            gate: self.gate.map(|g| g.build()),
+            noise: self.noise.map(|n| (n.sigma.si(), n.difference.si())),
             period: nanos(1.0 / self.rate.si()),
             force: self.level_source.is_none().then_some(LEVEL),
             next: Time::MIN,
@@ -123,6 +146,8 @@ struct CompassStage {
     soft_iron: Matrix3<f64>,
     hard_iron: Vector3<f64>,
     gate: Option<FieldGate>,
+    /// 1σ of an undisturbed field, and how many times the difference from it is added.
+    noise: Option<(f64, f64)>,
     period: i64,
     /// The last specific force, for the tilt before there is an estimate.
     force: Option<Vector3<f64>>,
@@ -146,16 +171,18 @@ impl Stage for CompassStage {
             (None, None) => return,
         };
         let seen = field::field(&m, &q, self.declination);
-        if self.gate.as_mut().is_some_and(|gate| !gate.passes(&seen, time)) {
+        let Some(difference) = self.gate.as_mut().map_or(Some(0.0), |gate| gate.judge(&seen, time)) else {
             return;
-        }
+        };
         if time >= self.next {
             // Before the start, an initialiser averages whatever there is.
             if view.is_some() {
                 self.next = time.shifted(self.period);
             }
             let (heading, q) = (wrap(so3::to_rpy(&q).z + seen.turn), field::turned(&q, seen.turn));
-            out.emit(time, &[heading, q.w, q.i, q.j, q.k, m.x, m.y, m.z]);
+            let sigma = self.noise.map_or(0.0, |(sigma, times)| sigma.hypot(times * difference));
+            let row = [heading, q.w, q.i, q.j, q.k, m.x, m.y, m.z, sigma, sigma, sigma];
+            out.emit(time, &row[..if self.noise.is_some() { 11 } else { 8 }]);
         }
     }
 
@@ -175,6 +202,7 @@ mod tests {
             soft_iron: Matrix3::identity(),
             hard_iron: Vector3::zeros(),
             gate: gate.then(|| FieldGateSpec::default().build()),
+            noise: None,
             period: 0,
             force: None,
             next: Time::MIN,
@@ -217,5 +245,39 @@ mod tests {
         }
         assert!(heading(&mut stage, 2.0, &(m * 1.1), Some(&view)).is_none());
         assert!(heading(&mut stage, 2.1, &m, Some(&view)).is_some());
+    }
+
+    #[test]
+    fn the_sigma_grows_with_the_difference_from_the_undisturbed_field() {
+        let mut stage = CompassStage {
+            noise: Some((0.03, 2.0)),
+            ..stage(true)
+        };
+        let (view, level) = (View::new(&[], &[]), so3::from_rpy(0.3, -0.2, 1.0));
+        let mut sigma = |t: f64, north: f64, down: f64| {
+            let (m, mut out) = (level.inverse() * Vector3::new(north, 0.0, down), Emitter::default());
+            stage.row(0, Time::from_seconds(t), m.as_slice(), Some(&view), &mut out);
+            out.rows().next().map(|(_, row)| row[8..].to_vec())
+        };
+        // 1e-12: the field is turned there and back.
+        let is = |row: Option<Vec<f64>>, sigma: f64| row.is_some_and(|row| row.len() == 3 && row.iter().all(|s| (s - sigma).abs() < 1e-12));
+        assert!(is(sigma(0.0, 1.0, 2.0), 0.03) && is(sigma(2.0, 1.0, 2.0), 0.03));
+        // 0.04 more to the north, as much down: √(0.03² + (2·0.04)²).
+        let expected = (0.03_f64 * 0.03 + 0.08 * 0.08).sqrt();
+        assert!(is(sigma(3.0, 1.04, 2.0), expected) && is(sigma(4.0, 1.0, 1.96), expected));
+    }
+
+    #[test]
+    fn a_sigma_of_the_field_without_a_gate_is_refused() {
+        let spec: CompassStageSpec = toml::from_str("source = 'm'\nnoise = { sigma = '1 uT', difference = 3 }").unwrap();
+        let mut layout = fusion_core::state::LayoutBuilder::new();
+        let mut build = Build {
+            name: "compass",
+            layout: &mut layout,
+            origin: None,
+            gravity: crate::earth::Gravity::default(),
+        };
+        let refused = spec.build(&mut build).unwrap_err();
+        assert!(refused.field == "noise" && refused.to_string().contains("gate"), "{refused}");
     }
 }

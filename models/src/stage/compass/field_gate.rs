@@ -2,6 +2,8 @@
 //!
 //! Smoothed   horizontal and downward part of the field, each by a first-order low-pass: no turn of the
 //!            body and no yaw changes them, so noise averages out and a turning body does not
+//! Difference d \[T\] of the smoothed parts from the reference: what is seen of a disturbance. The part
+//!            that turns the heading is as large and unseen; so d may be noise of what passes
 //! Hold-off   a field that was wrong has to look right for a while before it is believed again: at the
 //!            edge of a disturbance, and where the body turns in it, wrong fields look right at times
 
@@ -65,6 +67,7 @@ impl Default for FieldGateSpec {
 impl FieldGateSpec {
     pub(crate) fn build(&self) -> FieldGate {
         FieldGate {
+            enabled: self.enabled,
             magnitude: self.magnitude.si(),
             dip: self.dip.si(),
             smooth_over: self.smooth_over.si(),
@@ -91,6 +94,12 @@ struct Shape {
 }
 
 impl Shape {
+    /// Horizontal and downward parts.
+    fn parts(&self) -> Vector2<f64> {
+        let (sin, cos) = self.dip.sin_cos();
+        Vector2::new(cos, sin) * self.magnitude
+    }
+
     /// Of horizontal and downward parts.
     fn of(parts: &Vector2<f64>) -> Self {
         Self {
@@ -103,6 +112,7 @@ impl Shape {
 /// The gate with its memory.
 #[derive(Clone, Copy, Debug)]
 pub struct FieldGate {
+    enabled: bool,
     magnitude: f64,
     dip: f64,
     smooth_over: f64,
@@ -122,26 +132,32 @@ pub struct FieldGate {
 }
 
 impl FieldGate {
-    /// Whether the field looks as it does undisturbed, and has for long enough.
-    pub fn passes(&mut self, seen: &Field, time: Time) -> bool {
-        let (sin, cos) = seen.dip.sin_cos();
-        let parts = Vector2::new(cos, sin) * seen.magnitude;
+    /// The difference \[T\] from the undisturbed field of one that passes: that looks as it does
+    /// undisturbed, and has for long enough. 0 while the undisturbed field is learnt.
+    pub fn judge(&mut self, seen: &Field, time: Time) -> Option<f64> {
+        let (magnitude, dip) = (seen.magnitude, seen.dip);
+        let parts = Shape { magnitude, dip }.parts();
         let Some(reference) = self.reference.or_else(|| self.learn(&parts, time)) else {
-            return true;
+            return Some(0.0);
         };
-        let now = Shape::of(&self.smoothed(&parts, time));
-        if self.near(&now, &reference) {
+        let smooth = self.smoothed(&parts, time);
+        let passes = self.passes(&Shape::of(&smooth), &reference, time) || !self.enabled;
+        passes.then(|| (smooth - reference.parts()).norm())
+    }
+
+    fn passes(&mut self, now: &Shape, reference: &Shape, time: Time) -> bool {
+        if self.near(now, reference) {
             self.other = None;
             return self.wrong_at.is_none_or(|at| time.seconds_since(at) >= self.hold_off);
         }
         self.wrong_at = Some(time);
         match self.other {
-            Some((other, since)) if self.near(&now, &other) => {
+            Some((other, since)) if self.near(now, &other) => {
                 if time.seconds_since(since) >= self.adopt_after {
                     (self.reference, self.other) = (Some(other), None);
                 }
             }
-            _ => self.other = Some((now, time)),
+            _ => self.other = Some((*now, time)),
         }
         false
     }
@@ -187,7 +203,7 @@ mod tests {
     fn gate(smooth_over: f64, hold_off: f64) -> impl FnMut(i32, f64, f64) -> bool {
         let mut gate = FieldGateSpec::default().build();
         (gate.smooth_over, gate.hold_off) = (smooth_over, hold_off);
-        let mut at = move |t: i32, magnitude, dip| gate.passes(&field(magnitude, dip), Time::from_seconds(f64::from(t)));
+        let mut at = move |t: i32, magnitude, dip| gate.judge(&field(magnitude, dip), Time::from_seconds(f64::from(t))).is_some();
         assert!(at(-1, 50.0, 1.1) && at(0, 50.0, 1.1));
         at
     }
