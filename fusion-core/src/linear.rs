@@ -524,6 +524,22 @@ mod tests {
     }
 
     #[test]
+    fn products_read_what_was_set_and_the_ones_of_those_rows_and_nothing_else() {
+        let mut m = BlockMatrix::identity(6);
+        m.set_at(0, 3, &Matrix2x3::from_element(2.0));
+        m.set_element(5, 0, 7.0);
+        assert_eq!((m.active(), m.columns()), (&[0, 1, 5][..], &[0, 1, 3, 4, 5][..]));
+        let place = |e: &Element| (e.at as usize / m.ld, e.at as usize % m.ld);
+        let read: Vec<Vec<_>> = m.elements().map(|row| row.iter().map(place).collect()).collect();
+        let wanted = [
+            &[(0, 3), (0, 4), (0, 5), (0, 0)][..],
+            &[(1, 3), (1, 4), (1, 5), (1, 1)],
+            &[(5, 0), (5, 5)],
+        ];
+        assert_eq!(read, wanted);
+    }
+
+    #[test]
     fn touching_ranges_merge_into_one() {
         let mut m = BlockMatrix::identity(8);
         m.set_at(0, 3, &Matrix1::new(1.0));

@@ -332,13 +332,18 @@ mod tests {
 
     /// What the gate says of a residual \[m\] against an estimate of variance `p`; it is used if it may.
     fn offer(gate: &mut TwoCondition, time: f64, residual: [f64; 3], p: f64, quality: Option<f64>) -> Answer {
+        leaning(gate, time, residual, (p, 0.0), quality)
+    }
+
+    /// The same against variances `p` whose errors north and east have the covariance `ne`.
+    fn leaning(gate: &mut TwoCondition, time: f64, residual: [f64; 3], (p, ne): (f64, f64), quality: Option<f64>) -> Answer {
         let squares = residual.map(|r| r * r);
         let input = GateInput {
             time: Time::from_seconds(time),
             residual: &residual,
-            predicted: &[p, 0.0, 0.0, 0.0, p, 0.0, 0.0, 0.0, p],
+            predicted: &[p, ne, 0.0, ne, p, 0.0, 0.0, 0.0, p],
             noise: &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2.0],
-            innovation: &[p + 1.0, 0.0, 0.0, 0.0, p + 1.0, 0.0, 0.0, 0.0, p + 2.0],
+            innovation: &[p + 1.0, ne, 0.0, ne, p + 1.0, 0.0, 0.0, 0.0, p + 2.0],
             nis: (squares[0] + squares[1]) / (p + 1.0) + squares[2] / (p + 2.0),
             unit_nis: &[1.0 / (p + 1.0), 1.0 / (p + 1.0), 1.0 / (p + 2.0)],
             quality,
@@ -458,6 +463,25 @@ mod tests {
         let answer = offer(&mut gate(), 0.0, [6.0, 0.0, 0.0], 4.0, None);
         assert!((answer.threshold - 9.210).abs() < 6e-4); // printed to three decimals
         assert!((answer.statistic - 9.0).abs() < 1e-12); // rounding
+    }
+
+    #[test]
+    fn the_ellipse_leans_as_the_errors_of_the_estimate_do() {
+        let decide = |n: f64, e: f64| leaning(&mut gate(), 0.0, [n, e, 0.0], (4.0, 3.6), None).decision;
+        // Along the north-east P is 7.6 m², and γ = 9.210 is 5.916 m per axis; across it is 0.4 m². All of
+        // them are beyond the 5.43 m of C2.
+        assert_eq!(decide(5.9, 5.9), Decision::Accept);
+        assert_eq!(decide(6.0, 6.0), Decision::Reject);
+        assert_eq!(decide(4.0, -4.0), Decision::Reject);
+    }
+
+    #[test]
+    fn a_fix_outside_the_ellipse_is_an_outlier_where_it_reports_a_larger_sigma_than_is_good() {
+        let decide = |north: f64, limit: f64| offer(&mut with(Magnitude::Reported { limit }), 0.0, [north, 0.0, 0.0], 0.32, None).decision;
+        // It reports √2 m, and lies outside at 1.72 m.
+        assert_eq!(decide(3.0, 1.4), Decision::Reject);
+        assert_eq!(decide(3.0, 1.5), Decision::Accept);
+        assert_eq!(decide(1.7, 1.4), Decision::Accept);
     }
 
     #[test]

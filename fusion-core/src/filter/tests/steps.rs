@@ -132,9 +132,14 @@ fn a_prediction_longer_than_the_longest_step_is_made_in_equal_pieces() {
     declare::<Scalar>(&mut b, "still", 0.0, &[1.0], Dynamics::RandomWalk { psd: vec![1.0] });
     let mut f = filter(b, Slow, 1);
     f.keep_steps(true);
-    for (to, pieces) in [(1_000_000_000, 4), (1_250_000_000, 1), (1_800_000_000, 2)] {
-        f.predict(Time::from_nanos(to), &Input::held(&[])).unwrap();
-        assert_eq!(f.steps().len(), pieces, "to {to} ns");
+    for ends in [&[250, 500, 750, 1000][..], &[1250], &[1525, 1800]] {
+        let ends: Vec<_> = ends.iter().map(|ms| Time::from_nanos(ms * 1_000_000)).collect();
+        f.predict(ends[ends.len() - 1], &Input::held(&[])).unwrap();
+        let found = f.steps().iter().map(|step| match step {
+            Step::Predicted { posterior, .. } => posterior.time,
+            other => panic!("{other:?}"),
+        });
+        assert_eq!(found.collect::<Vec<_>>(), ends);
     }
 }
 
