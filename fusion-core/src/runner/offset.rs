@@ -356,9 +356,14 @@ mod tests {
             assert_eq!(runner().lag, nanos(0.5 + most + 2.0 * most));
             let wanted = fed(&mut runner(), &rows);
             assert!(wanted.1.len() > 280);
-            for law in 1..5_i64 {
+            for law in 1..7_i64 {
+                // By any time up to the buffer; or some by the whole of it and the others not at all.
+                let late = |k: usize| match (k as i64 * 7919 * law).rem_euclid(51) {
+                    n if law < 5 => n,
+                    n => 50 * i64::from(n < 7),
+                };
                 let mut arrivals: Vec<_> = rows.iter().enumerate().collect();
-                arrivals.sort_by_key(|(k, (_, time, _))| time.shifted((*k as i64 * 7919 * law).rem_euclid(49) * nanos(0.01)));
+                arrivals.sort_by_key(|(k, (_, time, _))| time.shifted(late(*k) * nanos(0.01)));
                 let shuffled: Rows = arrivals.into_iter().map(|(_, row)| row.clone()).collect();
                 let found = fed(&mut runner(), &shuffled);
                 assert_eq!((found.0.x, found.1), (wanted.0.x.clone(), wanted.1.clone()), "{law}");
@@ -367,18 +372,53 @@ mod tests {
     }
 
     #[test]
+    fn rows_whose_offset_leaves_what_is_allowed_for_are_used_at_the_edge_of_it() {
+        // The velocity is late by 0.31 s.
+        for (least, most, edge) in [(0.4, 0.6, 0.4), (-0.6, 0.1, 0.1)] {
+            let mut runner = runner(0.0);
+            for s in &mut runner.sensors {
+                s.port.delay = nanos(most);
+                s.offset.iter_mut().for_each(|o| (o.least, o.most) = (least, most));
+            }
+            runner.hold_back();
+            let (_, used) = fed(&mut runner, &rows());
+            let (time, stamp) = used.last().unwrap();
+            assert_eq!(stamp.nanos() - time.nanos(), nanos(edge));
+        }
+    }
+
+    /// Feeds these samples of a ramp, each the mean over its interval: a mean of them is the value in its
+    /// middle.
+    fn ramp(runner: &mut Runner, samples: core::ops::Range<i64>) {
+        for k in samples {
+            let (time, value) = (Time::from_nanos(k * 10_000_000), k as f64 - 0.5);
+            runner.feed(&Row::new(0, time, &[value]), &mut |_: &Event<'_>| {}).unwrap();
+        }
+    }
+
+    #[test]
+    fn after_a_gap_the_input_is_averaged_from_where_it_resumed() {
+        let mut runner = runner(0.0);
+        runner.sensors.truncate(1);
+        runner.hold_back();
+        ramp(&mut runner, 0..300);
+        ramp(&mut runner, 400..464);
+        let now = runner.belief().time;
+        assert_eq!(now, Time::from_seconds(4.03), "rows are held back for 0.6 s");
+        runner.average_input(now, None).unwrap();
+        // The first sample stands for the 10 ms before it.
+        let middle = 100.0 * 0.5 * (3.99 + now.seconds() + 0.05);
+        let mean = runner.window.sample[0];
+        // 100 ε of the sum of nine numbers of 400.
+        assert!((mean - middle).abs() < 1e-10, "{mean} {middle}");
+    }
+
+    #[test]
     fn the_input_is_averaged_as_far_after_as_before() {
         let mut runner = runner(0.0);
         runner.sensors.truncate(1);
         runner.hold_back();
-        // A ramp: its mean is its value in the middle. Each sample is the mean over its interval.
-        let fed = |runner: &mut Runner, samples: core::ops::Range<i64>| {
-            for k in samples {
-                let (time, value) = (Time::from_nanos(k * 10_000_000), k as f64 - 0.5);
-                runner.feed(&Row::new(0, time, &[value]), &mut |_: &Event<'_>| {}).unwrap();
-            }
-        };
-        fed(&mut runner, 0..300);
+        ramp(&mut runner, 0..300);
         let now = runner.belief().time;
         assert_eq!(now, Time::from_seconds(2.39), "rows are held back for 0.6 s");
         for before in [0.0, 0.003, 0.008] {
@@ -392,7 +432,7 @@ mod tests {
         assert_eq!(runner.average_input(now.shifted(nanos(5.0)), None), None);
         let wrong = Time::from_seconds(3.0);
         runner.feed(&Row::new(0, wrong, &[f64::NAN]), &mut |_: &Event<'_>| {}).unwrap();
-        fed(&mut runner, 301..358);
+        ramp(&mut runner, 301..358);
         let now = runner.belief().time;
         assert!(now < wrong && wrong < now.shifted(nanos(0.05)), "{now}");
         runner.average_input(now, None).unwrap();
