@@ -145,7 +145,8 @@ impl Initialiser for Explicit {
 mod tests {
     use super::*;
     use crate::earth::Gravity;
-    use fusion_core::state::LayoutBuilder;
+    use fusion_core::geometry::so3;
+    use fusion_core::state::{Attitude, Dynamics, Geodetic as Position, LayoutBuilder, Manifold};
 
     fn refused(toml: &str) -> Option<String> {
         let spec: ExplicitSpec = toml::from_str(toml).unwrap();
@@ -168,5 +169,42 @@ mod tests {
             assert_eq!(refused(&format!("{what} = {value}\n{what}_sigma = 0.1")), None);
         }
         assert_eq!(refused("position_sigma = 2"), None);
+        let twice = refused("attitude = [0, 0, 1]\nattitude_sigma = 0.1\nheading = 1\nheading_sigma = 0.1").unwrap();
+        assert!(twice.starts_with("heading: "), "{twice}");
+    }
+
+    #[test]
+    fn what_is_declared_is_written_and_a_position_without_a_value_is_the_origin() {
+        let mut layout = LayoutBuilder::new();
+        let origin = Geodetic::new(0.6, 2.2, 30.0);
+        let mut b = Build {
+            name: "start",
+            layout: &mut layout,
+            origin: Some(origin),
+            gravity: Gravity::default(),
+        };
+        let unset = || vec![0.0; 3];
+        b.declare(state::POSITION, "m", Geodetic::new(0.0, 0.0, 0.0), unset(), Dynamics::Process)
+            .unwrap();
+        b.declare(state::ATTITUDE, "rad", so3::from_rpy(0.1, 0.2, 0.0), unset(), Dynamics::Process)
+            .unwrap();
+        let toml = "position_sigma = [1, 2, 3]\nheading = '40 deg'\nheading_sigma = 0.1";
+        let start = toml::from_str::<ExplicitSpec>(toml).unwrap().build(&mut b).unwrap();
+        let layout = layout.finish();
+        let form = fusion_core::filter::Backend::default().form.form();
+        let mut belief = Belief::initial(&layout, &form, Time::default());
+        start.write(Time::default(), &layout, &mut belief);
+        let [position, attitude] = layout.blocks() else {
+            panic!("two blocks")
+        };
+        let place = Position::read(&belief.x[position.storage_range()]);
+        assert_eq!((place.lat, place.lon, place.height), (0.6, 2.2, 30.0));
+        assert_eq!(belief.covariance.sigmas(position).collect::<Vec<_>>(), [1.0, 2.0, 3.0]);
+        let rpy = so3::to_rpy(&Attitude::read(&belief.x[attitude.storage_range()]));
+        let wanted = Vector3::new(0.1, 0.2, 40_f64.to_radians());
+        assert!((rpy - wanted).norm() < 1e-14, "{rpy}"); // trigonometric functions
+        // About down, seen from a body that leans.
+        let sigma = belief.covariance.marginal::<3>(attitude).trace().sqrt();
+        assert!((sigma - 0.1).abs() < 1e-15, "{sigma}"); // rounding
     }
 }

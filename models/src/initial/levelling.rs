@@ -454,6 +454,68 @@ mod tests {
     }
 
     #[test]
+    fn a_force_that_grows_along_itself_is_no_wander() {
+        let mut levelling = unbounded(4.0);
+        // A lift that starts up after 2 s.
+        for k in 0..=400 {
+            let up = if k > 200 { G + 2.0 } else { G };
+            levelling.row(0, Time::from_seconds(f64::from(k) * 0.01), &[0.0, 0.0, 0.0, 0.0, 0.0, -up]);
+        }
+        assert!(levelling.found.is_some());
+        assert_eq!(levelling.wander, 0.0);
+    }
+
+    #[test]
+    fn what_is_written_has_the_1_sigma_of_tilt_and_of_the_wander_and_no_heading() {
+        let mut layout = fusion_core::state::LayoutBuilder::new();
+        let mut b = Build {
+            name: "process",
+            layout: &mut layout,
+            origin: None,
+            gravity: crate::earth::Gravity::default(),
+        };
+        let moved = fusion_core::state::Dynamics::Process;
+        b.declare(state::ATTITUDE, "rad", UnitQuaternion::identity(), vec![0.0; 3], moved)
+            .unwrap();
+        let layout = layout.finish();
+        let form = fusion_core::filter::Backend::default().form.form();
+        let mut belief = Belief::initial(&layout, &form, Time::default());
+        let mut levelling = unbounded(4.0);
+        for k in 0..=400 {
+            let forward = if k > 200 { 0.2 } else { 0.0 };
+            levelling.row(0, Time::from_seconds(f64::from(k) * 0.01), &[0.0, 0.0, 0.0, forward, 0.0, -G]);
+        }
+        levelling.write(Time::default(), &layout, &mut belief);
+        let variance = belief.covariance.marginal::<3>(&layout.blocks()[0]).diagonal();
+        // As `the_1_sigma_of_tilt_grows…`; of the same size as the 0.01 rad declared, so that neither hides.
+        assert!((0.005..0.02).contains(&levelling.wander), "{}", levelling.wander);
+        let tilt = 0.01_f64.powi(2) + levelling.wander.powi(2);
+        let expected = V::new(tilt, tilt, core::f64::consts::PI.powi(2));
+        // 4 ε: the square of a root.
+        assert!(
+            (variance - expected).component_div(&expected).amax() < 4.0 * f64::EPSILON,
+            "{variance} {expected}"
+        );
+    }
+
+    #[test]
+    fn a_rest_that_is_interrupted_begins_anew() {
+        let still: StillSpec = toml::from_str("window = 0.2\naccel_std = 0.1\ngyro_std = 0.01").unwrap();
+        let mut levelling = unbounded(2.0);
+        levelling.test = Some(StillTest::new(&still));
+        let found = (0..1000).find(|k| {
+            let t = f64::from(*k) * 0.01;
+            // Shaken from 1.5 s to 2 s.
+            let shake = if (150..200).contains(k) { f64::from(k % 2) } else { 0.0 };
+            levelling.row(0, Time::from_seconds(t), &[0.0, 0.0, 0.0, shake, 0.0, -G]);
+            levelling.found.is_some()
+        });
+        // 2 s after the last shake has left the window of 0.2 s.
+        let wanted = 420;
+        assert!(found.is_some_and(|k| (wanted - 2..=wanted + 1).contains(&k)), "{found:?}");
+    }
+
+    #[test]
     fn what_keeps_it_from_levelling_is_said_in_shares_of_the_bounds() {
         let still: StillSpec = toml::from_str("accel_std = 0.1\ngyro_std = 0.01").unwrap();
         let mut levelling = unbounded(2.0);

@@ -209,7 +209,7 @@ mod tests {
         }
     }
 
-    fn heading(stage: &mut CompassStage, t: f64, m: &Vector3<f64>, view: Option<&View<'_>>) -> Option<f64> {
+    fn heading(stage: &mut dyn Stage, t: f64, m: &Vector3<f64>, view: Option<&View<'_>>) -> Option<f64> {
         let mut out = Emitter::default();
         stage.row(0, Time::from_seconds(t), m.as_slice(), view, &mut out);
         out.rows().next().map(|(_, row)| row[0])
@@ -233,6 +233,33 @@ mod tests {
             &mut Emitter::default(),
         );
         assert!((heading(&mut stage, 1.0, &m, None).unwrap() - 2.5).abs() < 1e-14);
+    }
+
+    #[test]
+    fn every_field_gives_a_heading_where_there_is_no_gate_or_it_is_not_enabled() {
+        let answers = |gate: &str| {
+            let mut layout = fusion_core::state::LayoutBuilder::new();
+            let mut b = Build {
+                name: "compass",
+                layout: &mut layout,
+                origin: None,
+                gravity: crate::earth::Gravity::default(),
+            };
+            let moved = fusion_core::state::Dynamics::Process;
+            b.declare(state::ATTITUDE, "rad", UnitQuaternion::identity(), vec![0.1; 3], moved)
+                .unwrap();
+            let spec: CompassStageSpec = toml::from_str(&format!("source = 'magnetometer'\n{gate}")).unwrap();
+            let mut stage = spec.build(&mut b).unwrap();
+            let layout = layout.finish();
+            let view = View::new(layout.initial(), &[]);
+            let m = Vector3::new(3e-5, 0.0, 4e-5);
+            // Learnt for a second, then half as large again.
+            let answer = |(t, factor)| heading(stage.as_mut(), t, &(m * factor), Some(&view)).is_some();
+            [(0.0, 1.0), (1.0, 1.0), (2.0, 1.5)].map(answer)
+        };
+        assert_eq!(answers(""), [true; 3]);
+        assert_eq!(answers("gate = { enabled = false }"), [true; 3]);
+        assert_eq!(answers("gate = {}"), [true, true, false]);
     }
 
     #[test]

@@ -222,6 +222,46 @@ mod tests {
     }
 
     #[test]
+    fn another_field_that_the_right_one_interrupts_is_not_steady() {
+        let mut at = gate(0.0, 0.0);
+        assert!((1..40).all(|t| !at(t, 60.0, 1.1)) && at(40, 50.0, 1.1));
+        assert!((41..=101).all(|t| !at(t, 60.0, 1.1)), "its 60 s begin again");
+        assert!(at(102, 60.0, 1.1));
+    }
+
+    /// A gate as it is declared, asked at seconds about fields in µT and degrees.
+    fn declared(toml: &str) -> impl FnMut(f64, f64, f64) -> bool + use<> {
+        let mut gate = toml::from_str::<FieldGateSpec>(toml).unwrap().build();
+        move |t, magnitude, dip| {
+            gate.judge(&field(magnitude * 1e-6, dip.to_radians()), Time::from_seconds(t))
+                .is_some()
+        }
+    }
+
+    #[test]
+    fn the_field_learnt_is_the_mean_over_the_time_declared_for_it() {
+        let mut at = declared("learn_for = '2 s'");
+        // ± 8 % about 50 µT; while it learns, every field passes.
+        assert!(at(0.0, 54.0, 60.0) && at(0.5, 46.0, 60.0) && at(1.0, 54.0, 60.0) && at(1.5, 46.0, 60.0));
+        assert!(at(2.0, 52.0, 60.0) && at(2.1, 48.0, 60.0));
+        assert!(!at(2.2, 54.0, 60.0) && !at(2.3, 46.0, 60.0));
+    }
+
+    #[test]
+    fn with_a_declared_field_the_first_sample_is_judged_by_the_bounds_declared() {
+        let with = |bounds: &str| declared(&format!("{bounds}\nfield = {{ magnitude = '50 uT', dip = '60 deg' }}"));
+        let mut at = with("magnitude = '10 %'\ndip = '8 deg'");
+        assert!(!at(0.0, 55.5, 60.0) && at(0.1, 54.5, 60.0) && !at(0.2, 50.0, 68.5) && at(0.3, 50.0, 52.5));
+        let mut at = with("hold_off = '2 s'");
+        assert!(!at(0.0, 60.0, 60.0) && !at(1.9, 50.0, 60.0) && at(2.0, 50.0, 60.0));
+        let mut at = with("adopt_after = '4 s'");
+        assert!(!at(0.0, 60.0, 60.0) && !at(3.9, 60.0, 60.0) && !at(4.0, 60.0, 60.0) && at(4.1, 60.0, 60.0));
+        // 8 % for a tenth of the time constant is 0.8 %.
+        let mut at = with("smooth_over = '1 s'");
+        assert!(at(0.0, 50.0, 60.0) && at(0.1, 54.0, 60.0));
+    }
+
+    #[test]
     fn after_a_wrong_field_headings_wait_until_it_has_been_right_for_the_hold_off() {
         let mut at = gate(0.0, 5.0);
         assert!(at(1, 50.0, 1.1), "nothing was wrong yet");
