@@ -81,3 +81,47 @@ pub fn world_model(place: &Geodetic, day: &str) -> Result<EarthField, String> {
 pub fn world_model(_: &Geodetic, _: &str) -> Result<EarthField, String> {
     Err("this program was built without the World Magnetic Model: build it with `--features wmm`, or declare `strength`, `inclination` and `declination`".to_owned())
 }
+
+#[cfg(all(test, feature = "wmm"))]
+mod tests {
+    use super::*;
+
+    /// Day, height \[km\], latitude, longitude \[deg\]; X, Y, Z \[nT\]: NOAA's WMM2025_TEST_VALUES.txt in
+    /// WMM2025COF.zip, which is table 6 of the WMM2025 report. The last half are those for 2027.5.
+    const PUBLISHED: [(&str, [f64; 3], [f64; 3]); 12] = [
+        ("2025-01-01", [0.0, 80.0, 0.0], [6521.6, 145.9, 54791.5]),
+        ("2025-01-01", [0.0, 0.0, 120.0], [39677.8, -109.6, -10580.2]),
+        ("2025-01-01", [0.0, -80.0, -120.0], [6117.5, 15751.9, -52022.5]),
+        ("2025-01-01", [100.0, 80.0, 0.0], [6216.0, 92.4, 52598.8]),
+        ("2025-01-01", [100.0, 0.0, 120.0], [37688.6, -96.2, -10152.1]),
+        ("2025-01-01", [100.0, -80.0, -120.0], [5907.6, 14780.3, -49540.7]),
+        ("2027-07-02", [0.0, 80.0, 0.0], [6500.8, 294.5, 54869.4]),
+        ("2027-07-02", [0.0, 0.0, 120.0], [39701.6, -167.4, -10381.8]),
+        ("2027-07-02", [0.0, -80.0, -120.0], [6200.7, 15730.3, -51783.7]),
+        ("2027-07-02", [100.0, 80.0, 0.0], [6196.7, 233.8, 52670.5]),
+        ("2027-07-02", [100.0, 0.0, 120.0], [37711.5, -148.7, -9969.8]),
+        ("2027-07-02", [100.0, -80.0, -120.0], [5984.0, 14760.1, -49317.7]),
+    ];
+
+    #[test]
+    fn matches_noaa_s_test_values_of_the_world_magnetic_model() {
+        for (day, [km, lat, lon], published) in PUBLISHED {
+            let place = Geodetic::new(lat.to_radians(), lon.to_radians(), km * 1e3);
+            let found = world_model(&place, day).unwrap().vector() * 1e9;
+            // Half of the last digit is 0.05 nT, and single precision sums 90 terms of up to 55 µT to another 0.1;
+            // 2027.5 is noon of its day, half a day at 100 nT a year.
+            let tolerance = if day.ends_with("01") { 0.15 } else { 0.3 };
+            let off = (found - Vector3::from(published)).amax();
+            assert!(off < tolerance, "{day} {km} km {lat} {lon}: {found} {published:?}");
+        }
+    }
+
+    #[test]
+    fn a_day_is_written_as_in_the_message_and_lies_within_the_models() {
+        let place = Geodetic::new(0.6, 2.2, 0.0);
+        for day in ["", "2026", "2026-13-01", "2026-02-30", "22.11.2026", "2026-11-22-1"] {
+            assert!(world_model(&place, day).unwrap_err().contains("2026-11-22"), "{day}");
+        }
+        assert!(world_model(&place, "1900-01-01").unwrap_err().contains("no field there and then"));
+    }
+}
