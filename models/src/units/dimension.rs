@@ -5,6 +5,9 @@ use std::fmt;
 /// Base units, in the order of the exponents.
 const BASES: [&str; 6] = ["m", "kg", "s", "A", "K", "rad"];
 
+/// Twice the largest exponent, 8: no quantity has a larger one, and the text of a unit none.
+pub(super) const LARGEST: i8 = 16;
+
 /// Powers of metre, kilogram, second, ampere, kelvin and radian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Dimension {
@@ -22,23 +25,24 @@ impl Dimension {
         Self { halves }
     }
 
-    /// The dimension of a product; `None` where an exponent leaves all reason.
+    /// The dimension of a product; `None` where an exponent is beyond 8.
     #[must_use]
     pub fn times(self, other: Self) -> Option<Self> {
         let mut halves = self.halves;
         for (own, more) in halves.iter_mut().zip(other.halves) {
-            *own = own.checked_add(more)?;
+            *own = own.checked_add(more).filter(is_reasonable)?;
         }
         Some(Self { halves })
     }
 
-    /// The dimension raised to `halves / 2`; `None` where the result is not a multiple of one half.
+    /// The dimension raised to `halves / 2`; `None` where the result is not a multiple of one half, or
+    /// beyond 8.
     #[must_use]
     pub fn power(self, halves: i8) -> Option<Self> {
         let mut powers = self.halves;
         for own in &mut powers {
             let product = own.checked_mul(halves)?;
-            *own = (product % 2 == 0).then_some(product / 2)?;
+            *own = (product % 2 == 0).then_some(product / 2).filter(is_reasonable)?;
         }
         Some(Self { halves: powers })
     }
@@ -60,6 +64,10 @@ impl Dimension {
             example: "",
         })
     }
+}
+
+fn is_reasonable(halves: &i8) -> bool {
+    halves.unsigned_abs() <= LARGEST.unsigned_abs()
 }
 
 /// The SI unit: `m/s^2`, `rad/s/sqrt(s)`; parsing it gives the dimension back.
@@ -136,7 +144,7 @@ mod tests {
     #[test]
     fn what_is_printed_parses_to_the_same_dimension() {
         for base in 0..BASES.len() {
-            for halves in [-7, -3, -1, 1, 2, 3, 4, 5] {
+            for halves in [-LARGEST, -7, -3, -1, 1, 2, 3, 4, 5, LARGEST] {
                 let mut powers = [1, -2, 0, 0, 3, -5];
                 powers[base] = halves;
                 let dimension = Dimension::from_halves(powers);
