@@ -17,6 +17,7 @@ pub mod linear;
 pub mod loss;
 pub mod model;
 pub mod runner;
+pub mod smoother;
 pub mod state;
 pub mod testing;
 pub mod time;

@@ -173,6 +173,18 @@ impl BlockMatrix {
         (&self.data[i * self.ld..(i + 1) * self.ld], &self.rows[i])
     }
 
+    /// The elements that differ from those of the identity: row, column, and by how much.
+    pub(crate) fn changes(&self) -> impl Iterator<Item = (u16, u16, f64)> {
+        let rows = self.active.iter().zip(self.elements());
+        rows.flat_map(move |(&i, elements)| {
+            elements.iter().filter_map(move |element| {
+                let column = (element.at as usize - usize::from(i) * self.ld) as u16;
+                let change = self.value(element) - f64::from(u8::from(column == i));
+                (change != 0.0).then_some((i, column, change))
+            })
+        })
+    }
+
     /// Rows that may differ from the identity, in order.
     pub(crate) fn active(&self) -> &[u16] {
         &self.active

@@ -332,7 +332,8 @@ fn project(n: usize, p: &[f64], h: &Jacobian, w: &mut Workspace) {
     }
 }
 
-pub(super) fn axpy(factor: f64, x: &[f64], y: &mut [f64]) {
+/// y ← y + a x.
+pub(crate) fn axpy(factor: f64, x: &[f64], y: &mut [f64]) {
     for (y, x) in y.iter_mut().zip(x) {
         *y += factor * x;
     }

@@ -12,6 +12,7 @@ mod dense;
 mod form;
 mod solve;
 
+pub(crate) use dense::axpy;
 pub use dense::{Joseph, Standard};
 pub use form::{Form, Workspace};
 pub use solve::{cholesky, solve_lower, solve_rows};
@@ -89,6 +90,11 @@ impl Covariance {
     /// Standard deviation of each axis of `block`; not a number where a variance is negative.
     pub fn sigmas<'a>(&'a self, block: &Block) -> impl Iterator<Item = f64> + 'a {
         self.variances(block).map(f64::sqrt)
+    }
+
+    /// P_ij.
+    pub(crate) fn element(&self, i: usize, j: usize) -> f64 {
+        self.form.element(self.n, &self.p, i, j)
     }
 
     /// Variance of tangent axis `i`.

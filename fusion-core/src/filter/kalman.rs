@@ -409,12 +409,14 @@ impl Filter {
             return false;
         }
         self.keep(prior, |f, prior| {
-            let m = f.work.rows;
+            let (m, n, w) = (f.work.rows, f.layout.dim(), &f.work.work);
             Step::Corrected {
                 prior,
                 jacobian: f.work.jacobian.clone(),
                 noise: f.work.noise[..m * m].to_vec(),
                 residual: f.work.residual[..m].to_vec(),
+                innovation: w.s[..m * m].to_vec(),
+                gain: w.kt.chunks(w.ld).take(m).flat_map(|row| &row[..n]).copied().collect(),
                 correction: f.work.correction.clone(),
                 reset: is_reset.then(|| f.reset.clone()),
                 posterior: f.belief.clone(),

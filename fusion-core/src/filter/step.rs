@@ -22,7 +22,9 @@ pub enum Step {
         /// After.
         posterior: Belief,
     },
-    /// A measurement corrected the belief.
+    /// A measurement corrected the belief: δ = K r, P⁺ = J (I − KH) P Jᵀ with the prior's P and
+    /// K = PHᵀS⁻¹. A rule that linearises elsewhere than at the prior gives H, r and J for which this
+    /// holds: smoothing relies on it.
     Corrected {
         /// Before.
         prior: Belief,
@@ -32,6 +34,10 @@ pub enum Step {
         noise: Vec<f64>,
         /// r = z ⊟ h(x̂).
         residual: Vec<f64>,
+        /// S, m×m, row by row.
+        innovation: Vec<f64>,
+        /// Kᵀ, m×n, row by row.
+        gain: Vec<f64>,
         /// δ = K r, in tangent coordinates.
         correction: Vec<f64>,
         /// J of P ← J P Jᵀ where the chart moved the covariance with the state.

@@ -87,6 +87,8 @@ fn kept_steps_lead_from_belief_to_belief() {
                 jacobian,
                 noise,
                 residual,
+                innovation,
+                gain: kept,
                 correction,
                 reset: None,
                 posterior,
@@ -99,7 +101,10 @@ fn kept_steps_lead_from_belief_to_belief() {
         let h = DMatrix::from_fn(1, 2, |_, j| jacobian.get(0, j));
         let s = (&h * dense(prior) * h.transpose())[0] + noise[0];
         let gain = dense(prior) * h.transpose() / s;
+        // The same arithmetic.
+        assert!((innovation[0] - s).abs() < 1e-14 * s);
         for i in 0..2 {
+            assert!((kept[i] - gain[i]).abs() < 1e-14);
             // Rounding of the gain.
             assert!((correction[i] - gain[i] * residual[0]).abs() < 1e-14 * (1.0 + correction[i].abs()));
             assert!((posterior.x[i] - prior.x[i] - correction[i]).abs() < 1e-14 * (1.0 + posterior.x[i].abs()));

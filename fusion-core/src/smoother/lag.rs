@@ -1,0 +1,163 @@
+//! Data up to a time after the estimate.
+//!
+//! What lies between an estimate and its last datum is a window that slides over the log. It is summed up
+//! from two parts that meet at a seam: from each estimate up to the seam backwards, once, and from the
+//! seam on forwards, as data come. When the window of no estimate reaches back over the seam any more,
+//! the seam moves to the end of what has come. So every step is gone through twice, however long the
+//! lag, and what is kept is that of two lags.
+
+use super::adjoint::{Adjoint, Corrector, identity};
+use super::link::Link;
+use super::record::{Kept, empty};
+use crate::chart::Chart;
+use crate::filter::Step;
+use crate::linear::padded;
+use crate::runner::Halt;
+use crate::state::{Belief, Layout};
+use crate::time::Time;
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// Smooths each belief by the data up to a fixed time after it: what follows it by no more.
+///
+/// It hears the filter in order, and tells smoothed beliefs in order as soon as it can.
+#[derive(Debug)]
+pub struct FixedLag {
+    corrector: Corrector,
+    /// Nanoseconds.
+    lag: i64,
+    /// Before the seam: beliefs that wait for more data.
+    closed: VecDeque<Closed>,
+    /// After the seam.
+    open: Vec<Open>,
+    /// When the first thing after the seam was.
+    seam: Option<Time>,
+    /// M of all steps after the seam, and what they say there.
+    head: Vec<f64>,
+    ahead: Adjoint,
+    link: Link,
+    moved: Vec<f64>,
+    room: Vec<f64>,
+    belief: Belief,
+}
+
+/// A belief before the seam.
+#[derive(Debug)]
+struct Closed {
+    kept: Kept,
+    /// What the steps up to the seam say of it, and their Mᵀ.
+    adjoint: Adjoint,
+    transposed: Vec<f64>,
+}
+
+#[derive(Debug)]
+enum Open {
+    Link(Link),
+    Kept(Kept),
+}
+
+impl FixedLag {
+    /// For beliefs of `layout` of a filter whose corrections `chart` applies; `lag` in nanoseconds.
+    #[must_use]
+    pub fn new(layout: Arc<Layout>, chart: Arc<dyn Chart>, lag: i64) -> Self {
+        let n = layout.dim();
+        let ld = padded(n);
+        Self {
+            lag,
+            closed: VecDeque::new(),
+            open: Vec::new(),
+            seam: None,
+            head: identity(n, ld),
+            ahead: Adjoint::new(n),
+            link: Link::default(),
+            moved: vec![0.0; n * ld],
+            room: Vec::new(),
+            belief: empty(layout.storage(), n),
+            corrector: Corrector::new(layout, chart),
+        }
+    }
+
+    /// The filter starts, stops, or the log ends: no later data say anything of what was before.
+    ///
+    /// # Errors
+    /// The first that `tell` returns.
+    pub fn start(&mut self, tell: &mut dyn FnMut(&Belief) -> Result<(), Halt>) -> Result<(), Halt> {
+        self.release(Time::MAX, tell)?;
+        self.close();
+        self.release(Time::MAX, tell)?;
+        self.seam = None;
+        Ok(())
+    }
+
+    /// The filter has taken a step.
+    ///
+    /// # Errors
+    /// The first that `tell` returns.
+    pub fn step(&mut self, step: &Step, tell: &mut dyn FnMut(&Belief) -> Result<(), Halt>) -> Result<(), Halt> {
+        let mut link = core::mem::take(&mut self.link);
+        if !link.take(step) {
+            self.link = link;
+            return Ok(());
+        }
+        self.release(link.time, tell)?;
+        if self.seam.is_some_and(|seam| seam.shifted(self.lag) < link.time) {
+            self.close();
+            self.release(link.time, tell)?;
+        }
+        self.seam.get_or_insert(link.time);
+        self.ahead.add_at_end(&self.head, &link);
+        self.room.resize(link.rows() * padded(self.corrector.layout().dim()), 0.0);
+        link.push(
+            &mut self.head,
+            &mut self.moved,
+            &mut self.room,
+            padded(self.corrector.layout().dim()),
+        );
+        core::mem::swap(&mut self.head, &mut self.moved);
+        self.open.push(Open::Link(link));
+        Ok(())
+    }
+
+    /// The filter is at a belief that is to be smoothed.
+    pub fn estimate(&mut self, belief: &Belief) {
+        let mut kept = Kept::default();
+        kept.take(belief);
+        self.seam.get_or_insert(kept.time);
+        self.open.push(Open::Kept(kept));
+    }
+
+    /// Tells the beliefs before the seam to which data valid at `time` say nothing more.
+    fn release(&mut self, time: Time, tell: &mut dyn FnMut(&Belief) -> Result<(), Halt>) -> Result<(), Halt> {
+        while let Some(mut closed) = self.closed.pop_front_if(|c| c.kept.time.shifted(self.lag) < time) {
+            closed.adjoint.add(&closed.transposed, &self.ahead);
+            self.corrector.correct(&closed.kept, &closed.adjoint, &mut self.belief);
+            tell(&self.belief)?;
+        }
+        Ok(())
+    }
+
+    /// Moves the seam to the end of what has come; no belief waits before it.
+    fn close(&mut self) {
+        let n = self.corrector.layout().dim();
+        let ld = padded(n);
+        let (mut adjoint, mut transposed) = (Adjoint::new(n), identity(n, ld));
+        for item in self.open.drain(..).rev() {
+            match item {
+                Open::Link(link) => {
+                    adjoint.back(&link);
+                    self.room.resize(link.rows() * ld, 0.0);
+                    link.pull(&transposed, &mut self.moved, &mut self.room, ld);
+                    core::mem::swap(&mut transposed, &mut self.moved);
+                }
+                Open::Kept(kept) => self.closed.push_front(Closed {
+                    kept,
+                    adjoint: adjoint.clone(),
+                    transposed: transposed.clone(),
+                }),
+            }
+        }
+        self.head = identity(n, ld);
+        self.ahead.forget();
+        self.seam = None;
+    }
+}

@@ -1,0 +1,178 @@
+//! One step of the filter as the backward pass needs it.
+
+use super::record::{Reader, Unreadable, put};
+use crate::covariance::{axpy, cholesky, solve_lower};
+use crate::filter::Step;
+use crate::linear::BlockMatrix;
+use crate::time::Time;
+
+/// How a step carries errors, M = (I + D)(I − K̃H̃), and what it learns.
+///
+/// D is Φ − I or J − I. H̃ = L⁻¹H, r̃ = L⁻¹r and K̃ = K L with S = L Lᵀ: the measurement as one of unit
+/// innovations, so that KH = K̃H̃, HᵀS⁻¹H = H̃ᵀH̃ and HᵀS⁻¹r = H̃ᵀr̃.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Link {
+    /// When the step ends.
+    pub(super) time: Time,
+    /// Elements of D: row, column, value.
+    changes: Vec<(u16, u16, f64)>,
+    /// Rows m of the measurement; 0 for a prediction.
+    rows: usize,
+    /// H̃, m×n, row by row.
+    h: Vec<f64>,
+    /// K̃ᵀ, m×n, row by row.
+    k: Vec<f64>,
+    /// r̃.
+    r: Vec<f64>,
+    /// L, m×m, while a link is made.
+    l: Vec<f64>,
+}
+
+impl Link {
+    /// Becomes the link of `step`; false where the step carries errors as they are, and nothing is learnt.
+    pub(super) fn take(&mut self, step: &Step) -> bool {
+        self.changes.clear();
+        self.rows = 0;
+        match step {
+            Step::Inflated { .. } => return false,
+            Step::Predicted { transition, posterior, .. } => {
+                self.time = posterior.time;
+                self.changed(&transition.phi);
+            }
+            Step::Corrected { posterior, .. } => {
+                self.time = posterior.time;
+                self.measured(step);
+            }
+        }
+        self.rows > 0 || !self.changes.is_empty()
+    }
+
+    fn changed(&mut self, matrix: &BlockMatrix) {
+        self.changes.extend(matrix.changes());
+    }
+
+    fn measured(&mut self, step: &Step) {
+        let Step::Corrected {
+            jacobian,
+            innovation,
+            gain,
+            residual,
+            reset,
+            ..
+        } = step
+        else {
+            return;
+        };
+        let (m, n) = (residual.len(), gain.len() / residual.len().max(1));
+        self.l.resize(m * m, 0.0);
+        // Only what had a factor corrects anything.
+        if !cholesky(innovation, &mut self.l, m) {
+            return;
+        }
+        self.rows = m;
+        self.h.clear();
+        self.k.clear();
+        for i in 0..m {
+            self.h.extend_from_slice(&jacobian.row(i)[..n]);
+            let l = &self.l;
+            let column = |c: usize| (i..m).map(|j| gain[j * n + c] * l[j * m + i]).sum::<f64>();
+            self.k.extend((0..n).map(column));
+        }
+        // H̃ = L⁻¹ H, row by row.
+        for i in 0..m {
+            let (done, rest) = self.h.split_at_mut(i * n);
+            let row = &mut rest[..n];
+            for (j, above) in done.chunks_exact(n).enumerate() {
+                axpy(-self.l[i * m + j], above, row);
+            }
+            row.iter_mut().for_each(|v| *v /= self.l[i * m + i]);
+        }
+        self.r.clear();
+        self.r.extend_from_slice(residual);
+        solve_lower(&self.l, &mut self.r, m);
+        reset.iter().for_each(|reset| self.changed(reset));
+    }
+
+    /// out ← Mᵀ X; X and out have n rows of `ld`, `room` holds m of them.
+    pub(super) fn pull(&self, x: &[f64], out: &mut [f64], room: &mut [f64], ld: usize) {
+        out.copy_from_slice(x);
+        for &(i, j, value) in &self.changes {
+            axpy(value, part(x, i.into(), ld), part_mut(out, j.into(), ld));
+        }
+        // (I − H̃ᵀK̃ᵀ) of that.
+        project_out(self.rows, &self.k, &self.h, out, room, ld);
+    }
+
+    /// out ← M X, as [`Link::pull`].
+    pub(super) fn push(&self, x: &mut [f64], out: &mut [f64], room: &mut [f64], ld: usize) {
+        // (I − K̃H̃) X first.
+        project_out(self.rows, &self.h, &self.k, x, room, ld);
+        out.copy_from_slice(x);
+        for &(i, j, value) in &self.changes {
+            axpy(value, part(x, j.into(), ld), part_mut(out, i.into(), ld));
+        }
+    }
+
+    /// Rows m of the measurement; 0 for a prediction.
+    pub(super) const fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// The rows of H̃ with their r̃.
+    pub(super) fn learnt(&self) -> impl Iterator<Item = (&[f64], f64)> {
+        let n = self.h.len() / self.rows.max(1);
+        self.h.chunks_exact(n.max(1)).zip(&self.r).take(self.rows).map(|(h, r)| (h, *r))
+    }
+
+    pub(super) fn write(&self, out: &mut Vec<u8>) {
+        put::time(out, self.time);
+        put::count(out, self.changes.len());
+        for &(i, j, value) in &self.changes {
+            put::index(out, i);
+            put::index(out, j);
+            put::numbers(out, &[value]);
+        }
+        put::count(out, self.rows);
+        if self.rows > 0 {
+            [&self.h, &self.k, &self.r].into_iter().for_each(|v| put::numbers(out, v));
+        }
+    }
+
+    /// Becomes what was written, of `n` dimensions.
+    pub(super) fn read(&mut self, from: &mut Reader<'_>, n: usize) -> Result<(), Unreadable> {
+        self.time = from.time()?;
+        self.changes.clear();
+        for _ in 0..from.count()? {
+            let (i, j) = (from.index(n)?, from.index(n)?);
+            self.changes.push((i, j, from.number()?));
+        }
+        self.rows = from.count()?;
+        let (m, n) = (self.rows, if self.rows > 0 { n } else { 0 });
+        from.numbers(&mut self.h, m * n)?;
+        from.numbers(&mut self.k, m * n)?;
+        from.numbers(&mut self.r, m)
+    }
+}
+
+/// X ← (I − BᵀA) X for A and B of `m` rows; `room` holds A X.
+fn project_out(m: usize, a: &[f64], b: &[f64], x: &mut [f64], room: &mut [f64], ld: usize) {
+    let n = x.len() / ld;
+    let room = &mut room[..m * ld];
+    room.fill(0.0);
+    for (a, ax) in a.chunks_exact(n).zip(room.chunks_exact_mut(ld)) {
+        let factors = a.iter().enumerate().filter(|(_, factor)| **factor != 0.0);
+        factors.for_each(|(i, factor)| axpy(*factor, part(x, i, ld), ax));
+    }
+    for (b, ax) in b.chunks_exact(n).zip(room.chunks_exact(ld)) {
+        let factors = b.iter().enumerate().filter(|(_, factor)| **factor != 0.0);
+        factors.for_each(|(i, factor)| axpy(-factor, ax, part_mut(x, i, ld)));
+    }
+}
+
+fn part(x: &[f64], row: usize, ld: usize) -> &[f64] {
+    &x[row * ld..(row + 1) * ld]
+}
+
+fn part_mut(x: &mut [f64], row: usize, ld: usize) -> &mut [f64] {
+    &mut x[row * ld..(row + 1) * ld]
+}
