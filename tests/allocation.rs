@@ -9,18 +9,22 @@
 )]
 
 use fusion::Navigator;
-use fusion::core::filter::{Backend, Estimator, Filter, Observed, Verdict};
+use fusion::core::filter::{Backend, ChartKind, Estimator, Filter, Observed, Verdict};
 use fusion::core::gate::Open;
 use fusion::core::loss::Quadratic;
 use fusion::core::model::{Input, Size};
-use fusion::core::runner::Event;
+use fusion::core::runner::{Event, Halt, Observer};
+use fusion::core::smoother::{FixedInterval, Link, Shelf, Tape};
 use fusion::core::time::Time;
+use fusion::output::FileSet;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 thread_local! {
     /// Of this thread alone: the harness allocates in others.
     static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+    /// Bytes that this thread has and had at most.
+    static BYTES: Cell<(i64, i64)> = const { Cell::new((0, 0)) };
 }
 
 struct Counting;
@@ -30,25 +34,36 @@ fn count() {
     let _ = ALLOCATIONS.try_with(|c| c.set(c.get() + 1));
 }
 
+fn take(bytes: i64) {
+    let _ = BYTES.try_with(|b| {
+        let (now, most) = b.get();
+        b.set((now + bytes, most.max(now + bytes)));
+    });
+}
+
 // SAFETY: every call is forwarded to the system's allocator with its arguments unchanged, and
 // counting neither allocates nor panics.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count();
+        take(layout.size() as i64);
         // SAFETY: the caller's promises are those `System` asks for.
         unsafe { System.alloc(layout) }
     }
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
         count();
+        take(layout.size() as i64);
         // SAFETY: as above.
         unsafe { System.alloc_zeroed(layout) }
     }
     unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         count();
+        take(size as i64 - layout.size() as i64);
         // SAFETY: as above; `memory` came from `System`.
         unsafe { System.realloc(memory, layout, size) }
     }
     unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        take(-(layout.size() as i64));
         // SAFETY: as above.
         unsafe { System.dealloc(memory, layout) }
     }
@@ -62,6 +77,14 @@ fn allocations(work: impl FnOnce()) -> u64 {
     let before = ALLOCATIONS.get();
     work();
     ALLOCATIONS.get() - before
+}
+
+/// The most bytes that this thread had while `work` ran, beyond those before.
+fn peak(work: impl FnOnce()) -> i64 {
+    let (before, _) = BYTES.get();
+    BYTES.set((before, before));
+    work();
+    BYTES.get().1 - before
 }
 
 /// Biases that walk and decay, estimated lever arm and latency, signals, gates, losses, stages.
@@ -250,4 +273,63 @@ fn the_runner_allocates_nothing_in_steady_state() {
         // The velocity, right throughout, goes with the position.
         assert_eq!(rejected, [10, 10, 0, 0]);
     }
+}
+
+/// Hears steps and estimates.
+struct Steps<F>(F);
+
+impl<F: FnMut(&Event<'_>)> Observer for Steps<F> {
+    fn on(&mut self, event: &Event<'_>) -> Result<(), Halt> {
+        (self.0)(event);
+        Ok(())
+    }
+    fn wants_steps(&self) -> bool {
+        true
+    }
+}
+
+/// Smooths a run of so many samples, by what lies on these shelves until the end; the most bytes it had.
+fn smoothed(samples: i64, shelf: &mut dyn FnMut(&str) -> Box<dyn Shelf>) -> i64 {
+    let mut nav = navigator("error_state", "one_sample");
+    let (imu_stream, gnss_stream) = (nav.stream("imu").unwrap(), nav.stream("gnss").unwrap());
+    let layout = nav.assembly().layout.clone();
+    let tapes = ["steps", "smoothed"].map(|name| Tape::new(shelf(name)));
+    peak(|| {
+        let [steps, turned] = tapes;
+        let mut smoother = FixedInterval::new(layout, ChartKind::Body.chart(), steps);
+        let mut observer = Steps(|event: &Event<'_>| match event {
+            Event::Step(step) => Link::of(step).iter().for_each(|link| smoother.step(link).unwrap()),
+            Event::Estimate { belief } => smoother.estimate(belief).unwrap(),
+            _ => {}
+        });
+        for k in 0..samples {
+            let time = Time::from_nanos(k * 10_000_000);
+            nav.feed_stream(imu_stream, time, &imu(k), &mut observer).unwrap();
+            if k % 100 == 0 {
+                nav.feed_stream(gnss_stream, time, &GNSS, &mut observer).unwrap();
+            }
+        }
+        let mut found = smoother.smooth(turned).unwrap();
+        let mut last = Time::MIN;
+        while let Some(belief) = found.read().unwrap() {
+            assert!(belief.time > last);
+            last = belief.time;
+        }
+        // The latency of the receiver, as long as it may be, is still held back.
+        assert!(last.seconds() > samples as f64 * 0.01 - 1.0, "{last}");
+    })
+}
+
+#[test]
+fn smoothing_on_disk_takes_as_much_memory_for_a_log_ten_times_as_long() {
+    let folder = std::env::temp_dir().join(format!("fusion-smoothing-{}", std::process::id()));
+    let set = FileSet::begin(&folder).unwrap();
+    let on_disk = |samples| smoothed(samples, &mut |name| Box::new(set.spill(name).unwrap()));
+    let (short, long) = (on_disk(2_000), on_disk(20_000));
+    // Buffers are as long as the longest record and block; a page of slack.
+    assert!(long <= short + 4096, "{short} {long}");
+    let in_memory = |samples| smoothed(samples, &mut |_| Box::new(Vec::new()));
+    assert!(in_memory(20_000) > 5 * in_memory(2_000));
+    drop(set);
+    std::fs::remove_dir_all(&folder).unwrap();
 }

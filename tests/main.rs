@@ -54,6 +54,9 @@ mod real;
 /// The JSON Schema against every example and every shipped design.
 #[path = "suite/schema.rs"]
 mod schema;
+/// Smoothed estimates: recorded logs, a lag, files and memory.
+#[path = "suite/smoothing.rs"]
+mod smoothing;
 /// A design under its catalogue of faults: does it survive, and does it say so.
 #[path = "suite/stress.rs"]
 mod stress;

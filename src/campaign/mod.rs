@@ -5,7 +5,7 @@ mod runs;
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
 use crate::observe::SensorStatistics;
-use crate::run::{Options, Summary, run};
+use crate::run::{Options, Smoothing, Summary, run};
 use crate::score::{Axes, BlockScore, Consistency};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -122,6 +122,8 @@ pub fn monte_carlo(
             out: None,
             data: options.data.clone(),
             base: options.base.clone(),
+            // No row of a campaign tells of it.
+            smooth: Smoothing::Never,
         };
         let summary = run(design, &options, &mut |_| {})?;
         progress(done.fetch_add(1, Ordering::Relaxed) + 1);

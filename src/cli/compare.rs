@@ -7,7 +7,7 @@ use fusion::examine::{Missing, variants};
 use fusion::output::FileSet;
 use fusion::present::{Page, comparison};
 use fusion::report::{Run, record, write};
-use fusion::run::{Options, Summary};
+use fusion::run::{Keep, Options, Smoothing, Summary};
 use std::path::PathBuf;
 
 #[derive(Debug, Args)]
@@ -30,6 +30,9 @@ pub(super) struct CompareArgs {
     /// Seed of simulated data and random faults, the same for every run.
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
+    /// Smooths every run by all its data, in memory, and shows smoothed estimates beside the others.
+    #[arg(long)]
+    smooth: bool,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -62,6 +65,11 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
                 base: named.base(),
                 out: None,
                 seed: args.seed,
+                smooth: if args.smooth {
+                    Smoothing::Whole(Keep::Memory)
+                } else {
+                    Smoothing::Declared
+                },
             };
             let design = named.design(&file, Missing::Told)?;
             let (finished, recording) = record(&design, &options, &mut |_| {})?;

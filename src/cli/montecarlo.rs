@@ -35,8 +35,7 @@ pub(super) fn montecarlo(args: &MonteCarloArgs) -> Result<(), Failure> {
     let options = Options {
         data: args.design.data.clone(),
         base: args.design.base(),
-        out: None,
-        seed: None,
+        ..Options::default()
     };
     // What cannot be written is told before the runs.
     let files = args.out.as_deref().map(FileSet::begin).transpose()?;

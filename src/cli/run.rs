@@ -2,13 +2,13 @@
 
 use super::progress::Progress;
 use super::{DesignArgs, Failure, OutputArgs};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use fusion::config::Diagnostics;
 use fusion::core::time::Time;
 use fusion::design::Design;
 use fusion::present::{Section, Table};
 use fusion::report;
-use fusion::run::{Options, Summary, run as run_design};
+use fusion::run::{Keep, Options, Smoothing, Summary, run as run_design};
 use std::path::PathBuf;
 
 #[derive(Debug, Default, Args)]
@@ -22,11 +22,34 @@ pub(super) struct RunArgs {
     /// Seed of simulated data and random faults, instead of the design's.
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
+    /// Smooths the estimates by all data of the log, and scores them too; with `--out` writes
+    /// smoothed.csv, with the columns and epochs of estimates.csv. Until the end of the log the filter's
+    /// steps are kept on `disk`, in `--out`, or in `memory`; by default on disk where there is
+    /// an `--out`.
+    #[arg(long, value_enum, value_name = "disk|memory", require_equals = true, hide_possible_values = true)]
+    smooth: Option<Option<SmoothArg>>,
     /// Exit code 3 unless every filter was in good health from its alignment to the end.
     #[arg(long)]
     strict: bool,
     #[command(flatten)]
     output: OutputArgs,
+}
+
+/// Where steps are kept for smoothing.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum SmoothArg {
+    Disk,
+    Memory,
+}
+
+impl RunArgs {
+    fn smoothing(&self) -> Smoothing {
+        match (self.smooth, &self.out) {
+            (None, _) => Smoothing::Declared,
+            (Some(Some(SmoothArg::Memory)), _) | (Some(None), None) => Smoothing::Whole(Keep::Memory),
+            (Some(Some(SmoothArg::Disk)), _) | (Some(None), Some(_)) => Smoothing::Whole(Keep::Disk),
+        }
+    }
 }
 
 pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
@@ -36,6 +59,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
         base: args.design.base(),
         out: args.out.clone(),
         seed: args.seed,
+        smooth: args.smoothing(),
     };
     let mut progress = Progress::new(&design);
     let mut at = |time| progress.at(time);
@@ -47,7 +71,12 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     let summary = summary?;
     let mut page = summary.page();
     page.sections.push(match &args.out {
-        Some(out) => written(["estimates.csv", "updates.csv", "summary.json", "report.html"].map(|f| out.join(f))),
+        Some(out) => {
+            let smoothed = summary.smoothed.as_ref().map(|_| "smoothed.csv");
+            let others = ["updates.csv", "summary.json", "report.html"];
+            let names = ["estimates.csv"].into_iter().chain(smoothed).chain(others);
+            written(names.map(|f| out.join(f)))
+        }
         None => Section::new("", []).note("Nothing written; `--out DIR` keeps estimates, updates, summary and report."),
     });
     args.output.print(&page)?;

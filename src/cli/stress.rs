@@ -43,8 +43,8 @@ pub(super) fn stress(args: &StressArgs) -> Result<(), Failure> {
     let options = Options {
         data: args.design.data.clone(),
         base: args.design.base(),
-        out: None,
         seed: args.seed,
+        ..Options::default()
     };
     // What cannot be written is told before the runs.
     let files = args.out.as_deref().map(FileSet::begin).transpose()?;

@@ -38,4 +38,4 @@ pub use noise::NoiseSpec;
 pub use read::Design;
 pub(crate) use read::Draft;
 pub use reference::{DifferentiateSpec, ReferenceSpec, SigmaOf, SigmaSpec};
-pub use run::RunSpec;
+pub use run::{RunSpec, SmoothSpec};

@@ -5,6 +5,14 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use std::path::PathBuf;
 
+/// Smoothing beside the estimates.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SmoothSpec {
+    /// An estimate is smoothed by the data valid up to this long after it.
+    pub lag: Positive<dim::Duration>,
+}
+
 /// What a run as a whole needs.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -21,6 +29,10 @@ pub struct RunSpec {
     pub stop: Option<Duration>,
     /// Rows of estimates.csv per second of log; every input sample where absent.
     pub output_rate: Option<Positive<dim::Frequency>>,
+    /// Writes smoothed.csv too: estimates that know the data up to a fixed time after them, scored beside the
+    /// others. `fusion run --smooth` smooths by all data of the log. Of a design with filters inside
+    /// stages, the outermost one is smoothed.
+    pub smooth: Option<SmoothSpec>,
     /// Seed of everything random: faults and simulated errors.
     pub seed: u64,
     /// How far ahead of all others a stamp may be, 10 s by default: a row whose stamp is further ahead

@@ -63,4 +63,9 @@ pub trait RunObserver {
     /// # Errors
     /// Where it cannot go on: the run stops at once with this error.
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt>;
+
+    /// Whether it needs the steps of the filters: [`Event::Step`].
+    fn wants_steps(&self) -> bool {
+        false
+    }
 }

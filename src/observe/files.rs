@@ -1,10 +1,9 @@
 //! Files that are written while a run goes on.
 
 use super::{Filters, Heard, RunEvent, RunObserver};
-use crate::output::{EstimateWriter, FileSet, OutputFile, Unwritable, UpdateWriter};
+use crate::output::{EstimateWriter, FileSet, Origin, OutputFile, Unwritable, UpdateWriter};
 use fusion_core::runner::{Event, Halt};
 use fusion_core::time::Time;
-use fusion_models::earth::LocalFrame;
 use std::io::{self, Write};
 use std::path::PathBuf;
 
@@ -39,31 +38,57 @@ impl<T> Written<T> {
     }
 }
 
+/// Which estimates have a row: the first in each period of time.
+#[derive(Clone, Copy, Debug)]
+pub struct Thinning {
+    /// A row per so much time \[ns\]; 0 for every estimate.
+    period: i64,
+    next: Time,
+}
+
+impl Thinning {
+    /// A row per `period` \[ns\]; 0 for every estimate.
+    #[must_use]
+    pub const fn new(period: i64) -> Self {
+        Self { period, next: Time::MIN }
+    }
+
+    /// Whether the estimate at `time`, later than those before it, has a row.
+    pub fn takes(&mut self, time: Time) -> bool {
+        if time < self.next {
+            return false;
+        }
+        if self.period > 0 {
+            let slot = time.nanos().div_euclid(self.period) + 1;
+            self.next = Time::from_nanos(slot.saturating_mul(self.period));
+        }
+        true
+    }
+}
+
 /// Writes the estimates of one filter: estimates.csv, or `estimates.STAGE.csv` of one inside a stage.
 #[derive(Debug)]
 pub struct EstimateFile<W: Write = OutputFile> {
     file: Written<EstimateWriter<W>>,
     /// The filter's number.
     filter: usize,
-    /// A row per so much time \[ns\]; 0 for every estimate.
-    period: i64,
-    next: Time,
+    thinning: Thinning,
 }
 
 impl EstimateFile {
-    /// Among the files of `set`. Local coordinates start at `origin`, or at the first position.
+    /// Among the files of `set`, its name beginning with `name`. Local coordinates start at `origin`, or
+    /// at the first position.
     ///
     /// # Errors
     /// Where it cannot be written.
-    pub fn create(set: &FileSet, filter: &Heard, origin: Option<LocalFrame>, period: i64) -> Result<Self, Unwritable> {
-        let file = Written::create(set, &estimates_name(filter), |file| {
+    pub fn create(set: &FileSet, name: &str, filter: &Heard, origin: Origin, thinning: Thinning) -> Result<Self, Unwritable> {
+        let file = Written::create(set, &name_of(name, filter), |file| {
             EstimateWriter::new(file, &filter.layout, origin)
         })?;
         Ok(Self {
             file,
             filter: filter.number,
-            period,
-            next: Time::MIN,
+            thinning,
         })
     }
 }
@@ -83,12 +108,8 @@ impl<W: Write> RunObserver for EstimateFile<W> {
         let RunEvent::Estimate { filter, solution, belief } = event else {
             return Ok(());
         };
-        if filter.number != self.filter || belief.time < self.next {
+        if filter.number != self.filter || !self.thinning.takes(belief.time) {
             return Ok(());
-        }
-        if self.period > 0 {
-            let slot = belief.time.nanos().div_euclid(self.period) + 1;
-            self.next = Time::from_nanos(slot.saturating_mul(self.period));
         }
         Ok(self.file.write(|w| w.write(solution, belief))?)
     }
@@ -96,8 +117,8 @@ impl<W: Write> RunObserver for EstimateFile<W> {
 
 /// The name of a filter's file. A stage may have any name, a file may not: what is neither a letter,
 /// a digit, `_` nor `-` is written as its number.
-fn estimates_name(filter: &Heard) -> String {
-    let mut name = "estimates".to_owned();
+fn name_of(first: &str, filter: &Heard) -> String {
+    let mut name = first.to_owned();
     for stage in &filter.stages {
         name.push('.');
         for c in stage.chars() {
@@ -203,11 +224,10 @@ mod tests {
         let mut file = EstimateFile {
             file: Written {
                 path: PathBuf::from("out/estimates.csv"),
-                writer: EstimateWriter::new(Disk(20_000), &layout, None).unwrap(),
+                writer: EstimateWriter::new(Disk(20_000), &layout, Origin::default()).unwrap(),
             },
             filter: 0,
-            period: 0,
-            next: Time::MIN,
+            thinning: Thinning::new(0),
         };
         let mut hub = Hub::new(&filters, &Comparison::new(Vector3::zeros(), []));
         hub.add(&mut file);

@@ -92,6 +92,10 @@ impl<'a> Hub<'a> {
 }
 
 impl Observer for Hub<'_> {
+    fn wants_steps(&self) -> bool {
+        self.observers.iter().any(|o| o.wants_steps())
+    }
+
     fn on(&mut self, event: &Event<'_>) -> Result<(), Halt> {
         let Some((filter, event)) = self.filters.source(event) else {
             return Ok(());

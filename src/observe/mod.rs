@@ -3,6 +3,7 @@
 //! ```text
 //!             ┌─▶ EstimateFile, UpdateFile
 //! runner ─▶ Hub ─▶ Statistics, FilterScore, Counters    each makes its own part of the summary
+//!             ├─▶ Smoother ─▶ Hub ─▶ EstimateFile, FilterScore    the same of smoothed estimates
 //!             └─▶ what the caller adds
 //! ```
 //!
@@ -19,16 +20,18 @@ mod filters;
 mod finals;
 mod hub;
 mod score;
+mod smoothing;
 mod statistics;
 mod timing;
 
 pub use consumers::{ConsumerCounts, Consumers};
 pub use counters::Counters;
 pub use event::{RunEvent, RunObserver};
-pub use files::{EstimateFile, UpdateFile};
+pub use files::{EstimateFile, Thinning, UpdateFile};
 pub use filters::{Filters, Heard, HeardSensor};
 pub use finals::Finals;
 pub use hub::Hub;
 pub use score::FilterScore;
+pub use smoothing::{By, Smoother};
 pub use statistics::{Disturbed, Innovations, RejectionStreak, SensorStatistics, Statistics};
 pub use timing::Timing;

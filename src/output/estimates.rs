@@ -4,11 +4,13 @@ use super::Cells;
 use crate::solution::{Solution, sigmas};
 use core::fmt;
 use fusion_core::geometry::so3;
+use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::state::{Attitude, Belief, Block, Kind, Layout, Manifold};
 use fusion_models::earth::LocalFrame;
 use fusion_models::vocabulary::state;
 use nalgebra::Vector3;
 use std::io::{self, Write};
+use std::sync::{Arc, OnceLock};
 
 /// Columns of the navigation solution, in order; the 1σ of each follows with `sigma_` before it.
 pub const SOLUTION: [&str; 12] = [
@@ -54,6 +56,23 @@ impl fmt::Display for Fixed {
     }
 }
 
+/// Where local coordinates start: as declared, or at the first position that is written. A copy is the same
+/// origin, so that several files share it.
+#[derive(Clone, Debug, Default)]
+pub struct Origin(Arc<OnceLock<LocalFrame>>);
+
+impl Origin {
+    /// As declared, if it is.
+    #[must_use]
+    pub fn new(declared: Option<LocalFrame>) -> Self {
+        Self(Arc::new(declared.map_or_else(OnceLock::new, OnceLock::from)))
+    }
+
+    fn frame(&self, first: Geodetic) -> &LocalFrame {
+        self.0.get_or_init(|| LocalFrame::new(first))
+    }
+}
+
 /// Writes estimates.csv: time, solution, its 1σ, then every further state with its 1σ, in SI.
 ///
 /// A row is the estimate of an epoch after every measurement that is valid at that time was used:
@@ -61,16 +80,16 @@ impl fmt::Display for Fixed {
 #[derive(Debug)]
 pub struct EstimateWriter<W: Write> {
     cells: Cells<W>,
-    frame: Option<LocalFrame>,
+    origin: Origin,
     further: Vec<Block>,
 }
 
 impl<W: Write> EstimateWriter<W> {
-    /// Writes the header. Without an `origin` the first position becomes it.
+    /// Writes the header.
     ///
     /// # Errors
     /// What the writer reports.
-    pub fn new(out: W, layout: &Layout, origin: Option<LocalFrame>) -> io::Result<Self> {
+    pub fn new(out: W, layout: &Layout, origin: Origin) -> io::Result<Self> {
         let blocks = layout.blocks().iter();
         let further: Vec<Block> = blocks.filter(|b| !SHOWN.contains(&b.name.as_str())).cloned().collect();
         let mut cells = Cells::new(out);
@@ -86,11 +105,7 @@ impl<W: Write> EstimateWriter<W> {
         cells.end()?;
         // A full disk is told before the run.
         cells.flush()?;
-        Ok(Self {
-            cells,
-            frame: origin,
-            further,
-        })
+        Ok(Self { cells, origin, further })
     }
 
     /// Writes one row.
@@ -123,7 +138,7 @@ impl<W: Write> EstimateWriter<W> {
         let degrees = place.map(|p| [p.lat.to_degrees(), p.lon.to_degrees()]);
         (0..2).try_for_each(|i| self.cells.maybe(degrees.map(|d| Fixed(d[i], 10))))?;
         self.cells.maybe(place.map(|p| Fixed(p.height, 4)))?;
-        let ned = place.map(|place| self.frame.get_or_insert_with(|| LocalFrame::new(place)).to_ned(&place));
+        let ned = place.map(|place| self.origin.frame(place).to_ned(&place));
         self.axes(ned.as_ref(), 4)
     }
 

@@ -9,7 +9,7 @@
 //! was closed last, the summary, is removed first and put back last: where it stands, every other
 //! file is of the same run.
 
-use super::Unwritable;
+use super::{Spill, Unwritable};
 use std::fs::{self, File, TryLockError};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -56,6 +56,8 @@ pub struct FileSet {
     lock: Option<File>,
     /// Names of files that are whole, in the order in which they were closed.
     closed: Vec<String>,
+    /// Names of files that this result does not have.
+    absent: Vec<String>,
 }
 
 /// A file that is being written.
@@ -92,6 +94,7 @@ impl FileSet {
             partial,
             lock,
             closed: Vec::new(),
+            absent: Vec::new(),
         })
     }
 
@@ -124,6 +127,16 @@ impl FileSet {
         }
     }
 
+    /// Begins a file that is read back, and gone before the others have their names.
+    ///
+    /// # Errors
+    /// Where it cannot be written.
+    pub fn spill(&self, name: &str) -> Result<Spill, Unwritable> {
+        let path = self.partial.join(name);
+        let _unfinished = unfinished();
+        Spill::create(path)
+    }
+
     /// Ends a file that is whole.
     ///
     /// # Errors
@@ -151,6 +164,11 @@ impl FileSet {
         self.close(file)
     }
 
+    /// Says that this result has no file `name`: one of an earlier result is removed with the others.
+    pub fn without(&mut self, name: &str) {
+        self.absent.push(name.to_owned());
+    }
+
     /// Gives all closed files their names.
     ///
     /// # Errors
@@ -158,8 +176,9 @@ impl FileSet {
     pub fn commit(mut self) -> Result<(), Unwritable> {
         let mut unfinished = unfinished();
         let names = core::mem::take(&mut self.closed);
-        if let [_, .., last] = &names[..] {
-            let path = self.folder.join(last);
+        let summary = if names.len() > 1 { names.last() } else { None };
+        for name in summary.into_iter().chain(&self.absent) {
+            let path = self.folder.join(name);
             match fs::remove_file(&path) {
                 Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(Unwritable { path, error }),
                 _ => {}

@@ -20,9 +20,9 @@ pub fn sections(runs: &[(&str, &Summary)]) -> Vec<Section> {
     };
     let of_score = |columns: Vec<Column>, cells: fn(&Score) -> Vec<Cell>| {
         let mut t = Table::new(columns);
-        for (name, summary) in runs {
-            let cells = summary.score.as_ref().map_or_else(Vec::new, cells);
-            t.row([Cell::text(*name)].into_iter().chain(cells));
+        for (name, score) in scores(runs) {
+            let cells = score.map_or_else(Vec::new, cells);
+            t.row([Cell::text(name)].into_iter().chain(cells));
         }
         // Where nothing is scored, names alone are left.
         (t.columns().count() > 1).then_some(t)
@@ -41,6 +41,15 @@ pub fn sections(runs: &[(&str, &Summary)]) -> Vec<Section> {
         Section::new("Health, share of the time", [health::shares("run", healths)]),
         Section::new("Consistency (3 is expected), filter time per epoch", [consistency(runs)]),
     ]
+}
+
+/// The scores of the runs; that of its smoothed estimates follows that of a run.
+fn scores<'a>(runs: &[(&'a str, &'a Summary)]) -> impl Iterator<Item = (String, Option<&'a Score>)> {
+    runs.iter().flat_map(|(name, summary)| {
+        let own = ((*name).to_owned(), summary.score.as_ref());
+        let smoothed = summary.smoothed.as_ref().map(|s| (format!("{name}, smoothed"), s.score.as_ref()));
+        [own].into_iter().chain(smoothed)
+    })
 }
 
 /// The name of the run, then `RMS north [m]`, `east`, `down`.
@@ -99,15 +108,19 @@ fn consistency(runs: &[(&str, &Summary)]) -> Table {
             .chain([Column::with_unit("epoch", Unit::shown("ns")), Column::text("backend")]),
     );
     for (name, summary) in runs {
-        let of = |c: fn(&Score) -> Option<crate::score::Consistency>| summary.score.as_ref().and_then(c).map_or(Cell::Empty, Cell::Judged);
-        t.row([
-            Cell::text(*name),
-            of(|s| s.nees_position),
-            of(|s| s.nees_velocity),
-            of(|s| s.nees_attitude),
+        let of = |score: Option<&Score>| {
+            let all = score.map(|s| [s.nees_position, s.nees_velocity, s.nees_attitude]);
+            all.unwrap_or_default().map(|c| c.map_or(Cell::Empty, Cell::Judged))
+        };
+        let own = [Cell::text(*name)].into_iter().chain(of(summary.score.as_ref()));
+        t.row(own.chain([
             Cell::Fixed(summary.filter_ns_per_epoch, 0),
             if backends { Cell::text(&summary.backend) } else { Cell::Empty },
-        ]);
+        ]));
+        if let Some(smoothed) = &summary.smoothed {
+            let name = Cell::text(format!("{name}, smoothed"));
+            t.row([name].into_iter().chain(of(smoothed.score.as_ref())));
+        }
     }
     t
 }

@@ -7,7 +7,7 @@ use super::text;
 use super::tree::{Cell, Column, Page, Section, Table};
 use super::unit::Unit;
 use crate::observe::{ConsumerCounts, SensorStatistics};
-use crate::run::{FinalState, InsideScore, Summary};
+use crate::run::{FinalState, InsideScore, Smoothed, Summary};
 use crate::score::{Axes, Consistency, Score, Verdict};
 use crate::solution::rpy_of;
 use fusion_core::state::{Attitude, Kind, Manifold};
@@ -145,10 +145,15 @@ impl Summary {
         let blocks = own.clone().flat_map(|score| &score.blocks).filter(|b| is_judged_as_block(b));
         let of_blocks = blocks.filter_map(|b| Some((format!("NEES {}", b.name), b.nees.as_ref()?)));
         let all_nees = own.clone().flat_map(|score| nees(score, " ".to_owned())).chain(nees_inside);
-        let mut sections: Vec<Section> = own.clone().map(errors).chain(self.inside.iter().map(of_inside)).collect();
+        let smoothed = self.smoothed.as_ref().and_then(|s| Some((s, s.score.as_ref()?)));
+        let nees_smoothed = smoothed.iter().flat_map(|(_, score)| nees(score, " ".to_owned()));
+        let nees_smoothed = nees_smoothed.map(|(name, c)| (format!("{name}, smoothed"), c));
+        let mut sections: Vec<Section> = own.clone().map(errors).collect();
+        sections.extend(smoothed.map(|(how, score)| smoothed_errors(how, score)));
+        sections.extend(self.inside.iter().map(of_inside));
         sections.extend(own.clone().map(parameters));
-        sections.push(consistency(all_nees.chain(of_blocks).chain(nis)));
-        sections.extend(own.map(drift));
+        sections.push(consistency(all_nees.chain(nees_smoothed).chain(of_blocks).chain(nis)));
+        sections.extend(own.map(|score| drift(score, smoothed.map(|(_, score)| score))));
         sections
     }
 
@@ -197,6 +202,8 @@ impl Summary {
             }
         }
         all.extend(self.score.iter().flat_map(undefined));
+        let smoothed = self.smoothed.iter().filter_map(|s| s.score.as_ref());
+        all.extend(smoothed.flat_map(undefined).map(|warning| format!("smoothed: {warning}")));
         for (consumer, count) in &self.unused_rows {
             let rows = if *count == 1 { "1 row was" } else { &format!("{count} rows were") };
             all.push(format!(
@@ -405,36 +412,57 @@ fn mounting(score: &Score) -> Option<Table> {
     Some(t)
 }
 
-fn drift(score: &Score) -> Section {
-    let seconds = || Unit::of_si("s");
-    let mut t = Table::new([
+/// Drift per outage; beside it that of smoothed estimates over the same epochs.
+fn drift(score: &Score, smoothed: Option<&Score>) -> Section {
+    let (seconds, metres) = (|| Unit::of_si("s"), || Unit::of_si("m"));
+    let beside = |title: &str| smoothed.map(|_| Column::with_unit(title, metres()));
+    let of_smoothed = |figure: fn(&Score) -> Option<f64>| smoothed.map(|score| Cell::real(figure(score)));
+    let columns = [
         Column::with_unit("from", seconds()),
         Column::with_unit("to", seconds()),
-        Column::with_unit("max horizontal error", Unit::of_si("m")),
-        Column::with_unit("growth", Unit::of_si("m")),
-    ]);
-    for d in score.drift.iter().take(OUTAGES) {
+        Column::with_unit("max horizontal error", metres()),
+        Column::with_unit("growth", metres()),
+    ];
+    let mut t = Table::new(columns.into_iter().chain(beside("smoothed max")));
+    for (k, d) in score.drift.iter().take(OUTAGES).enumerate() {
         let cells = [
             Cell::Seconds(d.from),
             Cell::Seconds(d.to),
             Cell::Real(d.max_horizontal),
             Cell::Real(d.growth),
         ];
-        t.row(cells);
+        let beside = smoothed.map(|s| Cell::real(s.drift.get(k).map(|d| d.max_horizontal)));
+        t.row(cells.into_iter().chain(beside));
     }
-    let mut all = Table::new([
+    let columns = [
         Column::number("outages"),
-        Column::with_unit("RMS of max", Unit::of_si("m")),
-        Column::with_unit("median of max", Unit::of_si("m")),
-    ]);
+        Column::with_unit("RMS of max", metres()),
+        Column::with_unit("median of max", metres()),
+    ];
+    let beside = beside("smoothed RMS").into_iter().chain(beside("smoothed median"));
+    let mut all = Table::new(columns.into_iter().chain(beside));
     if let (Some(rms), Some(median)) = (score.drift_rms, score.drift_median) {
-        all.row([Cell::from(score.drift.len()), Cell::Real(rms), Cell::Real(median)]);
+        let cells = [Cell::from(score.drift.len()), Cell::Real(rms), Cell::Real(median)];
+        let beside = [of_smoothed(|s| s.drift_rms), of_smoothed(|s| s.drift_median)];
+        all.row(cells.into_iter().chain(beside.into_iter().flatten()));
     }
     let section = Section::new("Drift in outages", [t, all]);
     if score.drift.len() > OUTAGES {
         return section.note(format!("The first {OUTAGES} outages are listed; summary.json has all of them."));
     }
     section
+}
+
+/// The same table of smoothed estimates.
+fn smoothed_errors(how: &Smoothed, score: &Score) -> Section {
+    let data = how
+        .lag
+        .map_or_else(|| "all data".to_owned(), |lag| format!("data of {lag} s after it"));
+    let section = errors(score);
+    Section {
+        title: format!("{}, each smoothed by {data}", section.title),
+        ..section
+    }
 }
 
 #[cfg(test)]

@@ -2,10 +2,13 @@
 
 use super::{Options, Summary};
 use crate::design::Design;
-use crate::observe::{EstimateFile, Filters, UpdateFile};
-use crate::output::{FileSet, Unwritable};
+use crate::observe::{EstimateFile, Filters, Thinning, UpdateFile};
+use crate::output::{FileSet, Origin, Spill, Unwritable};
 use fusion_core::time::nanos;
 use fusion_models::earth::LocalFrame;
+
+/// Smoothed estimates, where there are any.
+const SMOOTHED: &str = "smoothed.csv";
 
 /// The files that are written while a design is run.
 #[derive(Debug, Default)]
@@ -13,32 +16,47 @@ pub(super) struct Files {
     set: Option<FileSet>,
     /// By filter.
     pub(super) estimates: Vec<EstimateFile>,
+    pub(super) smoothed: Option<EstimateFile>,
     pub(super) updates: Option<UpdateFile>,
 }
 
 impl Files {
-    /// None without a folder to write to.
-    pub(super) fn create(design: &Design, options: &Options, filters: &Filters) -> Result<Self, Unwritable> {
+    /// None without a folder to write to; smoothed.csv where estimates are smoothed.
+    pub(super) fn create(design: &Design, options: &Options, filters: &Filters, is_smoothed: bool) -> Result<Self, Unwritable> {
         let Some(out) = &options.out else {
             return Ok(Self::default());
         };
-        let set = FileSet::begin(out)?;
-        let origin = design.run.origin.map(Into::into);
-        let period = design.run.output_rate.map_or(0, |rate| nanos(1.0 / rate.si()));
-        let estimates = filters
-            .iter()
-            .map(|filter| EstimateFile::create(&set, filter, origin.map(LocalFrame::new), period));
+        let mut set = FileSet::begin(out)?;
+        if !is_smoothed {
+            set.without(SMOOTHED);
+        }
+        let declared = design.run.origin.map(|place| LocalFrame::new(place.into()));
+        let thinning = thinning(design);
+        let (mut estimates, mut smoothed) = (Vec::new(), None);
+        for filter in filters.iter() {
+            let origin = Origin::new(declared);
+            estimates.push(EstimateFile::create(&set, "estimates", filter, origin.clone(), thinning)?);
+            if is_smoothed && filter.is_outermost() {
+                smoothed = Some(EstimateFile::create(&set, "smoothed", filter, origin, thinning)?);
+            }
+        }
         Ok(Self {
-            estimates: estimates.collect::<Result<_, _>>()?,
+            estimates,
+            smoothed,
             updates: Some(UpdateFile::create(&set, filters)?),
             set: Some(set),
         })
     }
 
+    /// A file for what is kept until the end of the run; none without a folder to write to.
+    pub(super) fn spill(&self, name: &str) -> Result<Option<Spill>, Unwritable> {
+        self.set.as_ref().map(|set| set.spill(name)).transpose()
+    }
+
     /// Ends what is written while a design is run; none of it has its name yet.
     pub(super) fn finish(self) -> Result<Option<FileSet>, Unwritable> {
         let Some(mut set) = self.set else { return Ok(None) };
-        for file in self.estimates {
+        for file in self.estimates.into_iter().chain(self.smoothed) {
             set.close(file.finish()?)?;
         }
         if let Some(file) = self.updates {
@@ -46,6 +64,11 @@ impl Files {
         }
         Ok(Some(set))
     }
+}
+
+/// The estimates that have a row in their file.
+pub(super) fn thinning(design: &Design) -> Thinning {
+    Thinning::new(design.run.output_rate.map_or(0, |rate| nanos(1.0 / rate.si())))
 }
 
 /// A run that came to its end.

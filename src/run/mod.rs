@@ -4,18 +4,19 @@ pub mod examine;
 mod files;
 mod recorded;
 mod reference;
+mod smoothing;
 mod summary;
 
 pub use crate::rows::SourceStatistics;
 pub use files::Finished;
 pub use recorded::open_one;
-pub use summary::{FinalState, InsideScore, Summary};
+pub use summary::{FinalState, InsideScore, Smoothed, Summary};
 
 use crate::assembly::{Assembly, assemble, declared_streams, imu_stream};
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::{Design, Named, ReferenceSpec};
 use crate::health::HealthRecord;
-use crate::observe::{Consumers, Counters, FilterScore, Filters, Finals, Heard, Hub, RunObserver, Statistics, Timing};
+use crate::observe::{Consumers, Counters, FilterScore, Filters, Finals, Heard, Hub, RunObserver, Smoother, Statistics, Timing};
 use crate::rows::{Feed, outages as silences};
 use crate::score::Outage;
 use crate::world::{IMU, SimulatedRows};
@@ -23,8 +24,31 @@ use files::Files;
 use fusion_core::runner::Runner;
 use fusion_core::time::Time;
 use reference::Reference;
+use smoothing::Planned;
 use std::path::PathBuf;
 use std::time::Instant;
+
+/// Whether estimates are smoothed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Smoothing {
+    /// As the design says: with a lag, or not.
+    #[default]
+    Declared,
+    /// Not, whatever the design says.
+    Never,
+    /// By all data of the log; what it needs of the run is kept until the end.
+    Whole(Keep),
+}
+
+/// Where what smoothing needs of a run is kept until its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Keep {
+    /// In memory, some kilobytes per estimate.
+    Memory,
+    /// In a file beside the results, which is removed at the end; memory does not grow with the log, but
+    /// for the reference, which is held in memory in any case.
+    Disk,
+}
 
 /// How a design is run.
 #[derive(Debug, Default)]
@@ -37,6 +61,8 @@ pub struct Options {
     pub out: Option<PathBuf>,
     /// The seed of simulated data and random faults, instead of the design's.
     pub seed: Option<u64>,
+    /// Whether estimates are smoothed.
+    pub smooth: Smoothing,
 }
 
 /// Runs `design`; `progress` hears the share of the data that is done, from time to time.
@@ -103,8 +129,28 @@ impl<'a> Run<'a> {
         let rows = &self.data.rows;
         let score = |f: &Heard| FilterScore::new(f, rules(f), |block| f.is_outermost() && rows.is_drawn(block));
         let mut scores: Vec<FilterScore> = scored.map(score).collect();
-        let mut files = Files::create(self.design, self.options, &filters)?;
-        let mut hub = Hub::new(&filters, &reference.comparison(self.design));
+        let planned = Planned::of(self.design, self.options);
+        let mut smoothed_score = filters
+            .outermost()
+            .filter(|_| planned.is_some() && !reference.is_empty())
+            .map(score);
+        let mut files = Files::create(self.design, self.options, &filters, planned.is_some())?;
+        let comparison = reference.comparison(self.design);
+        let mut smoother = match planned {
+            None => None,
+            Some(planned) => {
+                let hub = Hub::new(&filters, &comparison.emptied());
+                let by = planned.by(self.design, &self.assembly, &files)?;
+                Some(smoothing::smoother(
+                    self.design,
+                    by,
+                    hub,
+                    files.smoothed.as_mut(),
+                    smoothed_score.as_mut(),
+                ))
+            }
+        };
+        let mut hub = Hub::new(&filters, &comparison);
         hub.add(&mut counters);
         hub.add(&mut consumers);
         hub.add(&mut statistics);
@@ -113,8 +159,10 @@ impl<'a> Run<'a> {
         scores.iter_mut().for_each(|score| hub.add(score));
         files.estimates.iter_mut().for_each(|file| hub.add(file));
         files.updates.iter_mut().for_each(|file| hub.add(file));
+        smoother.iter_mut().for_each(|smoother| hub.add(smoother));
         further.iter_mut().for_each(|observer| hub.add(*observer));
         let timing = feed(self.design, &mut self.assembly.runner, &mut self.data, &mut hub, progress)?;
+        let smoothed = smoother.map(Smoother::finish).transpose().map_err(stopped)?;
         let files = files.finish()?;
         let runner = &self.assembly.runner;
         let (last, has_started) = (runner.belief(), runner.started());
@@ -133,6 +181,11 @@ impl<'a> Run<'a> {
             waiting: if has_started { Vec::new() } else { runner.waits_for() },
             epochs: counters.epochs,
             score,
+            smoothed: planned.zip(smoothed).map(|(planned, estimates)| Smoothed {
+                lag: planned.lag(),
+                estimates,
+                score: smoothed_score.map(FilterScore::finish),
+            }),
             inside: inside
                 .map(|(f, score)| InsideScore {
                     filter: f.stages.join("."),

@@ -35,6 +35,18 @@ pub struct InsideScore {
     pub score: Score,
 }
 
+/// What later data made of the estimates.
+#[derive(Clone, Debug, Serialize)]
+pub struct Smoothed {
+    /// Data were used up to so long after an estimate \[s\]; none for all of the log.
+    pub lag: Option<f64>,
+    /// Estimates that were smoothed: those with a row in smoothed.csv, and those about an epoch of the
+    /// reference.
+    pub estimates: u64,
+    /// Their score against the reference.
+    pub score: Option<Score>,
+}
+
 /// The result of a run.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Summary {
@@ -52,6 +64,8 @@ pub struct Summary {
     pub epochs: u64,
     /// Score against the reference.
     pub score: Option<Score>,
+    /// The same of smoothed estimates, where they were asked for.
+    pub smoothed: Option<Smoothed>,
     /// Scores of the filters inside stages.
     pub inside: Vec<InsideScore>,
     /// Per sensor.

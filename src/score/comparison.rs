@@ -183,6 +183,12 @@ impl Comparison {
         }
     }
 
+    /// The same without an epoch.
+    #[must_use]
+    pub fn emptied(&self) -> Self {
+        Self::new(self.lever_arm, [])
+    }
+
     /// Adds an epoch, later than those before it: a reference that comes along with the data.
     pub fn push(&mut self, epoch: ReferenceEpoch) {
         self.ahead.push_back(epoch);

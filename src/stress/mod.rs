@@ -29,7 +29,7 @@ use crate::design::Design;
 use crate::health::Names;
 use crate::observe::Filters;
 use crate::run::examine::build;
-use crate::run::{Finished, Options, Run};
+use crate::run::{Finished, Options, Run, Smoothing};
 use fusion_core::time::Time;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -182,6 +182,7 @@ fn outcome(design: &Design, case: &Case, watch: f64, options: &Options, survey: 
         base: options.base.clone(),
         out: None,
         seed: options.seed,
+        smooth: Smoothing::Never,
     };
     let run = Run::open(&disturbed, &options)?;
     let mut watch = Watch::new(survey, case, watch, run.assembly().runner.lag());

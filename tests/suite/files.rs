@@ -63,11 +63,15 @@ fn content(folder: &Path) -> Vec<(String, Vec<u8>)> {
 /// A finished run's files, and a second run on other fixes that has written half of its own. It
 /// waits for the rest at a pipe, for ever.
 fn half_done(w: &Workspace) -> (Vec<(String, Vec<u8>)>, Child, fs::File) {
-    w.fusion(&RUN).success();
+    half_done_as(w, &RUN)
+}
+
+fn half_done_as(w: &Workspace, args: &[&str]) -> (Vec<(String, Vec<u8>)>, Child, fs::File) {
+    w.fusion(args).success();
     let before = content(&w.path("out"));
     fs::remove_file(w.path("gnss.csv")).unwrap();
     fifo(&w.path("gnss.csv"));
-    let child = start(w, &RUN);
+    let child = start(w, args);
     let mut pipe = OpenOptions::new().write(true).open(w.path("gnss.csv")).unwrap();
     let rows = |t: i32| format!("{t}.0,47.0,8.0,400.0,0.0,0.0,0.0\n");
     let text: String = (0..2000).map(rows).collect();
@@ -89,6 +93,17 @@ fn a_stopped_run_leaves_the_files_of_the_one_before() {
         assert_eq!(ended(child).code(), Some(code));
         assert_eq!(content(&w.path("out")), before, "{name}");
     }
+}
+
+#[test]
+fn a_smoothed_run_that_is_stopped_leaves_nothing_of_what_it_kept() {
+    let w = Workspace::new("files-smoothed");
+    let (before, child, _pipe) = half_done_as(&w, &["run", "design.toml", "--out", "out", "--smooth"]);
+    assert!(before.iter().any(|(name, _)| name == "smoothed.csv"));
+    assert!(w.path("out/.fusion-partial/steps").exists());
+    signal(&child, "TERM");
+    assert_eq!(ended(child).code(), Some(143));
+    assert_eq!(content(&w.path("out")), before);
 }
 
 #[test]

@@ -115,6 +115,7 @@ pub(super) struct Corrector {
     correction: Vec<f64>,
     p: Vec<f64>,
     product: Vec<f64>,
+    less: Vec<f64>,
     whole: Vec<f64>,
 }
 
@@ -127,6 +128,7 @@ impl Corrector {
             correction: vec![0.0; n],
             p: vec![0.0; n * ld],
             product: vec![0.0; n * ld],
+            less: vec![0.0; n * ld],
             whole: vec![0.0; n * n],
             layout,
             chart,
@@ -159,14 +161,10 @@ impl Corrector {
         }
         // P − (PΛ)P
         multiply(&self.p, &later.matrix, &mut self.product, n, ld);
-        for i in 0..n {
-            for j in 0..=i {
-                let less = dot(&self.product[i * ld..i * ld + n], &self.p[j * ld..j * ld + n]);
-                let value = self.p[i * ld + j] - less;
-                self.whole[i * n + j] = value;
-                self.whole[j * n + i] = value;
-            }
-        }
+        multiply(&self.product, &self.p, &mut self.less, n, ld);
+        self.less.iter_mut().zip(&self.p).for_each(|(less, p)| *less = p - *less);
+        symmetrise(&mut self.less, n, ld);
+        pack(&self.less, &mut self.whole, n, ld);
         self.reset.reset();
         if self.chart.correct(&self.layout, &mut out.x, &self.correction, &mut self.reset) {
             self.turn(n, ld);

@@ -5,7 +5,6 @@ use super::link::Link;
 use super::record::{Kept, Kind, Reader, Unreadable, empty};
 use super::tape::Tape;
 use crate::chart::Chart;
-use crate::filter::Step;
 use crate::runner::Halt;
 use crate::state::{Belief, Layout};
 use std::sync::Arc;
@@ -49,12 +48,9 @@ impl FixedInterval {
     ///
     /// # Errors
     /// Where the record cannot be kept.
-    pub fn step(&mut self, step: &Step) -> Result<(), Halt> {
-        if !self.link.take(step) {
-            return Ok(());
-        }
+    pub fn step(&mut self, link: &Link) -> Result<(), Halt> {
         self.begin(Kind::Link);
-        self.link.write(&mut self.record);
+        link.write(&mut self.record);
         self.tape.push(&self.record)
     }
 
@@ -128,7 +124,7 @@ impl Smoothed {
     ///
     /// # Errors
     /// Where it cannot be read back.
-    pub fn next(&mut self) -> Result<Option<&Belief>, Halt> {
+    pub fn read(&mut self) -> Result<Option<&Belief>, Halt> {
         if !self.tape.pop(&mut self.record)? {
             return Ok(None);
         }

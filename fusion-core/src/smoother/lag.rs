@@ -10,7 +10,6 @@ use super::adjoint::{Adjoint, Corrector, identity};
 use super::link::Link;
 use super::record::{Kept, empty};
 use crate::chart::Chart;
-use crate::filter::Step;
 use crate::linear::padded;
 use crate::runner::Halt;
 use crate::state::{Belief, Layout};
@@ -35,7 +34,6 @@ pub struct FixedLag {
     /// M of all steps after the seam, and what they say there.
     head: Vec<f64>,
     ahead: Adjoint,
-    link: Link,
     moved: Vec<f64>,
     room: Vec<f64>,
     belief: Belief,
@@ -69,7 +67,6 @@ impl FixedLag {
             seam: None,
             head: identity(n, ld),
             ahead: Adjoint::new(n),
-            link: Link::default(),
             moved: vec![0.0; n * ld],
             room: Vec::new(),
             belief: empty(layout.storage(), n),
@@ -93,12 +90,7 @@ impl FixedLag {
     ///
     /// # Errors
     /// The first that `tell` returns.
-    pub fn step(&mut self, step: &Step, tell: &mut dyn FnMut(&Belief) -> Result<(), Halt>) -> Result<(), Halt> {
-        let mut link = core::mem::take(&mut self.link);
-        if !link.take(step) {
-            self.link = link;
-            return Ok(());
-        }
+    pub fn step(&mut self, link: Link, tell: &mut dyn FnMut(&Belief) -> Result<(), Halt>) -> Result<(), Halt> {
         self.release(link.time, tell)?;
         if self.seam.is_some_and(|seam| seam.shifted(self.lag) < link.time) {
             self.close();
@@ -106,13 +98,9 @@ impl FixedLag {
         }
         self.seam.get_or_insert(link.time);
         self.ahead.add_at_end(&self.head, &link);
-        self.room.resize(link.rows() * padded(self.corrector.layout().dim()), 0.0);
-        link.push(
-            &mut self.head,
-            &mut self.moved,
-            &mut self.room,
-            padded(self.corrector.layout().dim()),
-        );
+        let ld = padded(self.corrector.layout().dim());
+        self.room.resize(link.rows() * ld, 0.0);
+        link.push(&mut self.head, &mut self.moved, &mut self.room, ld);
         core::mem::swap(&mut self.head, &mut self.moved);
         self.open.push(Open::Link(link));
         Ok(())

@@ -6,12 +6,12 @@ use crate::filter::Step;
 use crate::linear::BlockMatrix;
 use crate::time::Time;
 
-/// How a step carries errors, M = (I + D)(I − K̃H̃), and what it learns.
+/// A step of the filter as a smoother takes it: how it carries errors, M = (I + D)(I − K̃H̃), and what it learns.
 ///
 /// D is Φ − I or J − I. H̃ = L⁻¹H, r̃ = L⁻¹r and K̃ = K L with S = L Lᵀ: the measurement as one of unit
 /// innovations, so that KH = K̃H̃, HᵀS⁻¹H = H̃ᵀH̃ and HᵀS⁻¹r = H̃ᵀr̃.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Link {
+pub struct Link {
     /// When the step ends.
     pub(super) time: Time,
     /// Elements of D: row, column, value.
@@ -24,27 +24,25 @@ pub(super) struct Link {
     k: Vec<f64>,
     /// r̃.
     r: Vec<f64>,
-    /// L, m×m, while a link is made.
-    l: Vec<f64>,
 }
 
 impl Link {
-    /// Becomes the link of `step`; false where the step carries errors as they are, and nothing is learnt.
-    pub(super) fn take(&mut self, step: &Step) -> bool {
-        self.changes.clear();
-        self.rows = 0;
+    /// That of `step`; none of one that carries errors as they are and says nothing of them.
+    #[must_use]
+    pub fn of(step: &Step) -> Option<Self> {
+        let mut link = Self::default();
         match step {
-            Step::Inflated { .. } => return false,
+            Step::Inflated { .. } => {}
             Step::Predicted { transition, posterior, .. } => {
-                self.time = posterior.time;
-                self.changed(&transition.phi);
+                link.time = posterior.time;
+                link.changed(&transition.phi);
             }
             Step::Corrected { posterior, .. } => {
-                self.time = posterior.time;
-                self.measured(step);
+                link.time = posterior.time;
+                link.measured(step);
             }
         }
-        self.rows > 0 || !self.changes.is_empty()
+        (link.rows > 0 || !link.changes.is_empty()).then_some(link)
     }
 
     fn changed(&mut self, matrix: &BlockMatrix) {
@@ -64,17 +62,14 @@ impl Link {
             return;
         };
         let (m, n) = (residual.len(), gain.len() / residual.len().max(1));
-        self.l.resize(m * m, 0.0);
+        let mut l = vec![0.0; m * m];
         // Only what had a factor corrects anything.
-        if !cholesky(innovation, &mut self.l, m) {
+        if !cholesky(innovation, &mut l, m) {
             return;
         }
         self.rows = m;
-        self.h.clear();
-        self.k.clear();
         for i in 0..m {
             self.h.extend_from_slice(&jacobian.row(i)[..n]);
-            let l = &self.l;
             let column = |c: usize| (i..m).map(|j| gain[j * n + c] * l[j * m + i]).sum::<f64>();
             self.k.extend((0..n).map(column));
         }
@@ -83,13 +78,12 @@ impl Link {
             let (done, rest) = self.h.split_at_mut(i * n);
             let row = &mut rest[..n];
             for (j, above) in done.chunks_exact(n).enumerate() {
-                axpy(-self.l[i * m + j], above, row);
+                axpy(-l[i * m + j], above, row);
             }
-            row.iter_mut().for_each(|v| *v /= self.l[i * m + i]);
+            row.iter_mut().for_each(|v| *v /= l[i * m + i]);
         }
-        self.r.clear();
         self.r.extend_from_slice(residual);
-        solve_lower(&self.l, &mut self.r, m);
+        solve_lower(&l, &mut self.r, m);
         reset.iter().for_each(|reset| self.changed(reset));
     }
 

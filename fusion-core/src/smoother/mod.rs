@@ -47,6 +47,7 @@ mod tape;
 
 pub use interval::{FixedInterval, Smoothed};
 pub use lag::FixedLag;
+pub use link::Link;
 pub use record::Unreadable;
 pub use tape::{Shelf, Tape};
 

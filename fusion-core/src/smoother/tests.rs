@@ -130,13 +130,13 @@ fn interval(layout: &Arc<Layout>, chart: Arc<dyn Chart>, told: &[Told]) -> Vec<B
     for t in told {
         match t {
             Told::Start => smoother.start().unwrap(),
-            Told::Step(step) => smoother.step(step).unwrap(),
+            Told::Step(step) => Link::of(step).iter().for_each(|link| smoother.step(link).unwrap()),
             Told::Estimate(belief) => smoother.estimate(belief).unwrap(),
         }
     }
     let mut smoothed = smoother.smooth(tape()).unwrap();
     let mut all = Vec::new();
-    while let Some(belief) = smoothed.next().unwrap() {
+    while let Some(belief) = smoothed.read().unwrap() {
         all.push(belief.clone());
     }
     all
@@ -151,7 +151,7 @@ fn lagged(layout: &Arc<Layout>, told: &[Told], lag: i64) -> Vec<Belief> {
     for t in told {
         match t {
             Told::Start => smoother.start(&mut tell).unwrap(),
-            Told::Step(step) => smoother.step(step, &mut tell).unwrap(),
+            Told::Step(step) => Link::of(step).into_iter().for_each(|link| smoother.step(link, &mut tell).unwrap()),
             Told::Estimate(belief) => smoother.estimate(belief),
         }
     }

@@ -1,0 +1,181 @@
+//! Smoothing the outermost filter of a run, for observers of its own.
+//!
+//! ```text
+//! run ─▶ Smoother: steps, estimates that are asked for ─▶ FixedInterval or FixedLag
+//!                                                              │ smoothed, in order of time
+//!            smoothed.csv, score ◀─ Hub of its own ◀───────────┘
+//! ```
+//!
+//! Asked for are the estimates that have a row in the file, and those about an epoch of the reference.
+
+use super::{Hub, RunEvent, RunObserver, Thinning};
+use fusion_core::filter::Step;
+use fusion_core::runner::{Event, Halt, Observer};
+use fusion_core::smoother::{FixedInterval, FixedLag, Link, Tape};
+use fusion_core::state::Belief;
+
+/// By which data estimates are smoothed.
+#[derive(Debug)]
+pub enum By {
+    /// All of the log; the tape is for smoothed estimates.
+    All(Box<FixedInterval>, Tape),
+    /// Those up to a time after the estimate.
+    Lag(Box<FixedLag>),
+}
+
+/// Smooths the outermost filter and tells observers of its own as a [`Hub`] does.
+#[derive(Debug)]
+pub struct Smoother<'a> {
+    by: By,
+    hub: Hub<'a>,
+    /// Which estimates have a row; none where there is no file.
+    rows: Option<Thinning>,
+    /// The estimate before the latest, if it may still be asked for, and the steps after it.
+    previous: Option<Asked>,
+    between: Vec<Link>,
+    /// The latest estimate, until the next step.
+    latest: Option<Asked>,
+    smoothed: u64,
+}
+
+/// An estimate, and whether it is asked for.
+#[derive(Debug)]
+struct Asked {
+    belief: Belief,
+    is_wanted: bool,
+}
+
+impl<'a> Smoother<'a> {
+    /// For the observers of `hub`, which hear of no other run; `rows` of the estimates are wanted for a file.
+    #[must_use]
+    pub const fn new(by: By, hub: Hub<'a>, rows: Option<Thinning>) -> Self {
+        Self {
+            by,
+            hub,
+            rows,
+            previous: None,
+            between: Vec::new(),
+            latest: None,
+            smoothed: 0,
+        }
+    }
+
+    /// The end of the log: tells all that is left, and how many estimates were smoothed in all.
+    ///
+    /// # Errors
+    /// The first of an observer, or what was kept that cannot be read back.
+    pub fn finish(mut self) -> Result<u64, Halt> {
+        self.end_piece()?;
+        if let By::All(interval, turned) = self.by {
+            let mut smoothed = interval.smooth(turned)?;
+            while let Some(belief) = smoothed.read()? {
+                self.smoothed += 1;
+                self.hub.on(&Event::Estimate { belief })?;
+            }
+        }
+        self.hub.finish()?;
+        Ok(self.smoothed)
+    }
+
+    fn step(&mut self, step: &Step) -> Result<(), Halt> {
+        let Some(link) = Link::of(step) else { return Ok(()) };
+        if self.latest.is_some() {
+            self.settle()?;
+        }
+        if self.previous.is_some() {
+            self.between.push(link);
+            return Ok(());
+        }
+        self.hand_on(link)
+    }
+
+    fn estimate(&mut self, belief: &Belief) -> Result<(), Halt> {
+        self.settle()?;
+        let is_wanted = self.rows.as_mut().is_some_and(|rows| rows.takes(belief.time));
+        self.latest = Some(Asked {
+            belief: belief.clone(),
+            is_wanted,
+        });
+        Ok(())
+    }
+
+    /// The latest two estimates are about an epoch of the reference.
+    fn want(&mut self) {
+        let both = self.previous.iter_mut().chain(&mut self.latest);
+        both.for_each(|asked| asked.is_wanted = true);
+    }
+
+    /// Hands on what nobody can ask for any more: all before the latest estimate.
+    fn settle(&mut self) -> Result<(), Halt> {
+        if let Some(asked) = self.previous.take()
+            && asked.is_wanted
+        {
+            match &mut self.by {
+                By::All(interval, _) => interval.estimate(&asked.belief)?,
+                By::Lag(lag) => lag.estimate(&asked.belief),
+            }
+        }
+        let mut between = core::mem::take(&mut self.between);
+        between.drain(..).try_for_each(|link| self.hand_on(link))?;
+        self.between = between;
+        self.previous = self.latest.take();
+        Ok(())
+    }
+
+    fn hand_on(&mut self, link: Link) -> Result<(), Halt> {
+        match &mut self.by {
+            By::All(interval, _) => interval.step(&link),
+            By::Lag(lag) => lag.step(link, &mut told(&mut self.hub, &mut self.smoothed)),
+        }
+    }
+
+    /// The filter starts anew, or the log ends.
+    fn end_piece(&mut self) -> Result<(), Halt> {
+        // The latest estimate becomes the one before, and is then handed on.
+        self.settle()?;
+        self.settle()?;
+        match &mut self.by {
+            By::All(interval, _) => interval.start(),
+            By::Lag(lag) => lag.start(&mut told(&mut self.hub, &mut self.smoothed)),
+        }
+    }
+}
+
+/// Counts what it tells `hub`.
+fn told<'h>(hub: &'h mut Hub<'_>, smoothed: &'h mut u64) -> impl FnMut(&Belief) -> Result<(), Halt> {
+    |belief| {
+        *smoothed += 1;
+        hub.on(&Event::Estimate { belief })
+    }
+}
+
+impl RunObserver for Smoother<'_> {
+    fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
+        match event {
+            RunEvent::Filter { filter, event } if filter.is_outermost() => match event {
+                Event::Started { .. } => self.end_piece()?,
+                Event::Step(step) => self.step(step)?,
+                // The score of outages asks what was used.
+                Event::Updated { .. } => self.hub.on(event)?,
+                _ => {}
+            },
+            RunEvent::Estimate { filter, belief, .. } if filter.is_outermost() => self.estimate(belief)?,
+            RunEvent::Reference { filter, epoch, error } if filter.is_outermost() => {
+                self.hub.reference(**epoch);
+                if error.is_some() {
+                    self.want();
+                }
+            }
+            RunEvent::Truth { filter, belief, truth } if filter.is_outermost() => {
+                self.hub.truth(belief.time, truth);
+                self.want();
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn wants_steps(&self) -> bool {
+        true
+    }
+}

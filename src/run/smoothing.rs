@@ -1,0 +1,81 @@
+//! The smoother of a run.
+
+use super::files::{Files, thinning};
+use super::{Keep, Options, Smoothing};
+use crate::assembly::Assembly;
+use crate::config::{Diagnostic, Diagnostics};
+use crate::design::Design;
+use crate::observe::{By, EstimateFile, FilterScore, Hub, Smoother};
+use fusion_core::smoother::{FixedInterval, FixedLag, Shelf, Tape};
+use fusion_core::time::nanos;
+
+/// By which data a run is smoothed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Planned {
+    /// Those up to so many seconds after an estimate.
+    Lag(f64),
+    /// All of the log.
+    Whole(Keep),
+}
+
+impl Planned {
+    /// What is asked for; none where nothing is.
+    pub(super) fn of(design: &Design, options: &Options) -> Option<Self> {
+        match options.smooth {
+            Smoothing::Never => None,
+            Smoothing::Whole(keep) => Some(Self::Whole(keep)),
+            Smoothing::Declared => design.run.smooth.map(|smooth| Self::Lag(smooth.lag.si())),
+        }
+    }
+
+    /// The lag \[s\], if there is one.
+    pub(super) const fn lag(self) -> Option<f64> {
+        match self {
+            Self::Lag(lag) => Some(lag),
+            Self::Whole(_) => None,
+        }
+    }
+
+    /// The smoother itself.
+    pub(super) fn by(self, design: &Design, assembly: &Assembly, files: &Files) -> Result<By, Diagnostics> {
+        let chart = design.filter.backend().chart.chart();
+        let layout = assembly.layout.clone();
+        let keep = match self {
+            Self::Lag(lag) => return Ok(By::Lag(Box::new(FixedLag::new(layout, chart, nanos(lag))))),
+            Self::Whole(keep) => keep,
+        };
+        let tape = |name: &str| -> Result<Tape, Diagnostics> {
+            let shelf: Box<dyn Shelf> = match keep {
+                Keep::Memory => Box::new(Vec::new()),
+                Keep::Disk => Box::new(files.spill(name)?.ok_or_else(no_folder)?),
+            };
+            Ok(Tape::new(shelf))
+        };
+        let interval = FixedInterval::new(layout, chart, tape("steps")?);
+        Ok(By::All(Box::new(interval), tape("smoothed")?))
+    }
+}
+
+/// The smoother of a run, whose observers are the file and the score.
+pub(super) fn smoother<'a>(
+    design: &Design,
+    by: By,
+    mut hub: Hub<'a>,
+    file: Option<&'a mut EstimateFile>,
+    score: Option<&'a mut FilterScore>,
+) -> Smoother<'a> {
+    let rows = file.is_some().then(|| thinning(design));
+    if let Some(score) = score {
+        hub.add(score);
+    }
+    if let Some(file) = file {
+        hub.add(file);
+    }
+    Smoother::new(by, hub, rows)
+}
+
+fn no_folder() -> Diagnostics {
+    let help = "name a folder with `--out DIR`, or smooth in memory with `--smooth=memory`";
+    let error = Diagnostic::error("smoothing on disk needs a folder, beside the results");
+    error.help(help).into()
+}
