@@ -3,10 +3,10 @@ use super::*;
 use crate::chart::{Body, Chart};
 use crate::covariance::FormKind;
 use crate::filter::tests::{Direct, Still, Track, declare, second};
-use crate::filter::{Backend, ChartKind, Estimator, Filter, Observed, Step, Verdict};
+use crate::filter::{Backend, ChartKind, Estimator, Filter, Observed, Parts, Step, Verdict};
 use crate::gate::{Answer, Decision, Gate, GateInput, Mode};
 use crate::geometry::so3;
-use crate::linear::Jacobian;
+use crate::linear::{BlockMatrix, Jacobian};
 use crate::loss::{Huber, Quadratic};
 use crate::model::{Input, Measurement, Size, Undefined};
 use crate::runner::Halt;
@@ -446,6 +446,72 @@ fn what_corrections_say_of_the_instant_before_them_is_what_they_did_in_every_cha
         assert!(largest(apart) < 0.3 * error * error, "{kind:?} {error}: {apart:?}");
         assert!(largest(moved) > 0.3 * error, "{moved:?}");
     }
+}
+
+/// Counts the first number in half its unit from each correction on.
+#[derive(Debug)]
+struct Halving;
+
+impl Chart for Halving {
+    fn to_canonical(&self, _: &Layout, _: &[f64], _: &mut BlockMatrix) {}
+    fn correct(&self, layout: &Layout, x: &mut [f64], delta: &[f64], reset: &mut BlockMatrix) -> bool {
+        layout.plus(x, delta);
+        x[0] *= 2.0;
+        reset.set_element(0, 0, 2.0);
+        true
+    }
+}
+
+/// z = a x.
+#[derive(Debug)]
+struct Row(Slot<Vector<2>>, [f64; 2]);
+
+impl Measurement for Row {
+    fn size(&self) -> Size {
+        Size::same(1)
+    }
+    fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {
+        value[0] = nalgebra::Vector2::from(self.1).dot(&at.state(self.0));
+        Ok(())
+    }
+    fn jacobian(&self, _: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined> {
+        h.add_slot(0, self.0, &nalgebra::RowVector2::from(self.1));
+        Ok(())
+    }
+}
+
+#[test]
+fn a_chart_that_changes_the_coordinates_at_every_correction_changes_nothing_else() {
+    let run = |chart: Arc<dyn Chart>, halves: f64| {
+        let mut b = LayoutBuilder::new();
+        let x = declare::<Vector<2>>(&mut b, "x", [1.0, 2.0].into(), &[1.0, 3.0], Dynamics::Constant);
+        let layout = Arc::new(b.finish());
+        let parts = Parts {
+            chart: chart.clone(),
+            ..Backend::default().into()
+        };
+        let mut f = Filter::of(layout.clone(), Arc::new(Still), parts, Size::same(1));
+        f.keep_steps(true);
+        let mut told = vec![Told::Estimate(f.belief().clone())];
+        for (k, (a, b)) in [(1.0, 1.0), (1.0, -0.5), (0.3, 2.0)].into_iter().enumerate() {
+            let model = Row(x, [a * halves.powi(k as i32), b]);
+            let observed = Observed {
+                model: &model,
+                value: &[0.5],
+                noise: &[0.4],
+                quality: None,
+                lateness: None,
+            };
+            f.update(&observed, &mut Believing(u32::MAX, 0), &[], &Quadratic);
+            told.extend(f.steps().iter().map(|s| Told::Step(Box::new(s.clone()))));
+        }
+        interval(&layout, chart, &told).remove(0)
+    };
+    let (mut plain, halving) = (run(Arc::new(Body), 1.0), run(Arc::new(Halving), 0.5));
+    // The chart carries the smoothed estimate too: once.
+    plain.x[0] *= 2.0;
+    plain.covariance.scale(core::slice::from_ref(&(0..1)), 4.0);
+    same(&[halving], &[plain], 1e-14); // rounding
 }
 
 #[test]
