@@ -185,6 +185,23 @@ impl BlockMatrix {
         })
     }
 
+    /// The active rows of M x into `out`, of an `x` that is zero from `end` on.
+    pub(crate) fn active_rows(&self, x: &[f64], end: usize, out: &mut [f64]) {
+        for &i in &self.active {
+            let i = usize::from(i);
+            let (row, mut sum, mut own) = (&self.data[i * self.ld..], 0.0, x[i]);
+            for &(s, e) in &self.rows[i] {
+                let (s, e) = (usize::from(s), usize::from(e));
+                if s <= i && i < e {
+                    own = 0.0;
+                }
+                let e = e.min(end).max(s);
+                sum += dot(&row[s..e], &x[s..e]);
+            }
+            out[i] = sum + own;
+        }
+    }
+
     /// Rows that may differ from the identity, in order.
     pub(crate) fn active(&self) -> &[u16] {
         &self.active
@@ -214,6 +231,19 @@ impl BlockMatrix {
     pub(crate) fn value(&self, element: &Element) -> f64 {
         self.data[element.at as usize]
     }
+}
+
+/// a·b, four products at a time.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
+    let mut sums = [0.0; 4];
+    for (a, b) in a.iter().zip(b) {
+        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+            *sum += a * b;
+        }
+    }
+    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
 }
 
 /// The discrete transition over one step: Φ and the process noise, in the canonical chart.

@@ -6,6 +6,7 @@
 //! The inner loops run along pieces of padded rows of a length known at compile time; the portable
 //! code has no fused multiply-add, so that every machine gives the same bits.
 
+use super::form::LARGEST;
 use super::{Form, Workspace};
 use crate::linear::{BlockMatrix, Jacobian, Transition, padded};
 use core::ops::Range;
@@ -26,13 +27,10 @@ struct Term {
     in_at: u32,
 }
 
-/// Variances beyond this have overflowed, or are about to.
-const LARGEST: f64 = 1e300;
-
 /// Working memory of the kernels, sized once.
 #[derive(Clone, Debug)]
 pub(super) struct Scratch {
-    a: Vec<f64>,
+    pub(super) a: Vec<f64>,
     at: Vec<f64>,
     core: Vec<f64>,
     terms: Vec<Term>,
@@ -41,6 +39,9 @@ pub(super) struct Scratch {
     /// What P held where noise was added before the transition.
     covered: Vec<f64>,
     coefficients: Vec<f64>,
+    /// By what the latest measurement has reduced the variance of its rows at most; infinite where
+    /// that is not known.
+    reduction: f64,
 }
 
 impl Scratch {
@@ -54,6 +55,7 @@ impl Scratch {
             ends: vec![0; n],
             covered: Vec::with_capacity(n * n),
             coefficients: vec![0.0; m],
+            reduction: f64::INFINITY,
         }
     }
 }
@@ -218,6 +220,7 @@ impl<'a> Whole<'a> {
             }
         }
         self.symmetrise();
+        w.dense.reduction = reduction(m, &w.s, r);
     }
 
     fn symmetrise(&mut self) {
@@ -230,6 +233,21 @@ impl<'a> Whole<'a> {
             }
         }
     }
+}
+
+/// A measurement that reduces no variance by more leaves rounding, 1e-16 of the variance before it,
+/// that is within what is tolerated of the variance after it: P needs no trial.
+const HARMLESS: f64 = 1e4;
+
+/// The largest ratio of the variance S of a row to its noise R; infinite where R is not diagonal, as
+/// combinations of rows may then be reduced by more.
+fn reduction(m: usize, s: &[f64], r: &[f64]) -> f64 {
+    let ratio = |(i, j): (usize, usize)| match i == j {
+        true => s[i * m + j] / r[i * m + j],
+        false if r[i * m + j] == 0.0 => 1.0,
+        false => f64::INFINITY,
+    };
+    (0..m * m).map(|k| ratio((k / m, k % m))).fold(1.0, f64::max)
 }
 
 /// The noise that is added to variance `i` after the transition.
@@ -272,6 +290,11 @@ macro_rules! whole_form {
             }
             fn condition(&self, n: usize, p: &mut [f64], h: &Jacobian, r: &[f64], w: &mut Workspace) {
                 Whole::new(n, p).condition($joseph, h, r, w);
+            }
+            fn is_positive(&self, n: usize, p: &[f64], w: &mut Workspace) -> bool {
+                // What comes after this one is not known.
+                let reduction = core::mem::replace(&mut w.dense.reduction, f64::INFINITY);
+                reduction <= HARMLESS || super::form::on_trial(self, n, p, w)
             }
         }
     };

@@ -1,9 +1,18 @@
 //! How P is stored: what a form of the covariance has to do.
 
 use super::dense::Scratch;
+use super::upper;
 use crate::linear::{BlockMatrix, Jacobian, Transition, padded};
 use core::fmt::Debug;
+use core::mem::MaybeUninit;
 use core::ops::Range;
+
+/// Variances beyond this have overflowed, or are about to.
+pub(super) const LARGEST: f64 = 1e300;
+
+/// How negative an eigenvalue of the correlation coefficients counts as rounding of a P that is
+/// stored whole: ten thousand roundings of an element.
+const TOLERATED: f64 = 1e-12;
 
 /// How P is stored and kept positive.
 ///
@@ -20,6 +29,13 @@ pub trait Form: Debug + Send + Sync {
 
     /// Numbers of [`Workspace::extra`] that it uses for measurements of up to `m` rows.
     fn workspace(&self, n: usize, m: usize) -> usize {
+        let _ = (n, m);
+        0
+    }
+
+    /// Numbers of memory without contents that it needs besides; for the forms of this crate.
+    #[doc(hidden)]
+    fn stack(&self, n: usize, m: usize) -> usize {
         let _ = (n, m);
         0
     }
@@ -47,6 +63,23 @@ pub trait Form: Debug + Send + Sync {
     /// P ← P given the measurement: R is `r` (m×m, row by row); `w` holds HP, HPHᵀ, S with its
     /// Cholesky factor, and the gain.
     fn condition(&self, n: usize, p: &mut [f64], h: &Jacobian, r: &[f64], w: &mut Workspace);
+
+    /// Whether P is a covariance: finite, and no combination of states has a negative variance beyond
+    /// rounding. By default P is factored for it; a form that cannot hold anything else knows.
+    fn is_positive(&self, n: usize, p: &[f64], w: &mut Workspace) -> bool {
+        on_trial(self, n, p, w)
+    }
+}
+
+/// Whether P with its variances a little larger can be factored. (A pivot of P itself may be far
+/// below zero where an eigenvalue is so by rounding only.)
+pub(super) fn on_trial<F: Form + ?Sized>(form: &F, n: usize, p: &[f64], w: &mut Workspace) -> bool {
+    let ld = padded(n);
+    for i in 0..n {
+        (0..i).for_each(|j| w.dense.a[i * ld + j] = form.element(n, p, i, j));
+        w.dense.a[i * ld + i] = form.element(n, p, i, i) * (1.0 + TOLERATED);
+    }
+    upper::factor(n, &mut w.dense.a, 0..n) <= 0.0
 }
 
 /// Working memory of a measurement's passage and of the kernels, sized once.
@@ -66,6 +99,8 @@ pub struct Workspace {
     pub kt: Vec<f64>,
     /// What the form asked for.
     pub extra: Vec<f64>,
+    /// Memory without contents that the form asked for.
+    pub(super) stack: Vec<MaybeUninit<f64>>,
     pub(super) dense: Scratch,
 }
 
@@ -82,6 +117,7 @@ impl Workspace {
             l: vec![0.0; m * m],
             kt: vec![0.0; m * ld],
             extra: vec![0.0; form.workspace(n, m)],
+            stack: vec![MaybeUninit::new(0.0); form.stack(n, m)],
             dense: Scratch::new(n, m),
         }
     }

@@ -8,14 +8,23 @@
 //! Letters: P covariance (n×n), Φ transition (n×n), Q process noise, H Jacobian (m×n),
 //! S innovation covariance (m×m), K gain (n×m), R measurement noise (m×m).
 
+mod array;
 mod dense;
+mod faer;
 mod form;
+#[cfg(test)]
+mod long_runs;
 mod solve;
+mod square_root;
+mod udu;
+mod upper;
 
 pub(crate) use dense::axpy;
 pub use dense::{Joseph, Standard};
 pub use form::{Form, Workspace};
 pub use solve::{cholesky, solve_lower, solve_rows};
+pub use square_root::SquareRoot;
+pub use udu::Udu;
 
 use crate::linear::{BlockMatrix, Jacobian, Transition};
 use crate::state::{Block, Slot, Tangent};
@@ -31,6 +40,10 @@ pub enum FormKind {
     Joseph,
     /// (I − KH)P, the textbook form: exact for the optimal gain only.
     Standard,
+    /// U D Uᵀ, by Bierman and Thornton: positive by construction, without square roots.
+    Udu,
+    /// S Sᵀ, by orthogonal transformations: positive by construction.
+    SquareRoot,
 }
 
 impl FormKind {
@@ -40,6 +53,8 @@ impl FormKind {
         match self {
             Self::Joseph => Arc::new(Joseph),
             Self::Standard => Arc::new(Standard),
+            Self::Udu => Arc::new(Udu),
+            Self::SquareRoot => Arc::new(SquareRoot::default()),
         }
     }
 }
@@ -52,10 +67,11 @@ pub struct Covariance {
     form: Arc<dyn Form>,
 }
 
-/// Equal where stored alike: the same form, the same numbers.
+/// Equal where stored alike: the same form, the same bits.
 impl PartialEq for Covariance {
     fn eq(&self, other: &Self) -> bool {
-        self.n == other.n && self.form.name() == other.form.name() && self.p == other.p
+        let same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits();
+        self.n == other.n && self.form.name() == other.form.name() && self.p.iter().zip(&other.p).all(same)
     }
 }
 
@@ -68,6 +84,17 @@ impl Covariance {
             p: vec![0.0; form.storage(n)],
             form,
         }
+    }
+
+    /// The same covariance, stored in `form`.
+    #[must_use]
+    pub fn stored_in(self, form: &Arc<dyn Form>) -> Self {
+        if self.form.name() == form.name() {
+            return self;
+        }
+        let mut other = Self::zeros(self.n, form.clone());
+        other.set_whole(&self.to_dense());
+        other
     }
 
     /// Dimension n.
@@ -140,6 +167,11 @@ impl Covariance {
         (0..self.n).map(variance).all(|v| v.is_finite() && v >= 0.0)
     }
 
+    /// Whether it is a covariance to rounding: sound, and of no combination of states negative.
+    pub(crate) fn is_positive(&self, w: &mut Workspace) -> bool {
+        self.is_sound() && self.form.is_positive(self.n, &self.p, w)
+    }
+
     /// J P Kᵀ for two rows over the tangent space that are zero outside `columns`.
     pub(crate) fn between_rows(&self, j: &[f64], k: &[f64], columns: &[Range<usize>]) -> f64 {
         let axes = || columns.iter().cloned().flatten();
@@ -161,12 +193,17 @@ impl Covariance {
 
     /// Gives `block` the covariance `value`, d×d, row by row, and forgets what it knows of the others.
     pub fn set_block(&mut self, block: &Block, value: &[f64]) {
-        self.form.set_block(self.n, &mut self.p, block.tangent_range(), value);
+        self.set_axes(block.tangent_range(), value);
+    }
+
+    /// The same of the tangent axes `axes`.
+    pub(crate) fn set_axes(&mut self, axes: Range<usize>, value: &[f64]) {
+        self.form.set_block(self.n, &mut self.p, axes, value);
     }
 
     /// Gives the whole of it the values `value`, n×n, row by row.
     pub(crate) fn set_whole(&mut self, value: &[f64]) {
-        self.form.set_block(self.n, &mut self.p, 0..self.n, value);
+        self.set_axes(0..self.n, value);
     }
 
     /// Gives the axes of `block` these standard deviations, uncorrelated with each other and with

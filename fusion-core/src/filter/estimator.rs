@@ -97,7 +97,8 @@ pub trait Estimator: core::fmt::Debug + Send {
     /// The state layout.
     fn layout(&self) -> &Layout;
 
-    /// Replaces the belief: initialisation, a snapshot restored.
+    /// Replaces the belief: initialisation, a snapshot restored. Its covariance may be stored in
+    /// another form than that of the estimator.
     fn set_belief(&mut self, belief: Belief);
 
     /// Moves the belief to `to` under `input`.

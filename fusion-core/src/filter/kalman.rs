@@ -405,7 +405,7 @@ impl Filter {
             return false;
         }
         let is_reset = self.apply();
-        if !(self.layout.is_sane(&self.belief.x) && self.belief.covariance.is_sound()) {
+        if !(self.layout.is_sane(&self.belief.x) && self.belief.covariance.is_positive(&mut self.work.work)) {
             return false;
         }
         self.keep(prior, |f, prior| {
@@ -474,7 +474,8 @@ impl Estimator for Filter {
     }
 
     fn set_belief(&mut self, belief: Belief) {
-        self.belief = belief;
+        let covariance = belief.covariance.stored_in(self.p_before.form());
+        self.belief = Belief { covariance, ..belief };
         self.signals.forget();
     }
 

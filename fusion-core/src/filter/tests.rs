@@ -246,7 +246,7 @@ fn four(form: FormKind) -> (Filter, Slot<Vector<4>>) {
 fn one_update_of_three_rows_equals_three_of_one() {
     let h = SMatrix::<f64, 3, 4>::new(1.0, 0.3, 0.0, 0.0, 0.0, 1.0, -0.4, 0.0, 0.2, 0.0, 0.0, 1.0);
     let (z, r) = ([0.4, -1.0, 2.0], [0.3, 0.2, 0.5]);
-    for form in [FormKind::Joseph, FormKind::Standard] {
+    for form in [FormKind::Joseph, FormKind::Standard, FormKind::Udu, FormKind::SquareRoot] {
         let ((mut whole, x), (mut parts, _)) = (four(form), four(form));
         accept(
             &mut whole,

@@ -2,7 +2,7 @@
 
 use super::Lcg;
 use crate::chart::Body;
-use crate::covariance::{Covariance, Form, Joseph, Workspace, cholesky, solve_rows};
+use crate::covariance::{Covariance, Form, FormKind, Workspace, cholesky, solve_rows};
 use crate::filter::{Estimator, Filter, Observed, Parts, UpdateRule, Verdict};
 use crate::gate::Open;
 use crate::linear::{BlockMatrix, Jacobian, Transition};
@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector, Matrix1};
 use std::sync::Arc;
 
 /// A layout of `n` scalars.
-fn scalars(n: usize) -> Result<(Layout, Vec<Slot<Scalar>>), String> {
+pub(crate) fn scalars(n: usize) -> Result<(Layout, Vec<Slot<Scalar>>), String> {
     let mut b = LayoutBuilder::new();
     let declare = |i| {
         let (name, owner) = (format!("x{i}"), String::new());
@@ -62,8 +62,9 @@ fn close(what: &str, form: &dyn Form, found: &Covariance, wanted: &DMatrix<f64>,
 }
 
 /// A form of the covariance of `n` states does what dense algebra does: blocks, scaling, prediction
-/// with noise before and after Φ, congruence, projection, conditioning; and a prediction that would
-/// overflow leaves it as it was.
+/// with noise before and after Φ, congruence, projection, conditioning, also where P, Q and R are
+/// singular; a prediction that would overflow leaves it as it was, and a P that is no covariance is
+/// told.
 ///
 /// # Errors
 /// A sentence naming the operation.
@@ -84,6 +85,8 @@ pub fn check_form(form: &Arc<dyn Form>, n: usize) -> Result<(), String> {
     close("the prediction", form.as_ref(), &c, &wanted, 1e-12)?;
     overflow(form, &layout, &slots, &p)?;
     negative(form, &layout, &slots, &p)?;
+    indefinite(form, n)?;
+    singular(form, &layout, &slots, &mut random)?;
     let mut j = BlockMatrix::identity(n);
     // Twice, so that a learnt pattern is used again with other numbers.
     for _ in 0..2 {
@@ -111,6 +114,18 @@ fn blocks(form: &Arc<dyn Form>, layout: &Layout, p: &DMatrix<f64>) -> Result<(),
     wanted.column_mut(middle).fill(0.0);
     wanted[(middle, middle)] = 9.0;
     close("a block that was set", form.as_ref(), &c, &wanted, 1e-12)?;
+    // Several axes at once, with correlations among themselves.
+    let (several, value) = (middle / 2..(middle / 2 + 3).min(n), positive(3, &mut Lcg::new(5)));
+    let d = several.len();
+    let value = value.view((0, 0), (d, d)).into_owned();
+    let mut c = covariance(form, p);
+    c.set_axes(several.clone(), &rows(&value));
+    let wanted = DMatrix::from_fn(n, n, |i, j| match (several.contains(&i), several.contains(&j)) {
+        (true, true) => value[(i - several.start, j - several.start)],
+        (false, false) => p[(i, j)],
+        _ => 0.0,
+    });
+    close("several axes that were set", form.as_ref(), &c, &wanted, 1e-12)?;
     let mut c = covariance(form, p);
     c.scale(core::slice::from_ref(&(0..middle + 1)), 5.0);
     let d = DMatrix::from_fn(n, n, |i, j| match (i == j, i <= middle) {
@@ -188,6 +203,74 @@ fn negative(form: &Arc<dyn Form>, layout: &Layout, slots: &[Slot<Scalar>], p: &D
     Ok(())
 }
 
+/// A P of which no variance is negative and yet it is no covariance is told; one that is singular is
+/// not.
+fn indefinite(form: &Arc<dyn Form>, n: usize) -> Result<(), String> {
+    let w = &mut Workspace::new(form.as_ref(), n, 1);
+    let correlated = |by: f64| {
+        let p = DMatrix::from_fn(n, n, |i, j| match (i.min(j), i.max(j)) {
+            (i, j) if i == j => 1.0,
+            (0, 1) => by,
+            _ => 0.0,
+        });
+        covariance(form, &p)
+    };
+    for (by, is_one) in [(0.5, true), (1.0, true), (1.5, n < 2)] {
+        if correlated(by).is_positive(w) != is_one {
+            return Err(format!("{}: a correlation of {by} is judged wrongly", form.name()));
+        }
+    }
+    Ok(())
+}
+
+/// Prediction and conditioning where P, Q and R have less than full rank.
+fn singular(form: &Arc<dyn Form>, layout: &Layout, slots: &[Slot<Scalar>], random: &mut Lcg) -> Result<(), String> {
+    let n = slots.len();
+    // Of rank one and two: what is left of a factorisation is rounding.
+    let g = DMatrix::from_fn(n, 2, |_, _| random.signed());
+    let p = &g * g.transpose();
+    let mut t = Transition::new(layout);
+    let q = g.column(0) * g.column(0).transpose();
+    for (i, j) in (0..n).flat_map(|i| (0..=i).map(move |j| (i, j))) {
+        t.noise(slots[i], slots[j], &Matrix1::new(q[(i, j)]));
+    }
+    let mut c = covariance(form, &p);
+    if !c.predict(&t, &mut Workspace::new(form.as_ref(), n, 1)) {
+        return Err(format!("{}: a singular noise is refused", form.name()));
+    }
+    // 1e-7: a form that factors may take a pivot for rounding, 1e-14 of a variance; an element beside
+    // it is up to the root of that.
+    close("a prediction of singular P and Q", form.as_ref(), &c, &(p + q), 1e-7)?;
+    let p = positive(n, random);
+    let (mut c, mut w, mut h) = (covariance(form, &p), Workspace::new(form.as_ref(), n, 1), Jacobian::new(layout, 1));
+    h.reset(1);
+    slots
+        .iter()
+        .for_each(|slot| h.add(0, &Quantity::State(*slot), &Matrix1::new(random.signed())));
+    condition(&mut c, &h, &[0.0], &mut w)?;
+    let full = DMatrix::from_fn(1, n, |_, j| h.get(0, j));
+    let hp = &full * &p;
+    let wanted = &p - hp.transpose() * &hp / (&hp * full.transpose())[0];
+    let off = (DMatrix::from_row_slice(n, n, &c.to_dense()) - wanted).amax() / p.amax();
+    // 1e-12: rounding, as above, of what there was before.
+    (off <= 1e-12)
+        .then_some(())
+        .ok_or_else(|| format!("{} n = {n}: a measurement without noise is off by {off:e}", form.name()))
+}
+
+/// Conditions on rows H with noise R, as a filter does.
+fn condition(c: &mut Covariance, h: &Jacobian, r: &[f64], w: &mut Workspace) -> Result<(), String> {
+    c.project(h, w);
+    (0..r.len()).for_each(|k| w.s[k] = w.hph[k] + r[k]);
+    if !cholesky(&w.s, &mut w.l, h.rows()) {
+        return Err("S is not positive".to_owned());
+    }
+    w.kt.copy_from_slice(&w.hp);
+    solve_rows(&w.l, &mut w.kt, h.rows(), w.ld);
+    c.condition(h, r, w);
+    Ok(())
+}
+
 /// Projection and conditioning on `m` random rows with correlated noise.
 fn conditioned(
     form: &Arc<dyn Form>,
@@ -214,15 +297,8 @@ fn conditioned(
     if !projected {
         return Err(format!("{}: HP or HPHᵀ of {m} rows is off", form.name()));
     }
-    let s = &hph + &r;
-    w.s = rows(&s);
-    if !cholesky(&w.s, &mut w.l, m) {
-        return Err("S is not positive".to_owned());
-    }
-    w.kt.copy_from_slice(&w.hp);
-    solve_rows(&w.l, &mut w.kt, m, w.ld);
-    c.condition(&h, &rows(&r), &mut w);
-    let inverse = s.try_inverse().ok_or("S has no inverse")?;
+    condition(&mut c, &h, &rows(&r), &mut w)?;
+    let inverse = (&hph + &r).try_inverse().ok_or("S has no inverse")?;
     let wanted = p - hp.transpose() * inverse * &hp;
     // 1e-11: an inverse of condition about 100.
     close(&format!("conditioning on {m} rows"), form.as_ref(), &c, &wanted, 1e-11)
@@ -267,13 +343,15 @@ impl Measurement for Linear {
     }
 }
 
-/// An update rule is exact for a linear measurement: x + K r and (I − KH)P with K = PHᵀS⁻¹, to
-/// 1e-11 of their size, and the residual, NIS and S that it reports are those of the prediction.
+/// An update rule is exact for a linear measurement, with every form: x + K r and (I − KH)P with
+/// K = PHᵀS⁻¹, to 1e-11 of their size, and the residual, NIS and S that it reports are those of the prediction.
 ///
 /// # Errors
 /// A sentence naming what is off.
 pub fn check_update_rule(rule: &Arc<dyn UpdateRule>) -> Result<(), String> {
-    for (n, m) in [(1, 1), (4, 2), (15, 3)] {
+    let kinds = [FormKind::Joseph, FormKind::Standard, FormKind::Udu, FormKind::SquareRoot];
+    let sizes = [(1, 1), (4, 2), (15, 3)];
+    for (kind, (n, m)) in kinds.iter().flat_map(|kind| sizes.map(|size| (kind, size))) {
         let mut random = Lcg::new((n * 100 + m) as u64);
         let (layout, slots) = scalars(n)?;
         let (p, r) = (positive(n, &mut random), positive(m, &mut random));
@@ -282,7 +360,7 @@ pub fn check_update_rule(rule: &Arc<dyn UpdateRule>) -> Result<(), String> {
             DVector::from_fn(n, |_, _| random.signed()),
             DVector::from_fn(m, |_, _| random.signed()),
         );
-        let form: Arc<dyn Form> = Arc::new(Joseph);
+        let form = kind.form();
         let parts = Parts {
             chart: Arc::new(Body),
             update: rule.clone(),

@@ -12,6 +12,8 @@
 
 mod chart;
 mod coasting;
+#[cfg(test)]
+pub(crate) mod double;
 mod form;
 mod measurement;
 mod numeric;
@@ -21,6 +23,8 @@ mod random;
 
 pub use chart::{check_chart, check_kind, check_reset};
 pub use coasting::check_coasting;
+#[cfg(test)]
+pub(crate) use form::scalars;
 pub use form::{check_form, check_update_rule};
 pub use measurement::check_measurement;
 pub use numeric::step;
