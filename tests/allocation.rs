@@ -9,12 +9,15 @@
 )]
 
 use fusion::Navigator;
+use fusion::core::covariance::{Form, FormKind, SquareRoot, Workspace};
 use fusion::core::filter::{Backend, ChartKind, Estimator, Filter, Observed, Verdict};
 use fusion::core::gate::Open;
+use fusion::core::linear::Transition;
 use fusion::core::loss::Quadratic;
 use fusion::core::model::{Input, Size};
 use fusion::core::runner::{Event, Halt, Observer};
 use fusion::core::smoother::{FixedInterval, Link, Shelf, Tape};
+use fusion::core::state::{Declaration, Dynamics, LayoutBuilder, StateRole, Vector};
 use fusion::core::time::Time;
 use fusion::output::FileSet;
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -181,13 +184,22 @@ fn an_allocation_is_counted() {
 
 #[test]
 fn prediction_and_update_allocate_nothing_nor_do_those_of_a_copy() {
-    for backend in ["error_state", "ekf"] {
-        let mut nav = navigator(backend, "one_sample");
+    let of_form = |form| Backend {
+        form,
+        ..Backend::ERROR_STATE
+    };
+    for (preset, backend) in [
+        ("error_state", Backend::ERROR_STATE),
+        ("ekf", Backend::EKF),
+        ("error_state", of_form(FormKind::Standard)),
+        ("error_state", of_form(FormKind::Udu)),
+        ("error_state", of_form(FormKind::SquareRoot)),
+    ] {
+        let mut nav = navigator(preset, "one_sample");
         // Rows are held back for the receiver's latency, as far as it may go.
         (0..100).for_each(|k| nav.feed("imu", k as f64 * 0.01, &imu(k)).unwrap());
         let belief = nav.belief().unwrap().clone();
         let assembly = nav.assembly();
-        let backend = if backend == "ekf" { Backend::EKF } else { Backend::ERROR_STATE };
         let mut filter = Filter::new(assembly.layout.clone(), assembly.process.clone(), backend, Size::same(3));
         filter.set_belief(belief);
         // Position, and velocity, whose Jacobian goes through signals.
@@ -235,6 +247,32 @@ fn prediction_and_update_allocate_nothing_nor_do_those_of_a_copy() {
         assert_eq!(copy.belief().x, filter.belief().x);
         assert_eq!(copy.belief().covariance, filter.belief().covariance);
     }
+}
+
+#[test]
+fn reflections_of_large_arrays_allocate_nothing() {
+    let n = 40;
+    let mut builder = LayoutBuilder::new();
+    let state = builder
+        .declare::<Vector<40>>(Declaration {
+            name: "x".to_owned(),
+            owner: String::new(),
+            unit: "",
+            initial: [0.0; 40].into(),
+            sigma: vec![1.0; n],
+            dynamics: Dynamics::Constant,
+            role: StateRole::Kinematic,
+        })
+        .unwrap();
+    let mut transition = Transition::new(&builder.finish());
+    let coupled = nalgebra::SMatrix::<f64, 40, 40>::from_fn(|i, j| if i == j { 0.9 } else { 1e-3 * (i + 2 * j) as f64 });
+    transition.set(state, state, &coupled);
+    transition.noise(state, state, &nalgebra::SMatrix::<f64, 40, 40>::identity());
+    let form = SquareRoot { faer_from: 0 };
+    let (mut p, mut work) = (vec![0.0; form.storage(n)], Workspace::new(&form, n, 1));
+    let mut predict = || assert!(form.predict(n, &mut p, &transition, &mut work));
+    predict();
+    assert_eq!(allocations(|| (0..5).for_each(|_| predict())), 0);
 }
 
 #[test]

@@ -18,6 +18,9 @@ mod command;
 #[cfg(unix)]
 #[path = "suite/files.rs"]
 mod files;
+/// Every shipped design with every form of the covariance.
+#[path = "suite/forms.rs"]
+mod forms;
 /// Gaps and spikes of the inertial unit, recorded and simulated.
 #[path = "suite/gaps.rs"]
 mod gaps;

@@ -59,6 +59,10 @@ pub enum FormSpec {
     Joseph,
     /// (I − KH)P.
     Standard,
+    /// U D Uᵀ by Bierman and Thornton: positive whatever the ratio of the noises.
+    Udu,
+    /// S Sᵀ by orthogonal transformations: positive whatever the ratio of the noises.
+    SquareRoot,
 }
 
 impl FilterSpec {
@@ -84,6 +88,8 @@ impl FilterSpec {
             backend.form = match form {
                 FormSpec::Joseph => FormKind::Joseph,
                 FormSpec::Standard => FormKind::Standard,
+                FormSpec::Udu => FormKind::Udu,
+                FormSpec::SquareRoot => FormKind::SquareRoot,
             };
         }
         backend
