@@ -11,7 +11,7 @@ use crate::gate::{Answer, Decision, Gate, GateInput, Mode, Outcome};
 use crate::linear::{BlockMatrix, Transition};
 use crate::loss::Loss;
 use crate::model::{Gap, Input, Process, SignalBuffer, Size};
-use crate::state::{Belief, Dynamics, Layout, View};
+use crate::state::{Belief, Dynamics, Layout, Past, View};
 use crate::time::{Time, nanos};
 use std::sync::Arc;
 
@@ -47,6 +47,8 @@ pub struct Filter {
     rule: Arc<dyn UpdateRule>,
     own: Arc<[OwnDynamics]>,
     pub(super) growing: Growing,
+    /// What the parameters were before a gate denied its sensor.
+    pub(super) past: Past,
     pub(super) belief: Belief,
     pub(super) transition: Transition,
     signals: Signals,
@@ -166,11 +168,15 @@ impl Filter {
     #[must_use]
     pub fn of(layout: Arc<Layout>, process: Arc<dyn Process>, parts: Parts, largest: Size) -> Self {
         let n = layout.dim();
+        let belief = Belief::initial(&layout, &parts.form, Time::default());
+        let mut past = Past::new(Arc::clone(&layout));
+        past.start(&belief);
         Self {
-            belief: Belief::initial(&layout, &parts.form, Time::default()),
+            belief,
             transition: Transition::new(&layout),
             own: OwnDynamics::of(&layout),
             growing: Growing::of(&layout),
+            past,
             signals: Signals::new(&layout, process.input_dim()),
             work: Innovation::new(&layout, parts.form.as_ref(), largest),
             reset: BlockMatrix::identity(n),
@@ -476,6 +482,7 @@ impl Estimator for Filter {
     fn set_belief(&mut self, belief: Belief) {
         let covariance = belief.covariance.stored_in(self.p_before.form());
         self.belief = Belief { covariance, ..belief };
+        self.past.start(&self.belief);
         self.signals.forget();
     }
 
@@ -497,6 +504,9 @@ impl Estimator for Filter {
 
     fn update<'a>(&'a mut self, observed: &Observed<'a>, gate: &mut dyn Gate, others: &[Option<Outcome>], loss: &dyn Loss) -> Update<'a> {
         self.forget_steps();
+        if others.iter().flatten().all(|o| o.is_used) {
+            self.past.hear(&self.belief);
+        }
         let nis = match self.innovation(observed) {
             Ok(nis) => nis,
             Err(verdict) => return self.report(observed, verdict, f64::NAN, NOT_ASKED, 0.0),

@@ -11,6 +11,11 @@
 //! - a position that is believed against the estimate does not turn the attitude, which is a guess of
 //!   the correlations of a motion that did not happen. Velocity and attitude are open to the
 //!   measurements that follow.
+//!
+//! What went wrong may have pulled parameters too, before a gate refused it. So what was learnt of a
+//! parameter since before then is not relied on: its variance becomes again what it would be without,
+//! and where it has moved further than that, the square of the distance. Measurements can bring it back
+//! to where it was; one that was neither moved nor learnt stays as it is.
 
 use super::kalman::Filter;
 use super::step::Step;
@@ -52,7 +57,7 @@ impl Growing {
 impl Filter {
     /// P grows until the residual is one that it expects, rᵀ(HPHᵀ + R)⁻¹r ≤ m: the motion, or all
     /// of P for a sensor that no growth of the motion explains, because it sees little else than
-    /// calibrations. False where neither does; P is then to be restored from `p_before`.
+    /// calibrations; and of parameters what was learnt lately is forgotten. False where neither does; P is then to be restored from `p_before`.
     pub(super) fn inflate(&mut self) -> bool {
         let prior = self.prior();
         let grows = self.grow_until_expected(MOST_GROWTH, Self::grow_motion) || {
@@ -61,6 +66,7 @@ impl Filter {
                 f.belief.covariance.scale(core::slice::from_ref(&f.growing.whole), 2.0)
             })
         };
+        let grows = grows && self.forget_lately();
         if grows {
             self.keep(prior, |f, prior| Step::Inflated {
                 prior,
@@ -83,6 +89,20 @@ impl Filter {
             growth *= 2.0;
         }
         false
+    }
+
+    /// Gives each parameter the variance that it has without what was learnt lately, and prepares the
+    /// innovation again; false where that cannot be done.
+    fn forget_lately(&mut self) -> bool {
+        self.transition.reset();
+        let after = &mut self.transition.after;
+        self.past.moved(&self.belief, |_, moved| {
+            let forgotten = moved.unlearnt.max(moved.distance * moved.distance) - moved.variance;
+            after.diagonal(moved.axis, forgotten.max(0.0));
+        });
+        let is_sound = self.belief.covariance.predict(&self.transition, &mut self.work.work);
+        self.work.project(&self.belief.covariance);
+        is_sound && self.work.factor()
     }
 
     /// Adds `times` the variances of `p_before` to those of the motion.

@@ -4,10 +4,12 @@ mod belief;
 mod layout;
 mod manifold;
 mod name;
+mod past;
 mod quantity;
 
 pub use belief::Belief;
 pub use layout::{Block, Declaration, Dynamics, Layout, LayoutBuilder, LayoutError, StateRole};
 pub use manifold::{Angle, Attitude, Geodetic, Kind, Manifold, Position, Scalar, Tangent, Vector, Velocity, wrap};
 pub use name::QuantityName;
+pub(crate) use past::{Past, own_dynamics};
 pub use quantity::{Param, Quantity, Signal, Slot, View};

@@ -1,6 +1,7 @@
 //! Re-acquisition: what grows, by how much, and what is left as it was.
 
 use super::*;
+use crate::gate::Outcome;
 
 /// Believes everything against the estimate.
 #[derive(Clone, Debug)]
@@ -119,6 +120,9 @@ fn motion_and_bias() -> (Filter, [Slot<Scalar>; 3], Slot<crate::state::Angle>) {
         heading,
     };
     accept(&mut f, &mixture, &[0.0], &[0.01]);
+    // As if that had been known for long.
+    let known = f.belief().clone();
+    f.set_belief(known);
     (f, [position, velocity, bias], heading)
 }
 
@@ -182,6 +186,53 @@ fn a_bias_is_moved_by_less_than_its_sigma_and_the_motion_alone_grows() {
         assert!((position.read(&f.belief().x) - value).abs() < 0.1); // R = (0.1)² beside the grown P
         let moved = bias.read(&f.belief().x).abs();
         assert!(moved > 0.0 && moved < sigma, "{moved} of {sigma}");
+    }
+}
+
+/// What the next re-acquisition does to the variance of the bias: before, after its growth.
+fn growth_of_bias(f: &mut Filter, position: Slot<Scalar>) -> [f64; 2] {
+    f.keep_steps(true);
+    assert_eq!(reacquire(f, &Direct(position), 1e3), Verdict::Reacquired);
+    let [Step::Inflated { prior, posterior }, Step::Corrected { .. }] = f.steps() else {
+        panic!("{:?}", f.steps());
+    };
+    [prior, posterior].map(|b| b.covariance.to_dense()[15])
+}
+
+#[test]
+fn what_was_learnt_of_a_bias_lately_is_forgotten_and_a_pull_becomes_its_sigma() {
+    for value in [0.1, 5.0] {
+        let learnt = |others: &[Option<Outcome>]| {
+            let (mut f, [position, _, bias], _) = motion_and_bias();
+            let known = dense(&f)[(3, 3)];
+            for (t, noise) in [(10, 1e-4), (40, 1e12), (70, 1e12)] {
+                f.predict(second(t), &Input::held(&[])).unwrap();
+                let observed = Observed {
+                    model: &Direct(bias),
+                    value: &[value],
+                    noise: &[noise],
+                    quality: None,
+                    lateness: None,
+                };
+                f.update(&observed, &mut Open, others, &Quadratic);
+                if noise < 1.0 && others.is_empty() {
+                    let pull = bias.read(&f.belief().x);
+                    let [_, grown] = growth_of_bias(&mut f.clone(), position);
+                    assert!((grown / known.max(pull * pull) - 1.0).abs() < 1e-12, "{grown} {known} {pull}");
+                }
+            }
+            growth_of_bias(&mut f, position)
+        };
+        // Half a minute later it is known for long, unless a sensor has been contradicting since.
+        let [before, grown] = learnt(&[]);
+        assert!((grown / before - 1.0).abs() < 1e-9, "{before} {grown}"); // a measurement of σ 1e6 between
+        let refused = Outcome {
+            time: second(0),
+            is_used: false,
+            mode: Mode::Track,
+        };
+        let [before, grown] = learnt(&[None, Some(refused)]);
+        assert!(grown > 100.0 * before, "{before} {grown}");
     }
 }
 
