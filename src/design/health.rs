@@ -26,6 +26,9 @@ pub struct HealthSpec {
     /// How far an estimated calibration parameter may be from its initial value, in units of its
     /// initial 1σ and of what it has walked since; 5 by default.
     pub calibration: Option<Positive<dim::Ratio>>,
+    /// How far a parameter may move while sensors contradict the estimate, in units of what its own
+    /// covariance explains; 5 by default. It is told until the parameter is back or learnt anew.
+    pub pulled: Option<Positive<dim::Ratio>>,
     /// The least 1σ that the motion can be known with.
     pub floor: FloorSpec,
     /// How long a reason is told after it has ceased to hold; 5 s by default.
@@ -95,6 +98,7 @@ impl HealthSpec {
             silent_periods: self.silent.periods.map_or(d.silent_periods, |v| v.si()),
             silent: self.silent.at_least.map_or(d.silent, |v| v.si()),
             calibration: self.calibration.map_or(d.calibration, |v| v.si()),
+            pulled: self.pulled.map_or(d.pulled, |v| v.si()),
             floor: Floor {
                 position: self.floor.position.map_or(d.floor.position, |v| v.si()),
                 velocity: self.floor.velocity.map_or(d.floor.velocity, |v| v.si()),

@@ -10,7 +10,7 @@ use serde::{Serialize, Serializer};
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct NamedReason {
     /// What it is: `no_input`, `stopped`, `refused`, `unsound`, `floor`, `calibration`,
-    /// `innovations`, `rejected`, `reacquired`, `silent`.
+    /// `pulled`, `innovations`, `rejected`, `reacquired`, `silent`.
     pub reason: &'static str,
     /// The sensor, stream or block; empty where it is the filter as a whole.
     pub of: String,
@@ -29,6 +29,7 @@ impl NamedReason {
             ("unsound", _) => "the belief is not sound",
             ("floor", _) => "σ below its floor",
             ("calibration", _) => "far from its initial value",
+            ("pulled", _) => "moved too far while sensors disagreed",
             ("innovations", State::Lost) => "innovations beyond all σ",
             ("innovations", _) => "innovations too large",
             ("rejected", State::Lost) => "rejected for long, and no other is used",
@@ -83,6 +84,7 @@ impl Names {
             Reason::Unsound => ("unsound", None, 0),
             Reason::Floor { block } => ("floor", Some(&self.blocks), block),
             Reason::Calibration { block } => ("calibration", Some(&self.blocks), block),
+            Reason::Pulled { block } => ("pulled", Some(&self.blocks), block),
             Reason::Innovations { sensor, .. } => ("innovations", Some(&self.sensors), sensor),
             Reason::Rejected { sensor, .. } => ("rejected", Some(&self.sensors), sensor),
             Reason::Reacquired { sensor } => ("reacquired", Some(&self.sensors), sensor),

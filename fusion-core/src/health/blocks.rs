@@ -1,10 +1,15 @@
-//! Whether the belief itself is plausible: calibration near what was declared, σ above its floor.
+//! Whether the belief itself is plausible: calibration near what was declared, parameters where
+//! they were before sensors contradicted the belief, σ above its floor.
 
 use super::pulse::Held;
 use super::{Limits, Reason};
-use crate::state::{Belief, Block, Dynamics, Kind, Layout, StateRole};
+use crate::state::{Belief, Block, Dynamics, Kind, Layout, Past, StateRole, own_dynamics};
 use crate::time::Time;
 use std::sync::Arc;
+
+/// A parameter is right again once what is left of a pull is within so many of its σ: beside an error
+/// of its own of 1σ that makes 3σ.
+const LEFT: f64 = 2.0;
 
 /// Follows the blocks of the layout.
 #[derive(Clone, Debug)]
@@ -17,17 +22,28 @@ pub(super) struct Blocks {
     /// By block.
     held: Vec<Held>,
     difference: Vec<f64>,
+    past: Past,
+    /// By axis: what is left of a pull; 0 of what was not pulled, or is back.
+    left: Vec<f64>,
+    /// When that was so, and the variance of each axis then.
+    followed: Time,
+    known: Vec<f64>,
 }
 
 impl Blocks {
     pub(super) fn new(layout: &Layout) -> Self {
+        let layout = Arc::new(layout.clone());
         Self {
-            layout: Arc::new(layout.clone()),
             start: Time::MIN,
             initial: layout.initial().to_vec(),
             variance: vec![0.0; layout.dim()],
             held: vec![Held::default(); layout.blocks().len()],
             difference: vec![0.0; layout.dim()],
+            past: Past::new(Arc::clone(&layout)),
+            left: vec![0.0; layout.dim()],
+            followed: Time::MIN,
+            known: vec![0.0; layout.dim()],
+            layout,
         }
     }
 
@@ -43,6 +59,8 @@ impl Blocks {
             }
         }
         self.held.fill(Held::default());
+        self.past.start(belief);
+        self.left.fill(0.0);
     }
 
     /// Whether no axis of the attitude has a 1σ above `allowed`.
@@ -84,6 +102,37 @@ impl Blocks {
         }
     }
 
+    /// Follows what parameters do while sensors contradict the belief, and afterwards.
+    ///
+    /// A pull loses weight as the parameter is learnt anew: an update that leaves the share w of its
+    /// variance leaves the share w of its error.
+    pub(super) fn follow(&mut self, belief: &Belief, limits: &Limits, is_contradicted: bool) {
+        if !is_contradicted && self.left.iter().all(|left| *left == 0.0) {
+            self.past.hear(belief);
+            return;
+        }
+        let elapsed = belief.time.seconds_since(self.followed);
+        self.followed = belief.time;
+        let Self {
+            layout, past, left, known, ..
+        } = self;
+        past.moved(belief, |block, moved| {
+            let (left, known) = (&mut left[moved.axis], &mut known[moved.axis]);
+            if !is_contradicted {
+                let block = &layout.blocks()[block];
+                let (decay, added) = own_dynamics(block, moved.axis - block.tangent, elapsed);
+                *left *= decay * (moved.variance / (decay * decay * *known + added)).min(1.0);
+            } else if moved.is_beyond(limits.pulled) {
+                *left = moved.distance.abs();
+            }
+            *known = moved.variance;
+            let wrong = left.min(moved.distance.abs());
+            if wrong * wrong <= LEFT * LEFT * moved.variance {
+                *left = 0.0;
+            }
+        });
+    }
+
     /// Puts what is told at `now` into `reasons`.
     pub(super) fn tell(&self, now: Time, limits: &Limits, reasons: &mut Vec<Reason>) {
         let told = self.held.iter().enumerate().filter(|(_, held)| held.is_told(now, limits));
@@ -91,6 +140,9 @@ impl Blocks {
             StateRole::Kinematic => Reason::Floor { block },
             _ => Reason::Calibration { block },
         }));
+        let blocks = self.layout.blocks().iter().enumerate();
+        let pulled = blocks.filter(|(_, b)| self.left[b.tangent_range()].iter().any(|left| *left > 0.0));
+        reasons.extend(pulled.map(|(block, _)| Reason::Pulled { block }));
     }
 }
 

@@ -25,6 +25,9 @@ pub struct Limits {
     pub silent: f64,
     /// How far a calibration parameter may be from its initial value, in units of its initial σ.
     pub calibration: f64,
+    /// How far a parameter may have moved while sensors contradicted the estimate, in units of what
+    /// its covariance explains.
+    pub pulled: f64,
     /// The least 1σ of the motion.
     pub floor: Floor,
     /// How long a reason is told after it has ceased to hold \[s\].
@@ -53,6 +56,7 @@ impl Limits {
     /// | 30 s to *lost* | the time after which gates re-acquire |
     /// | 30 periods | a tunnel or a street canyon; what lasts longer is a loss |
     /// | 5 σ of calibration | one axis in 2 million of a correct declaration |
+    /// | 5 σ of pull | the same; undisturbed recorded logs reach 6 once, in a bias that follows the temperature |
     /// | floors | a hundredth of what the best sensors measure |
     pub const DEFAULT: Self = Self {
         aligned: 15.0 * core::f64::consts::PI / 180.0,
@@ -66,6 +70,7 @@ impl Limits {
         silent_periods: 30.0,
         silent: 5.0,
         calibration: 5.0,
+        pulled: 5.0,
         floor: Floor {
             position: 1e-4,
             velocity: 1e-5,

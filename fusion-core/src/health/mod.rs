@@ -88,6 +88,13 @@ pub enum Reason {
         /// Number of the block in the layout.
         block: usize,
     },
+    /// A parameter moved by more than its covariance explains while sensors contradicted the
+    /// estimate. It is told until the parameter is back, or what is left of the pull, with the weight
+    /// that newer measurements leave it, is within its 1σ.
+    Pulled {
+        /// Number of the block in the layout.
+        block: usize,
+    },
     /// The innovations of a sensor that are used are far larger than their covariance says.
     Innovations {
         /// The sensor's number.
@@ -121,6 +128,11 @@ pub enum Reason {
 }
 
 impl Reason {
+    /// Whether it is a sensor that contradicts the belief.
+    pub(crate) const fn is_contradiction(&self) -> bool {
+        matches!(self, Self::Innovations { .. } | Self::Rejected { .. } | Self::Reacquired { .. })
+    }
+
     /// The state that it stands for.
     #[must_use]
     pub const fn state(self) -> State {

@@ -37,6 +37,8 @@ pub struct Monitor {
     scrutinised: Time,
     /// Where the input ends, while there is none.
     gap: Option<Time>,
+    /// Whether a sensor contradicted the belief at the latest judgement.
+    contradicted: bool,
     refused: Held,
     unsound: Held,
     health: Health,
@@ -64,8 +66,8 @@ impl Monitor {
     ) -> Self {
         let sensors: Vec<_> = sensors.into_iter().map(|s| Evidence::new(s, &limits)).collect();
         let streams: Vec<_> = streams.into_iter().map(|s| (s, Pulse::default(), Held::default())).collect();
-        // Each reason once at most: six of a sensor, four of the filter.
-        let most = 6 * sensors.len() + streams.len() + layout.blocks().len() + 4;
+        // Each reason once at most: six of a sensor, two of a block, four of the filter.
+        let most = 6 * sensors.len() + streams.len() + 2 * layout.blocks().len() + 4;
         Self {
             limits,
             sensors,
@@ -76,6 +78,7 @@ impl Monitor {
             now: Time::MIN,
             scrutinised: Time::MIN,
             gap: None,
+            contradicted: false,
             refused: Held::default(),
             unsound: Held::default(),
             health: Health {
@@ -135,7 +138,7 @@ impl Monitor {
         self.phase = Phase::Aligning;
         self.gap = None;
         (self.refused, self.unsound) = Default::default();
-        self.supported = None;
+        (self.supported, self.contradicted) = (None, false);
         self.blocks.start(belief);
         self.sensors.iter_mut().for_each(|s| s.restart(belief.time));
         for (_, pulse, held) in &mut self.streams {
@@ -153,6 +156,7 @@ impl Monitor {
         self.phase = if is_aligned { Phase::Aligned } else { Phase::Aligning };
         self.unsound.hear(belief.time, !belief.is_sound());
         self.blocks.hear(belief, &self.limits);
+        self.blocks.follow(belief, &self.limits, self.contradicted);
         belief.time
     }
 
@@ -169,6 +173,7 @@ impl Monitor {
         self.now = now;
         let (limits, reasons) = (&self.limits, &mut self.reasons);
         reasons.clear();
+        self.contradicted = false;
         if matches!(self.phase, Phase::Aligning | Phase::Aligned) {
             if self.gap.is_some_and(|since| now.seconds_since(since) > limits.coasting) {
                 reasons.push(Reason::InputGap);
@@ -188,6 +193,7 @@ impl Monitor {
             for (number, sensor) in self.sensors.iter_mut().enumerate() {
                 sensor.judge(number, now, others, limits, reasons);
             }
+            self.contradicted = reasons.iter().any(Reason::is_contradiction);
             for (stream, pulse, held) in &mut self.streams {
                 held.hear(now, pulse.is_silent(now, limits));
                 if held.is_told(now, limits) {

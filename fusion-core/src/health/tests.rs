@@ -416,6 +416,49 @@ fn a_reacquired_sensor_degrades_until_it_is_proven() {
     assert!(bench.reasons().contains(&Reason::Reacquired { sensor: SPEED }));
 }
 
+/// A minute in good health, five seconds of rejected measurements, during which the bias moves by
+/// `pull`; the NIS of them says whether the covariance explains it. The bias walks by 0.01² a second, with a σ of 0.02.
+fn pulled(pull: f64, nis: f64) -> Bench {
+    let mut bench = Bench::new();
+    let block = bench.layout.blocks()[BIAS].clone();
+    bench.belief.covariance.set_sigmas(&block, &[0.02; 2]);
+    bench.updates(POSITION, 1, 70, Accepted, 3.0);
+    bench.belief.x[block.storage] += pull;
+    bench.updates(POSITION, 71, 75, Rejected, nis);
+    bench
+}
+
+#[test]
+fn a_parameter_that_was_pulled_away_is_told_until_it_is_learnt_anew() {
+    let is_told = |bench: &Bench| bench.reasons().contains(&Reason::Pulled { block: BIAS });
+    // The rejections are told from 73 s on. Its value of 30 s is looked back at then, and it may have
+    // walked by 5 √(43 s · 0.01²/s) = 0.328.
+    let mut bench = pulled(0.34, 100.0);
+    assert!(is_told(&bench));
+    // The rejections are told until 80 s. From then on a second leaves 0.02²/(0.02² + 0.01²) = 0.8 of
+    // the pull: 0.34 · 0.8⁹ is beyond twice the σ, 0.34 · 0.8¹⁰ is not.
+    bench.updates(POSITION, 76, 89, Accepted, 3.0);
+    assert_eq!(bench.reasons(), [Reason::Pulled { block: BIAS }]);
+    bench.updates(POSITION, 90, 91, Accepted, 3.0);
+    assert_eq!(bench.reasons(), []);
+    // What comes back is right at once.
+    let mut bench = pulled(-0.34, 100.0);
+    assert!(is_told(&bench));
+    bench.updates(POSITION, 76, 80, Accepted, 3.0);
+    let at = bench.layout.blocks()[BIAS].storage;
+    bench.belief.x[at] = 0.039;
+    bench.updates(POSITION, 81, 82, Accepted, 3.0);
+    assert_eq!(bench.reasons(), []);
+}
+
+#[test]
+fn a_parameter_that_its_covariance_lets_move_or_that_no_sensor_contradicts_is_not_pulled() {
+    let not_told = |bench: Bench| !bench.reasons().contains(&Reason::Pulled { block: BIAS });
+    assert!(not_told(pulled(0.32, 100.0)));
+    // A follower of a rejected leader.
+    assert!(not_told(pulled(0.4, 16.0)));
+}
+
 #[test]
 fn a_sensor_that_falls_silent_degrades_after_thirty_of_its_own_periods() {
     let mut bench = Bench::new();
