@@ -48,6 +48,9 @@ mod oracles;
 /// Order of arrival against order of time.
 #[path = "suite/order.rs"]
 mod order;
+/// Published tables of filters on benchmarks, reproduced.
+#[path = "suite/published.rs"]
+mod published;
 /// False tracks that gates believe, or must not, and what they leave behind.
 #[path = "suite/reacquisition.rs"]
 mod reacquisition;

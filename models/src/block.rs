@@ -277,7 +277,8 @@ pub trait SensorSpec: Debug + Send + Sync {
     /// The dimension of each residual row, which is that of the noise's sigma.
     fn noise(&self) -> Vec<Dimension>;
 
-    /// A name per residual row, `north` or `x`; none where rows have no names, as in a scalar.
+    /// A name per residual row, `north` or `x`; none where rows have no names, as in a scalar. Where
+    /// several alike are measured together, the names of one: they repeat.
     fn axes(&self) -> &'static [&'static str] {
         &[]
     }

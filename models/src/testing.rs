@@ -198,8 +198,8 @@ fn sensor(r: &Registration) -> Result<(), String> {
             return Err(format!("its noise has {sigmas} dimensions, its residual {} rows", size.residual));
         }
         let names = spec.axes().len();
-        // One row needs no name.
-        if names != size.residual && (names, size.residual) != (0, 1) {
+        // Without names rows are counted; those of several alike have the names of one.
+        if names > 0 && !size.residual.is_multiple_of(names) {
             return Err(format!("it names {names} of its {} residual rows", size.residual));
         }
         let width = match spec.reading() {

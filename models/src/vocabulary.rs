@@ -57,6 +57,12 @@ pub mod channel {
     pub const SPECIFIC_FORCE: Channel = Channel::vector("specific_force", 3, dim::Acceleration::KIND.dimension);
     /// Acceleration dv_eb_n/dt \[m/s²\].
     pub const ACCELERATION: Channel = Channel::vector(state::ACCELERATION.as_str(), 3, dim::Acceleration::KIND.dimension);
+    /// Speed ahead \[m/s\].
+    pub const FORWARD_SPEED: Channel = Channel::vector("forward_speed", 1, dim::Speed::KIND.dimension);
+    /// Speed to the right \[m/s\].
+    pub const SIDEWAYS_SPEED: Channel = Channel::vector("sideways_speed", 1, dim::Speed::KIND.dimension);
+    /// Rate of turn, clockwise seen from above \[rad/s\].
+    pub const YAW_RATE: Channel = Channel::vector(state::YAW_RATE.as_str(), 1, dim::AngularRate::KIND.dimension);
     /// Magnetic field, body axes \[T\].
     pub const MAGNETIC_FIELD: Channel = Channel::vector("magnetic_field", 3, dim::MagneticField::KIND.dimension);
 
@@ -72,6 +78,9 @@ pub mod channel {
             SPECIFIC_FORCE,
             MAGNETIC_FIELD,
             ACCELERATION,
+            FORWARD_SPEED,
+            SIDEWAYS_SPEED,
+            YAW_RATE,
         ];
         all.into_iter().find(|channel| channel.name == name)
     }

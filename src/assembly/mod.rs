@@ -16,5 +16,5 @@ pub(crate) use assemble::check;
 pub use assemble::{Assembly, assemble};
 pub use nested::Inside;
 pub use sensors::SensorInfo;
-pub(crate) use simulated::imu_stream;
+pub(crate) use simulated::stream_of;
 pub use streams::{StreamChannel, StreamLayout, declared_streams};

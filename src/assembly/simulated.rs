@@ -3,28 +3,35 @@
 use super::StreamLayout;
 use crate::design::{Design, SimulationDesign};
 use fusion_models::block::{Channel, Reading, imu_channels};
-use fusion_models::sim::{IMU, REFERENCE, reference_channels};
+use fusion_models::sim::{IMU, ODOMETRY, REFERENCE, odometry_channels, reference_channels};
 
 /// What the process calls its source, be the process itself right or wrong.
 fn process_source<P>(design: &Design<P>) -> Option<&str> {
     design.document.root().at("process.source")?.as_str()
 }
 
-/// The stream that carries the simulated inertial unit: what the process calls its source, or
-/// `imu` where that is a stage.
-pub(crate) fn imu_stream<P>(design: &Design<P>) -> &str {
+/// The stream that carries what is simulated as `name`. For the unit that drives the process, odometry
+/// where there is any, it is what the process calls its source, unless that is a stage.
+pub(crate) fn stream_of<'a, P>(design: &'a Design<P>, name: &'a str) -> &'a str {
+    let has_odometry = design.simulation.as_ref().is_some_and(|s| s.block.world.odometry.is_some());
+    let driving = if has_odometry { ODOMETRY } else { IMU };
     process_source(design)
-        .filter(|name| design.stages.iter().all(|stage| stage.name != *name))
-        .filter(|name| design.filters.iter().all(|filter| filter.name != *name))
-        .unwrap_or(IMU)
+        .filter(|_| name == driving)
+        .filter(|source| design.stages.iter().all(|stage| stage.name != *source))
+        .filter(|source| design.filters.iter().all(|filter| filter.name != *source))
+        .unwrap_or(name)
 }
 
 /// The streams of a simulated world.
 pub(super) fn simulated_streams<P>(design: &Design<P>, simulation: &SimulationDesign) -> Vec<StreamLayout> {
     let mut streams = Vec::new();
     // A process that has a source is driven by the unit: one that is missing is told by the simulator.
-    if simulation.world.imu.is_some() || process_source(design).is_some() {
-        streams.push(StreamLayout::of(imu_stream(design), None, &imu_channels()));
+    let has_odometry = simulation.world.odometry.is_some();
+    if simulation.world.imu.is_some() || (process_source(design).is_some() && !has_odometry) {
+        streams.push(StreamLayout::of(stream_of(design, IMU), None, &imu_channels()));
+    }
+    if has_odometry {
+        streams.push(StreamLayout::of(stream_of(design, ODOMETRY), None, &odometry_channels()));
     }
     for (sensor, source, channel) in simulated(design, simulation) {
         streams.push(StreamLayout::of(sensor, Some(source), &[channel]));

@@ -27,6 +27,10 @@ pub struct RunRow {
     pub velocity_rms: [f64; 3],
     /// Attitude error RMS, roll pitch yaw \[deg\].
     pub attitude_rms: [f64; 3],
+    /// RMS of the length of the position error \[m\].
+    pub position_rmse: f64,
+    /// RMS of the angle of the attitude error \[deg\].
+    pub rotation_rmse: f64,
     /// NEES of position, velocity, attitude.
     pub nees: [Option<Consistency>; 3],
     /// Each block of the state against its drawn truth.
@@ -47,6 +51,8 @@ impl RunRow {
             max: axes(score.position).max,
             velocity_rms: axes(score.velocity).rms,
             attitude_rms: axes(score.attitude_deg).rms,
+            position_rmse: score.position_rmse_m.unwrap_or(f64::NAN),
+            rotation_rmse: score.rotation_rmse_deg.unwrap_or(f64::NAN),
             nees: [score.nees_position, score.nees_velocity, score.nees_attitude],
             blocks: score.blocks,
             sensors: summary.sensors.clone(),
@@ -148,7 +154,36 @@ pub struct Spread {
     pub max: f64,
 }
 
+/// The figures of all runs together, as benchmarks of filters print them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pooled {
+    /// RMS over all times and runs of the angle of the attitude error \[deg\].
+    pub attitude: Option<f64>,
+    /// RMS over all times and runs of the length of the position error \[m\].
+    pub position: Option<f64>,
+    /// Mean NEES of position, velocity, attitude over its degrees of freedom: 1 is ideal.
+    pub nees: [Option<f64>; 3],
+}
+
 impl Campaign {
+    /// The figures of all runs together. Every run counts alike.
+    #[must_use]
+    pub fn pooled(&self) -> Pooled {
+        let mean = |values: &mut dyn Iterator<Item = f64>| {
+            let (count, sum) = values.filter(|v| !v.is_nan()).fold((0.0, 0.0), |(n, s), v| (n + 1.0, s + v));
+            (count > 0.0).then_some(sum / count)
+        };
+        let rms = |figure: fn(&RunRow) -> f64| mean(&mut self.rows.iter().map(|row| figure(row).powi(2))).map(f64::sqrt);
+        Pooled {
+            attitude: rms(|row| row.rotation_rmse),
+            position: rms(|row| row.position_rmse),
+            nees: [0, 1, 2].map(|k| {
+                let runs = self.rows.iter().filter_map(|row| row.nees[k]);
+                mean(&mut runs.map(|c| c.mean / c.dof as f64))
+            }),
+        }
+    }
+
     /// The spread over the runs of some figure of a run; `None` without finite figures.
     #[must_use]
     pub fn spread(&self, figure: impl Fn(&RunRow) -> f64) -> Option<Spread> {

@@ -10,7 +10,7 @@ use fusion::examine::{Missing, is_pipe, opening, variants};
 use fusion::models::block::Listen;
 use fusion::present::{Cell, Column, Page, Section, Table, Unit, short};
 use fusion::run::{Options, data_dir};
-use fusion::world::{IMU, SimulatedRows};
+use fusion::world::{SimulatedRows, UNITS};
 use std::path::Path;
 
 #[derive(Debug, Args)]
@@ -354,8 +354,10 @@ fn faults(design: &Design) -> Table {
         add(&named.node, &named.name);
     }
     let simulation = design.simulation.as_ref().map(|s| &s.node);
-    if let Some(imu) = simulation.and_then(|s| s.get(IMU)) {
-        add(imu, IMU);
+    for unit in UNITS {
+        if let Some(table) = simulation.and_then(|s| s.get(unit)) {
+            add(table, unit);
+        }
     }
     if let Some(sensors) = simulation.and_then(|s| s.get("sensor")) {
         sensors.entries().iter().for_each(|e| add(&e.node, &e.key));

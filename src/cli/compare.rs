@@ -3,8 +3,10 @@
 use super::run::written;
 use super::{BASE, DesignArgs, Failure, OutputArgs, as_warnings, report};
 use clap::Args;
+use fusion::campaign::{Campaign, monte_carlo};
 use fusion::examine::{Missing, variants};
 use fusion::output::FileSet;
+use fusion::present::campaign::pooled;
 use fusion::present::{Page, comparison};
 use fusion::report::{Run, record, write};
 use fusion::run::{Keep, Options, Smoothing, Summary};
@@ -27,12 +29,17 @@ pub(super) struct CompareArgs {
     /// Writes report.html with all runs here; the folder is made if need be.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Seed of simulated data and random faults, the same for every run.
-    #[arg(long, value_name = "N")]
+    /// Seed of simulated data and random faults, the same for every run; with `-n` that of the
+    /// campaigns, 1 without it.
+    #[arg(long, value_name = "S")]
     seed: Option<u64>,
     /// Smooths every run by all its data, in memory, and shows smoothed estimates beside the others.
     #[arg(long)]
     smooth: bool,
+    /// Runs each N times, each time with another seed but the same ones for all, and compares the
+    /// figures of all runs together.
+    #[arg(short, long, value_name = "N", conflicts_with_all = ["out", "smooth"], value_parser = clap::value_parser!(u64).range(1..))]
+    n: Option<u64>,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -46,6 +53,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     // What cannot be written is told before the runs.
     let files = args.out.as_deref().map(FileSet::begin).transpose()?;
     let (mut results, mut recordings, mut title) = (Vec::<(String, Summary)>::new(), Vec::new(), String::new());
+    let mut campaigns = Vec::<(String, Campaign)>::new();
     for config in &configs {
         let all = DesignArgs {
             config: config.clone(),
@@ -72,15 +80,22 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
                 },
             };
             let design = named.design(&file, Missing::Told)?;
-            let (finished, recording) = record(&design, &options, &mut |_| {})?;
-            title.clone_from(&design.run.description);
-            recordings.push(recording);
             let name = match config {
                 Some(path) if configs.len() > 1 => format!("{} {variant}", path.display()),
                 _ => variant.clone(),
             };
+            if let Some(n) = args.n {
+                campaigns.push((name, monte_carlo(&design, &options, n, args.seed.unwrap_or(1), 0, &|_| {})?));
+                continue;
+            }
+            let (finished, recording) = record(&design, &options, &mut |_| {})?;
+            title.clone_from(&design.run.description);
+            recordings.push(recording);
             results.push((name, finished.summary));
         }
+    }
+    if let Some(n) = args.n {
+        return args.output.print(&together(n, &campaigns));
     }
     let named: Vec<(&str, &Summary)> = results.iter().map(|(name, summary)| (name.as_str(), summary)).collect();
     let told = named
@@ -99,4 +114,17 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         page.sections.push(written([out.join("report.html")]));
     }
     args.output.print(&page)
+}
+
+/// The figures of campaigns of `n` runs each.
+fn together(n: u64, campaigns: &[(String, Campaign)]) -> Page {
+    let named: Vec<(&str, &Campaign)> = campaigns.iter().map(|(name, campaign)| (name.as_str(), campaign)).collect();
+    let told = named
+        .iter()
+        .flat_map(|(name, c)| c.warnings().into_iter().map(move |w| format!("{name}: {w}")));
+    Page {
+        title: format!("{n} runs each"),
+        warnings: told.collect(),
+        sections: vec![pooled(&named)],
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::Draft;
 use crate::config::{Diagnostic, Diagnostics, Entry, INCLUDE, Node};
-use fusion_models::sim::{IMU, REFERENCE};
+use fusion_models::sim::{REFERENCE, UNITS};
 
 /// Tables that may stand at the top of a design.
 pub(super) const TABLES: [&str; 12] = [
@@ -68,7 +68,7 @@ fn check_streams(design: &Draft, d: &mut Diagnostics) {
         if design.sources.iter().any(|s| s.name == name) {
             taken("a source and of a stage", "names of streams must differ; rename one of the two");
         }
-        if world.is_some_and(|w| [IMU, REFERENCE].contains(&name) || w.sensor.contains_key(name)) {
+        if world.is_some_and(|w| UNITS.contains(&name) || name == REFERENCE || w.sensor.contains_key(name)) {
             taken("a stream of the simulated world", "rename the stage, here and where it is read");
         }
     }

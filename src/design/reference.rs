@@ -18,6 +18,9 @@ pub struct ReferenceSpec {
     /// Errors and innovations count from this time on.
     #[serde(default)]
     pub from: Option<Duration>,
+    /// NEES counts from this time on, where that is later: after the start has settled.
+    #[serde(default)]
+    pub nees_from: Option<Duration>,
     /// The reference's point in body axes, from the body origin: position and velocity of the
     /// estimate are moved there.
     #[serde(default)]

@@ -235,7 +235,7 @@ impl Builder {
         json!({ "description": description, "type": "object", "additionalProperties": { "oneOf": choices } })
     }
 
-    /// The simulated world: segments are blocks, and its inertial unit and sensors have faults.
+    /// The simulated world: segments are blocks, and its units and sensors have faults.
     fn simulation(&mut self) -> Value {
         let mut schema = self.of::<SimulationSpec>("simulation");
         let segments: Vec<Value> = registry::names(Role::Segment)
@@ -248,7 +248,7 @@ impl Builder {
         if let Some(trajectory) = properties.get_mut("trajectory").and_then(Value::as_object_mut) {
             trajectory.insert("items".to_owned(), items);
         }
-        for path in ["/imu", "/sensor/additionalProperties"] {
+        for path in ["/imu", "/odometry", "/sensor/additionalProperties"] {
             let name = properties
                 .pointer(path)
                 .and_then(|s| s[REF].as_str())

@@ -5,8 +5,36 @@ use super::run::{NED, RPY};
 use super::sensors::{count_columns, counts, residual_rows, row_name, sum};
 use super::tree::{Cell, Column, Page, Section, Table};
 use super::unit::Unit;
-use crate::campaign::{Campaign, Independence, RunRow};
+use crate::campaign::{Campaign, Independence, Pooled, RunRow};
 use crate::observe::Innovations;
+
+/// The figures of campaigns over all their times and runs, a row for each with its name.
+#[must_use]
+pub fn pooled(campaigns: &[(&str, &Campaign)]) -> Section {
+    let deg = |name: &str| Column::with_unit(name, Unit::shown("deg"));
+    let columns = [
+        Column::text("run"),
+        deg("attitude RMSE"),
+        Column::with_unit("position RMSE", Unit::shown("m")),
+        Column::number("NEES/n attitude"),
+        Column::number("NEES/n velocity"),
+        Column::number("NEES/n position"),
+    ];
+    let mut t = Table::new(columns);
+    for (name, campaign) in campaigns {
+        let Pooled {
+            attitude,
+            position,
+            nees: [of_position, of_velocity, of_attitude],
+        } = campaign.pooled();
+        let cells = [attitude, position, of_attitude, of_velocity, of_position].map(Cell::real);
+        t.row([Cell::text(*name)].into_iter().chain(cells));
+    }
+    Section::new(
+        "Over all times and runs: RMS of the whole error, NEES over its dimension (1 is expected)",
+        [t],
+    )
+}
 
 impl Campaign {
     /// As it is shown: spreads per axis, consistency, what the gates did, innovations.
@@ -16,6 +44,7 @@ impl Campaign {
             title: format!("{} runs", self.rows.len()),
             warnings: self.warnings(),
             sections: vec![
+                pooled(&[("all runs", self)]),
                 Section::new("Errors over the runs", [self.errors()]),
                 Section::new(
                     "Estimated parameters against the truth, at the end of the runs",
@@ -29,7 +58,8 @@ impl Campaign {
     }
 
     /// What a reader must not overlook of the runs together.
-    fn warnings(&self) -> Vec<String> {
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
         let warning = match self.independence {
             Independence::Full => return Vec::new(),
             Independence::SharedLog => {

@@ -39,7 +39,9 @@ pub(super) fn sum<'a>(sensors: impl IntoIterator<Item = &'a SensorStatistics>, c
 pub fn residual_rows(s: &SensorStatistics) -> Vec<(String, Unit)> {
     let Innovations { axis, unit, .. } = &s.innovations;
     let row = |(k, si): (usize, &String)| {
-        let name = match axis.get(k) {
+        let name = match axis.get(k % axis.len().max(1)) {
+            // Of several alike: which one, and its row.
+            Some(name) if unit.len() > axis.len() => format!("{} {name}", k / axis.len() + 1),
             Some(name) => (*name).to_owned(),
             None if unit.len() > 1 => (k + 1).to_string(),
             None => String::new(),

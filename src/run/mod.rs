@@ -12,14 +12,14 @@ pub use files::Finished;
 pub use recorded::open_one;
 pub use summary::{FinalState, InsideScore, Smoothed, Summary};
 
-use crate::assembly::{Assembly, assemble, declared_streams, imu_stream};
+use crate::assembly::{Assembly, assemble, declared_streams, stream_of};
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::{Design, Named, ReferenceSpec};
 use crate::health::HealthRecord;
 use crate::observe::{Consumers, Counters, FilterScore, Filters, Finals, Heard, Hub, RunObserver, Smoother, Statistics, Timing};
 use crate::rows::{Feed, outages as silences};
 use crate::score::Outage;
-use crate::world::{IMU, SimulatedRows};
+use crate::world::{SimulatedRows, drawn_start};
 use files::Files;
 use fusion_core::runner::Runner;
 use fusion_core::time::Time;
@@ -91,7 +91,11 @@ impl<'a> Run<'a> {
     pub fn open(design: &'a Design, options: &'a Options) -> Result<Self, Diagnostics> {
         let begun = Instant::now();
         let streams = declared_streams(design)?;
-        let assembly = assemble(design, streams)?;
+        let mut assembly = assemble(design, streams)?;
+        if let Some(simulation) = &design.simulation {
+            let drawn = drawn_start(design, simulation, &assembly, options.seed)?;
+            drawn.into_iter().for_each(|unit| assembly.runner.add_initialiser(unit));
+        }
         let data = RunData::open(design, &assembly, options)?;
         Ok(Self {
             design,
@@ -281,7 +285,7 @@ fn outages(design: &Design, assembly: &Assembly) -> Vec<Outage> {
         .iter()
         .map(|named| (named.name.as_str(), named.block.faults.as_slice()));
     let simulated = design.simulation.iter().flat_map(|s| &s.block.faults);
-    let simulated = simulated.map(|(stream, faults)| (if stream == IMU { imu_stream(design) } else { stream }, faults.as_slice()));
+    let simulated = simulated.map(|(stream, faults)| (stream_of(design, stream), faults.as_slice()));
     let streams: Vec<(&str, &[_])> = if design.simulation.is_some() {
         simulated.collect()
     } else {

@@ -90,6 +90,7 @@ impl Reference {
         let spec = design.reference.as_ref().map(|r| &r.block);
         Rules {
             from: spec.and_then(|s| s.from).map(|t| Time::from_seconds(t.si())),
+            nees_from: spec.and_then(|s| s.nees_from).map(|t| Time::from_seconds(t.si())),
             remove_mean_mounting: spec.is_some_and(|s| s.remove_mean_mounting),
             outages: outages.to_vec(),
         }

@@ -71,6 +71,10 @@ pub struct Score {
     pub heading_rmse_deg: Option<f64>,
     /// RMS of the inclination error 2 acos √(w² + z²) \[deg\]: the rest of the turn.
     pub inclination_rmse_deg: Option<f64>,
+    /// RMS of the length of the position error \[m\].
+    pub position_rmse_m: Option<f64>,
+    /// RMS of the angle of the rotation between the two attitudes \[deg\].
+    pub rotation_rmse_deg: Option<f64>,
     /// The mean rotation from body to the reference's body that was taken out, roll pitch yaw \[deg\].
     pub mounting_deg: Option<[f64; 3]>,
     /// NEES of position.

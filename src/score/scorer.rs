@@ -13,6 +13,8 @@ use nalgebra::{DMatrix, DVector, Matrix3, UnitQuaternion, Vector3};
 pub struct Rules {
     /// Errors count from here on.
     pub from: Option<Time>,
+    /// NEES counts from here on, where that is later.
+    pub nees_from: Option<Time>,
     /// Takes the mean rotation between the two bodies out of the attitude errors.
     pub remove_mean_mounting: bool,
     /// Outages whose drift is reported.
@@ -90,13 +92,16 @@ impl Scorer {
 
     /// Takes the error at the next epoch of the reference.
     pub fn add(&mut self, error: &EpochError) {
-        let counts = self.rules.from.is_none_or(|from| error.time() >= from);
+        let is_after = |start: Option<Time>| start.is_none_or(|start| error.time() >= start);
+        let (counts, is_settled) = (is_after(self.rules.from), is_after(self.rules.nees_from));
         if let Some(d) = &error.position {
             if counts {
                 self.position.add(d);
                 let h = d.error.x.hypot(d.error.y);
                 self.horizontal = (self.horizontal.0 + h * h, self.horizontal.1.max(h));
-                self.nees_position.add(of(d));
+                if is_settled {
+                    self.nees_position.add(of(d));
+                }
             }
             self.drifts.add(error.time(), &d.error);
         }
@@ -105,13 +110,17 @@ impl Scorer {
         }
         if let Some(d) = &error.velocity {
             self.velocity.add(d);
-            self.nees_velocity.add(of(d));
+            if is_settled {
+                self.nees_velocity.add(of(d));
+            }
         }
         if let Some(a) = &error.attitude {
             self.attitudes.push((a.estimate, a.truth, a.rpy));
             if !self.rules.remove_mean_mounting {
                 self.attitude.add(&in_degrees(&a.rpy));
-                self.nees_attitude.add(of(&a.body));
+                if is_settled {
+                    self.nees_attitude.add(of(&a.body));
+                }
             }
         }
     }
@@ -127,6 +136,7 @@ impl Scorer {
         let count = self.position.count;
         let (attitude_deg, mounting_deg) = self.attitude();
         let [heading_rmse_deg, inclination_rmse_deg] = self.heading_and_inclination(mounting_deg);
+        let rotation_rmse_deg = self.rotation(mounting_deg);
         let drift = self.drifts.finish();
         Score {
             epochs: (self.position.count as usize)
@@ -137,6 +147,8 @@ impl Scorer {
             horizontal_max: if count > 0.0 { self.horizontal.1 } else { f64::NAN },
             velocity: self.velocity.axes(),
             attitude_deg,
+            position_rmse_m: self.position.axes().map(|a| a.rms.iter().map(|rms| rms * rms).sum::<f64>().sqrt()),
+            rotation_rmse_deg,
             heading_rmse_deg,
             inclination_rmse_deg,
             mounting_deg,
@@ -152,10 +164,19 @@ impl Scorer {
         }
     }
 
+    /// RMS \[deg\] of the angle between the attitudes, the mounting taken out as below.
+    fn rotation(&self, mounting_deg: Option<[f64; 3]>) -> Option<f64> {
+        let mounting = rotation_of(mounting_deg);
+        let angles = self
+            .attitudes
+            .iter()
+            .map(|(q, truth, _)| so3::log(&(q * mounting * truth.inverse())).norm_squared());
+        (!self.attitudes.is_empty()).then(|| (angles.sum::<f64>() / self.attitudes.len() as f64).sqrt().to_degrees())
+    }
+
     /// RMS \[deg\], the mean mounting [roll, pitch, yaw, deg] taken out where there is one.
     fn heading_and_inclination(&self, mounting_deg: Option<[f64; 3]>) -> [Option<f64>; 2] {
-        let [roll, pitch, yaw] = mounting_deg.unwrap_or_default().map(f64::to_radians);
-        let mounting = so3::from_rpy(roll, pitch, yaw);
+        let mounting = rotation_of(mounting_deg);
         let errors = self
             .attitudes
             .iter()
@@ -179,6 +200,12 @@ impl Scorer {
         }
         (sums.axes(), Some(so3::to_rpy(&mounting).map(f64::to_degrees).into()))
     }
+}
+
+/// The rotation of roll, pitch, yaw \[deg\]; none without them.
+fn rotation_of(rpy_deg: Option<[f64; 3]>) -> UnitQuaternion<f64> {
+    let [roll, pitch, yaw] = rpy_deg.unwrap_or_default().map(f64::to_radians);
+    so3::from_rpy(roll, pitch, yaw)
 }
 
 /// The least turn about the vertical of the rotation `e` between two attitudes, resolved in

@@ -4,7 +4,7 @@
 
 use super::catalogue::{Catalogue, Each, Extent, Kind};
 use super::survey::Survey;
-use crate::assembly::{Assembly, StreamChannel, StreamLayout, imu_stream};
+use crate::assembly::{Assembly, StreamChannel, StreamLayout, stream_of};
 use crate::config::{Diagnostic, Diagnostics, Document, Node};
 use crate::design::Design;
 use crate::present::Unit;
@@ -12,7 +12,7 @@ use fusion_core::time::{Time, nanos};
 use fusion_models::block::{Channel, Shape};
 use fusion_models::fault::{FaultContext, FaultSpec, ProvidedChannel, derive_seed};
 use fusion_models::registry::{self, Role};
-use fusion_models::sim::{IMU, REFERENCE};
+use fusion_models::sim::{REFERENCE, UNITS};
 use fusion_models::units::{Dimension, Dimensional, dim};
 
 /// A fault, or a pair of them, on a design.
@@ -127,10 +127,11 @@ fn targets<'a>(design: &Design, assembly: &'a Assembly) -> Vec<Target<'a>> {
     for (stream, layout) in assembly.streams.iter().enumerate() {
         let name = layout.name.as_str();
         let is_reference = name == REFERENCE || design.reference.as_ref().is_some_and(|r| r.block.source == name);
+        let unit = UNITS.into_iter().find(|unit| stream_of(design, unit) == name);
         let path = if design.simulation.is_none() {
             format!("source.{name}.fault")
-        } else if name == imu_stream(design) {
-            format!("simulation.{IMU}.fault")
+        } else if let Some(unit) = unit {
+            format!("simulation.{unit}.fault")
         } else {
             format!("simulation.sensor.{name}.fault")
         };
@@ -153,7 +154,7 @@ fn targets<'a>(design: &Design, assembly: &'a Assembly) -> Vec<Target<'a>> {
             stream,
             layout,
             path,
-            is_input: input == Some(name) || name == IMU,
+            is_input: input == Some(name) || UNITS.contains(&name),
             channels: layout.channels.iter().map(provided).collect(),
         });
     }

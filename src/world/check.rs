@@ -1,12 +1,11 @@
 //! The mistakes of a simulated world that its declaration alone tells, before anything is assembled.
 
-use super::IMU;
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::{Draft, Named, SimulationDesign};
 use crate::rows::{FaultChain, provided};
 use fusion_models::block::{Channel, Reading, imu_channels};
 use fusion_models::fault::{FaultSpec, derive_seed};
-use fusion_models::sim::SensorError;
+use fusion_models::sim::{IMU, ODOMETRY, SensorError, UNITS, odometry_channels};
 
 /// Tells `d` every mistake of the trajectory, the rates, the errors of simulated sensors and the
 /// faults of simulated streams.
@@ -21,6 +20,7 @@ pub(crate) fn check(draft: &Draft, d: &mut Diagnostics) {
     // No seed makes a mistake or unmakes it.
     let mistakes = |stream: &str, channels: &[Channel]| faults(simulation, stream, channels, 0).err().unwrap_or_default();
     d.extend(mistakes(IMU, &imu_channels()));
+    d.extend(mistakes(ODOMETRY, &odometry_channels()));
     for sensor in &draft.sensors {
         let (Some(errors), Reading::Channel(channel)) = (world.sensor.get(&sensor.name), sensor.block.model.reading()) else {
             continue;
@@ -41,8 +41,8 @@ pub(super) fn no_origin(simulation: &Named<SimulationDesign>) -> Diagnostic {
 
 /// The table within `[simulation]` that declares a simulated stream.
 fn table(stream: &str) -> String {
-    if stream == IMU {
-        IMU.to_owned()
+    if UNITS.contains(&stream) {
+        stream.to_owned()
     } else {
         format!("sensor.{stream}")
     }

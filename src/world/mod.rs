@@ -7,5 +7,6 @@ mod simulated;
 mod tests;
 
 pub(crate) use check::check;
-pub use fusion_models::sim::{IMU, REFERENCE};
+pub use fusion_models::sim::{REFERENCE, UNITS};
 pub use simulated::SimulatedRows;
+pub(crate) use simulated::drawn_start;

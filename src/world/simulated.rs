@@ -1,16 +1,15 @@
 //! The rows of a simulated world.
 
-use super::IMU;
 use super::check::{faults, no_origin};
-use crate::assembly::{Assembly, imu_stream};
+use crate::assembly::{Assembly, stream_of};
 use crate::config::Diagnostics;
 use crate::design::{Design, Named, SimulationDesign};
 use crate::rows::{FaultChain, Feed, Row, SourceReport, SourceStatistics, Stamp};
 use core::ops::Range;
 use fusion_core::geometry::wgs84::Geodetic;
-use fusion_core::runner::StreamId;
+use fusion_core::runner::{InitialiserUnit, StreamId};
 use fusion_core::time::Time;
-use fusion_models::sim::{Setup, SimulatedSensor, SimulatedStream, Simulator};
+use fusion_models::sim::{DrawnStart, Setup, SimulatedSensor, SimulatedStream, SimulationSpec, Simulator};
 
 /// Rows of a simulated world.
 #[derive(Debug)]
@@ -38,11 +37,11 @@ impl SimulatedRows {
     /// Mistakes of the declared world.
     pub fn new(design: &Design, simulation: &Named<SimulationDesign>, assembly: &Assembly, seed: Option<u64>) -> Result<Self, Diagnostics> {
         let SimulationDesign { world, .. } = &simulation.block;
-        let seed = seed.unwrap_or(if world.seed == 0 { design.run.seed } else { world.seed });
+        let seed = seed_of(design, world, seed);
         let simulator = simulator(design, simulation, assembly, seed)?;
         let (mut d, mut outlets) = (Diagnostics::new(), Vec::new());
         for SimulatedStream { name, channels } in simulator.streams() {
-            let read_as = if name == IMU { imu_stream(design) } else { name };
+            let read_as = stream_of(design, name);
             match faults(simulation, name, channels, seed) {
                 Ok(faults) => outlets.push(Outlet {
                     stream: assembly.streams.iter().position(|s| s.name == read_as),
@@ -135,6 +134,37 @@ impl Feed for SimulatedRows {
         };
         streams.map(counts).collect()
     }
+}
+
+/// The seed of a simulated world: the one given, its own, or that of the run.
+fn seed_of(design: &Design, world: &SimulationSpec, given: Option<u64>) -> u64 {
+    given.unwrap_or(if world.seed == 0 { design.run.seed } else { world.seed })
+}
+
+/// What draws the start of the filter about the truth, where the world is declared to.
+///
+/// # Errors
+/// Mistakes of the declared world.
+pub(crate) fn drawn_start(
+    design: &Design,
+    simulation: &Named<SimulationDesign>,
+    assembly: &Assembly,
+    seed: Option<u64>,
+) -> Result<Option<InitialiserUnit>, Diagnostics> {
+    let world = &simulation.block.world;
+    let Some(origin) = design.run.origin.filter(|_| world.draw_start) else {
+        return Ok(None);
+    };
+    let from_data = design.initialisers.iter().filter(|i| !i.block.inputs().is_empty());
+    let found: Vec<&str> = from_data.flat_map(|i| i.block.writes()).collect();
+    let place = (Geodetic::from(origin), assembly.gravity);
+    let drawn = DrawnStart::new(world, &assembly.layout, place, &found, seed_of(design, world, seed));
+    let drawn = drawn.map_err(|e| Diagnostics::from(simulation.node.locate(&e)))?;
+    Ok(Some(InitialiserUnit {
+        name: "draw_start".to_owned(),
+        initialiser: Box::new(drawn),
+        inputs: Vec::new(),
+    }))
 }
 
 /// The simulator of the declared world, with the sensors of the assembly that it simulates.

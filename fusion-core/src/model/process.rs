@@ -100,6 +100,18 @@ impl Prepared {
     }
 }
 
+/// What Φ of a step of Δt is, F being the continuous error model at the start of the step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// The series of exp(FΔt) up to FΔt at least.
+    First,
+    /// The series of exp(FΔt) up to ½F²Δt² at least.
+    Second,
+    /// The derivative of [`Process::propagate`] itself, whatever the step: what changes within the
+    /// step, such as the attitude, is in it, which no series of one F has.
+    Exact,
+}
+
 /// A process model: object-safe, immutable, allocation-free.
 pub trait Process: Debug + Send + Sync {
     /// Numbers in one sample of the input stream; 0 for a process driven by time alone.
@@ -115,10 +127,9 @@ pub trait Process: Debug + Send + Sync {
         f64::INFINITY
     }
 
-    /// The order in Δt to which Φ is the series of exp(FΔt), F at the start of the step: 1 for
-    /// I + FΔt. The law of processes holds it to this.
-    fn order(&self) -> u8 {
-        1
+    /// How far Φ agrees with the step. The law of processes holds it to this.
+    fn order(&self) -> Order {
+        Order::First
     }
 
     /// Which numbers of a sample are rates that may be averaged over several samples; the others, such as

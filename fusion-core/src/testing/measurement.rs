@@ -35,6 +35,9 @@ pub fn check_measurement(
     h.chain(&at.jacobian);
     let noise = rounding(model, &z, m);
     for b in layout.blocks() {
+        // Rounding of metres comes out in the units of z, as steeply as its steepest axis.
+        let steepest = b.tangent_range().flat_map(|j| (0..m).map(move |i| (i, j)));
+        let steepest = steepest.fold(1.0, |most: f64, (i, j)| most.max(h.get(i, j).abs()));
         for k in 0..b.kind.dim() {
             let numeric = column(layout, b, k, x, m, &mut |x, out| {
                 let mut moved = vec![0.0; value];
@@ -47,7 +50,7 @@ pub fn check_measurement(
             let scale = analytic.iter().chain(&numeric.value).fold(0.0, |m: f64, v| m.max(v.abs()));
             let rounding = 8.0 * noise / numeric.step;
             // 1e-7: differences of Earth-centred coordinates round to a few 1e-9 m.
-            if numeric.doubt > 1e-2 * scale + (100.0 * rounding).max(1e-7 / numeric.step) {
+            if numeric.doubt > 1e-2 * scale + (100.0 * rounding).max(1e-7 * steepest / numeric.step) {
                 return Err(format!("`{}`, axis {k}: h is too rough here for a numeric derivative", b.name));
             }
             let tolerance = 1e-6 * scale + numeric.doubt + rounding;

@@ -3,7 +3,7 @@
 use super::coasting::check_coasting;
 use super::numeric::{column, finite, rounding, within};
 use crate::linear::Transition;
-use crate::model::{Input, Process, SignalBuffer};
+use crate::model::{Input, Order, Process, SignalBuffer};
 use crate::state::{Block, Dynamics, Layout};
 use nalgebra::DMatrix;
 
@@ -15,7 +15,8 @@ use nalgebra::DMatrix;
 /// the generator F falls to a quarter only. Give an `input` whose neighbour equals its sample:
 /// what coning and sculling corrections make of a changing input may be left out of Φ.
 ///
-/// A process of [`Process::order`] 2 has besides all of ½F²Δt². Without input it goes on as
+/// A process of [`Order::Second`] has besides all of ½F²Δt². One of [`Order::Exact`] agrees with the
+/// central differences at the step itself, however long. Without input it goes on as
 /// [`check_coasting`] asks.
 ///
 /// # Errors
@@ -158,6 +159,9 @@ pub(super) fn check_transition(layout: &Layout, process: &dyn Process, x: &[f64]
         if whole.iter().all(|g| g.gap <= g.floor) {
             continue;
         }
+        if process.order() == Order::Exact {
+            exact(layout, &whole, col, k)?;
+        }
         let quarter = gaps(layout, process, x, input, 0.25 * dt, col, k)?;
         for row in layout.blocks() {
             // The block's largest gap: single elements may cross zero.
@@ -182,6 +186,22 @@ pub(super) fn check_transition(layout: &Layout, process: &dyn Process, x: &[f64]
     Ok(())
 }
 
+/// No element of the column `k` of `col` is off the central differences.
+fn exact(layout: &Layout, whole: &[Gap], col: &Block, k: usize) -> Result<(), String> {
+    let rows = layout.blocks().iter().flat_map(|row| row.tangent_range().map(move |i| (row, i)));
+    let wrong = rows.map(|(row, i)| (row, i, &whole[i])).find(|(_, _, g)| g.gap > g.floor);
+    wrong.map_or(Ok(()), |(row, i, g)| {
+        Err(format!(
+            "Φ of `{}` by `{}` is not the derivative of the step at ({}, {k}): analytic {:e}, numeric {:e}",
+            row.name,
+            col.name,
+            i - row.tangent,
+            g.analytic,
+            g.numeric
+        ))
+    })
+}
+
 /// Φ − I and F Δt of the same Φ: 4 (Φ(Δt/2) − I) − (Φ(Δt) − I), free of the series' second order.
 fn series(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>, dt: f64) -> (DMatrix<f64>, DMatrix<f64>) {
     let n = layout.dim();
@@ -197,7 +217,7 @@ fn series(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>, 
 /// Φ is I + FΔt + ½F²Δt² up to terms that fall as Δt³: over a quarter of the step to less than 1/32.
 /// F is taken from Φ itself, whose first order [`check_transition`] compares with the process.
 fn check_second_order(layout: &Layout, process: &dyn Process, x: &[f64], input: &Input<'_>, dt: f64) -> Result<(), String> {
-    if process.order() < 2 {
+    if process.order() != Order::Second {
         return Ok(());
     }
     let gaps = |dt: f64| {
@@ -286,12 +306,14 @@ mod tests {
         Foreign,
         Restless,
         SecondOrder,
+        /// Everything taken at the start of the step.
+        Start,
     }
 
-    /// A pendulum by Euler's step, with Φ = I + FΔt of its start, or + ½F²Δt².
+    /// A pendulum by Euler's step, with Φ = I + FΔt of its start, or + ½F²Δt², or the derivative of it.
     #[derive(Debug)]
     struct Pendulum {
-        order: u8,
+        order: Order,
         angle: Slot<Scalar>,
         rate: Slot<Scalar>,
         foreign: Slot<Scalar>,
@@ -303,7 +325,7 @@ mod tests {
         fn input_dim(&self) -> usize {
             0
         }
-        fn order(&self) -> u8 {
+        fn order(&self) -> Order {
             self.order
         }
         fn propagate(&self, x: &mut [f64], _: &Input<'_>, dt: f64) {
@@ -318,10 +340,18 @@ mod tests {
         }
         fn linearise(&self, x: &[f64], _: &Input<'_>, dt: f64, out: &mut Transition) {
             let wrong = if self.fault == Fault::Generator { 1.01 } else { 1.0 };
-            let stiffness = wrong * self.angle.read(x).cos();
+            let (a, w) = (self.angle.read(x), self.rate.read(x));
+            let stiffness = wrong * a.cos();
             out.set(self.angle, self.rate, &Matrix1::new(dt));
             out.set(self.rate, self.angle, &Matrix1::new(-dt * stiffness));
-            if self.order == 2 {
+            if self.order == Order::Exact {
+                let half = 0.5 * dt * dt;
+                let middle = if self.fault == Fault::Start { a } else { a + 0.5 * dt * w };
+                out.set(self.angle, self.angle, &Matrix1::new(1.0 - half * stiffness));
+                out.set(self.rate, self.angle, &Matrix1::new(-dt * wrong * middle.cos()));
+                out.set(self.rate, self.rate, &Matrix1::new(1.0 - half * wrong * middle.cos()));
+            }
+            if self.order == Order::Second {
                 // ½F²Δt² is −½Δt² cos a on the diagonal.
                 let half = 0.5 * dt * dt * stiffness;
                 out.set(self.angle, self.angle, &Matrix1::new(1.0 - half));
@@ -341,10 +371,10 @@ mod tests {
     }
 
     fn law(fault: Fault) -> Result<(), String> {
-        law_of_order(1, fault)
+        law_of_order(Order::First, fault)
     }
 
-    fn law_of_order(order: u8, fault: Fault) -> Result<(), String> {
+    fn law_of_order(order: Order, fault: Fault) -> Result<(), String> {
         let mut b = LayoutBuilder::new();
         let mut declare = |name: &str, initial: f64, dynamics: Dynamics| {
             let (name, owner) = (name.to_owned(), String::new());
@@ -387,9 +417,21 @@ mod tests {
 
     #[test]
     fn second_order_is_asked_of_the_process_that_promises_it() {
-        law_of_order(2, Fault::None).unwrap();
-        let message = law_of_order(2, Fault::SecondOrder).unwrap_err();
+        law_of_order(Order::Second, Fault::None).unwrap();
+        let message = law_of_order(Order::Second, Fault::SecondOrder).unwrap_err();
         assert!(message.contains("Φ of `rate` by `rate` lacks second order"), "{message}");
+    }
+
+    #[test]
+    fn the_derivative_of_the_step_itself_is_asked_of_the_process_that_promises_it() {
+        law_of_order(Order::Exact, Fault::None).unwrap();
+        // What is of second order would do for the others.
+        law_of_order(Order::First, Fault::Start).unwrap();
+        let message = law_of_order(Order::Exact, Fault::Start).unwrap_err();
+        assert!(
+            message.contains("Φ of `rate` by `angle` is not the derivative of the step"),
+            "{message}"
+        );
     }
 
     #[test]

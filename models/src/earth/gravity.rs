@@ -8,6 +8,8 @@
 //! Noureldin         `9.7803267714 (1 + 0.0052790414 s + 0.0000232718 s²)`
 //!                   `+ (−3.0876910891e-6 + 4.3977311e-9 s) h + 7.211e-13 h²`
 //!
+//! Flat              g, on a plane that does not turn
+//!
 //! Valid    heights of −10 km to 100 km; the three differ by about 1e-5 m/s² at the surface
 //! Not here deflection of the vertical, anomalies, tides; decrease with depth under water or rock
 //! Source   Groves 2013, eqs. 2.134 and 2.139; Titterton and Weston 2004, eqs. 3.89-3.91;
@@ -17,7 +19,7 @@ use fusion_core::geometry::wgs84::{EARTH_RATE, ECCENTRICITY_SQUARED as E2, FLATT
 use nalgebra::Vector3;
 
 /// Which formula gives the magnitude of gravity.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Gravity {
     /// Normal gravity of the WGS-84 ellipsoid, second order in height.
     #[default]
@@ -26,6 +28,9 @@ pub enum Gravity {
     TittertonWeston,
     /// Series in latitude and height.
     Noureldin,
+    /// Constant \[m/s²\]: that of a process which takes the Earth for a plane that does not turn. The
+    /// world simulated for it is that plane.
+    Flat(f64),
 }
 
 /// How the magnitude of gravity changes with position.
@@ -65,6 +70,7 @@ impl Gravity {
     #[must_use]
     pub fn of_sin_squared(self, s: f64, h: f64) -> f64 {
         match self {
+            Self::Flat(g) => g,
             Self::Somigliana => {
                 let surface = G_EQUATOR * (1.0 + K * s) / (1.0 - E2 * s).sqrt();
                 let u = h / SEMI_MAJOR_AXIS;
@@ -96,6 +102,7 @@ impl Gravity {
         let (sin, cos) = lat.sin_cos();
         let s = sin * sin;
         let (per_s, per_height) = match self {
+            Self::Flat(_) => (0.0, 0.0),
             Self::Somigliana => {
                 let w2 = 1.0 - E2 * s;
                 let surface = G_EQUATOR * (1.0 + K * s) / w2.sqrt();

@@ -23,6 +23,7 @@ use crate::earth::{Gravity, LocalEarth};
 use crate::param::VectorParam;
 use crate::process::agility::{Agility, AgilitySpec};
 use crate::process::kinematic::{Kinematic, psd, value};
+use crate::process::strapdown::discrete::Slots;
 use crate::process::strapdown::error_model::{self, Blocks};
 use crate::process::strapdown::mechanisation::{self, Nav};
 use crate::process::strapdown::pairing::{Mode, Pairing, neighbour};
@@ -183,11 +184,11 @@ impl Process for ExternalAttitude {
     fn linearise(&self, x: &[f64], input: &Input<'_>, dt: f64, out: &mut Transition) {
         let s = self.step(x, input);
         let b = self.blocks(&s);
-        let Kinematic {
+        let Slots {
             position: r,
             velocity: v,
             attitude: a,
-        } = self.kinematic;
+        } = self.kinematic.slots;
         let one = Matrix3::identity();
         out.set(r, r, &(one + b.rr * dt));
         out.set(r, v, &(b.rv * dt));
@@ -227,12 +228,12 @@ impl Process for ExternalAttitude {
         }
         let b = self.blocks(&s);
         // w_ib_b = w_nb_b + C_nbᵀ w_in: the error model's δw_nb_b = −C_nbᵀ δw_in − … turned round.
-        out.add(self.angular_rate, self.kinematic.position, &-b.ar);
-        out.add(self.angular_rate, self.kinematic.velocity, &-b.av);
-        out.add(self.angular_rate, self.kinematic.attitude, &so3::skew(&(s.w_ib_b - s.w_nb_b)));
-        out.add(self.acceleration, self.kinematic.position, &b.vr);
-        out.add(self.acceleration, self.kinematic.velocity, &b.vv);
-        out.add(self.acceleration, self.kinematic.attitude, &b.va);
+        out.add(self.angular_rate, self.kinematic.slots.position, &-b.ar);
+        out.add(self.angular_rate, self.kinematic.slots.velocity, &-b.av);
+        out.add(self.angular_rate, self.kinematic.slots.attitude, &so3::skew(&(s.w_ib_b - s.w_nb_b)));
+        out.add(self.acceleration, self.kinematic.slots.position, &b.vr);
+        out.add(self.acceleration, self.kinematic.slots.velocity, &b.vv);
+        out.add(self.acceleration, self.kinematic.slots.attitude, &b.va);
         out.add_quantity(self.acceleration, &self.accel_bias, &b.v_accel);
     }
 }

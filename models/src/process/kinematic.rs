@@ -1,6 +1,7 @@
 //! What the processes of inertial navigation have in common.
 
 use super::agility::Agility;
+use super::strapdown::discrete::Slots;
 use super::strapdown::error_model;
 use super::strapdown::mechanisation::Nav;
 use crate::block::{Build, BuildError};
@@ -10,15 +11,13 @@ use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic as Place;
 use fusion_core::linear::Transition;
 use fusion_core::model::Gap;
-use fusion_core::state::{Attitude, Dynamics, Geodetic, Param, Slot, Vector, Velocity};
+use fusion_core::state::{Dynamics, Geodetic, Manifold, Param, QuantityName, Vector};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
-/// The states `position`, `velocity` and `attitude`, which the process moves.
+/// The states `position`, `velocity` and `attitude`, which the process moves over the ellipsoid.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Kinematic {
-    pub(super) position: Slot<Geodetic>,
-    pub(super) velocity: Slot<Velocity>,
-    pub(super) attitude: Slot<Attitude>,
+    pub(super) slots: Slots<Geodetic>,
 }
 
 impl Kinematic {
@@ -29,12 +28,8 @@ impl Kinematic {
             lon: 0.0,
             height: 0.0,
         });
-        let unset = vec![0.0; 3];
-        Ok(Self {
-            position: b.declare(state::POSITION, "m", place, unset.clone(), Dynamics::Process)?,
-            velocity: b.declare(state::VELOCITY, "m/s", Vector3::zeros(), unset.clone(), Dynamics::Process)?,
-            attitude: b.declare(state::ATTITUDE, "rad", UnitQuaternion::identity(), unset, Dynamics::Process)?,
-        })
+        let slots = Slots::declare(b, state::POSITION, place)?;
+        Ok(Self { slots })
     }
 
     /// Moves them through a part of a gap in the input: velocity and attitude stay, up to the vehicle's
@@ -44,11 +39,15 @@ impl Kinematic {
         let felt = Felt::unmoved(&nav, gravity);
         let b = error_model::continuous(&nav, &felt.w_ib_b, &felt.f_ib_b, gravity);
         let one = Matrix3::identity();
-        out.set(self.position, self.position, &(one + b.rr * dt));
-        out.set(self.position, self.velocity, &(b.rv * dt));
-        out.noise_trapezoid(self.velocity, self.velocity, &agility.velocity(gap, &so3::rotation(&nav.q_nb)));
+        out.set(self.slots.position, self.slots.position, &(one + b.rr * dt));
+        out.set(self.slots.position, self.slots.velocity, &(b.rv * dt));
+        out.noise_trapezoid(
+            self.slots.velocity,
+            self.slots.velocity,
+            &agility.velocity(gap, &so3::rotation(&nav.q_nb)),
+        );
         let (variance, bound) = agility.attitude(gap, nav.v_eb_n.xy().norm());
-        out.noise_up_to(self.attitude, &variance, &bound);
+        out.noise_up_to(self.slots.attitude, &variance, &bound);
         // The radii of mid-step, as the mechanisation takes them.
         let travelled = nav.v_eb_n * dt;
         let earth = LocalEarth::at(&nav.position.offset(&(travelled * 0.5)));
@@ -57,24 +56,37 @@ impl Kinematic {
             lon: so3::wrap_angle(nav.position.lon + travelled.y / (earth.normal * earth.cos_lat)),
             height: nav.position.height - travelled.z,
         };
-        self.position.write(&position, x);
+        self.slots.position.write(&position, x);
         felt
     }
 
     /// Reads them from state storage.
     pub(super) fn read(&self, x: &[f64]) -> Nav {
         Nav {
-            position: self.position.read(x),
-            v_eb_n: self.velocity.read(x),
-            q_nb: self.attitude.read(x),
+            position: self.slots.position.read(x),
+            v_eb_n: self.slots.velocity.read(x),
+            q_nb: self.slots.attitude.read(x),
         }
     }
 
     /// Writes them into state storage.
     pub(super) fn write(&self, nav: &Nav, x: &mut [f64]) {
-        self.position.write(&nav.position, x);
-        self.velocity.write(&nav.v_eb_n, x);
-        self.attitude.write(&nav.q_nb, x);
+        self.slots.position.write(&nav.position, x);
+        self.slots.velocity.write(&nav.v_eb_n, x);
+        self.slots.attitude.write(&nav.q_nb, x);
+    }
+}
+
+impl<P: Manifold> Slots<P> {
+    /// Declares the position under this name, `velocity` and `attitude`; initialisers write them and
+    /// their variances.
+    pub(super) fn declare(b: &mut Build<'_>, position: QuantityName<'_, P>, at: P::Value) -> Result<Self, BuildError> {
+        let unset = vec![0.0; 3];
+        Ok(Self {
+            position: b.declare(position, "m", at, unset.clone(), Dynamics::Process)?,
+            velocity: b.declare(state::VELOCITY, "m/s", Vector3::zeros(), unset.clone(), Dynamics::Process)?,
+            attitude: b.declare(state::ATTITUDE, "rad", UnitQuaternion::identity(), unset, Dynamics::Process)?,
+        })
     }
 }
 

@@ -36,15 +36,15 @@ fn sinc(x: f64) -> (f64, f64) {
 }
 
 /// An arc of constant speed and rate: the displacement north and east \[m\] and its derivatives.
-struct Arc {
-    moved: Vector2<f64>,
+pub(super) struct Arc {
+    pub(super) moved: Vector2<f64>,
     by_heading: Vector2<f64>,
     by_speed: Vector2<f64>,
     by_rate: Vector2<f64>,
 }
 
 /// The arc from heading `psi` \[rad\] at speed `u` \[m/s\] and rate `r` \[rad/s\] over `dt` \[s\].
-fn arc(psi: f64, u: f64, r: f64, dt: f64) -> Arc {
+pub(super) fn arc(psi: f64, u: f64, r: f64, dt: f64) -> Arc {
     let x = 0.5 * r * dt;
     let (chord, slope) = sinc(x);
     let (sin, cos) = (psi + x).sin_cos();
@@ -59,7 +59,7 @@ fn arc(psi: f64, u: f64, r: f64, dt: f64) -> Arc {
 
 /// ∂(p⁺ ⊟ p̂⁺)/∂(p ⊟ p̂) for p⁺ = p ⊞ Δ with Δ = `moved` \[m\] held, and the factors on ∂Δ: the
 /// metres per radian at p⁺ over those at p.
-fn carried(p: &Geodetic, after: &Geodetic, moved: &Vector2<f64>) -> (Matrix3<f64>, Vector2<f64>) {
+pub(super) fn carried(p: &Geodetic, after: &Geodetic, moved: &Vector2<f64>) -> (Matrix3<f64>, Vector2<f64>) {
     let Radii { meridian, normal } = radii(p.lat);
     let slope = radii_derivative(p.lat);
     let (sin, cos) = p.lat.sin_cos();

@@ -9,6 +9,7 @@ mod gnss_velocity;
 mod gravity_direction;
 mod heading;
 mod height;
+mod landmark;
 mod magnetometer;
 mod range;
 mod vertical;

@@ -1,6 +1,6 @@
-//! Range to a beacon at a known place, written as h alone: its Jacobian is exact by dual numbers.
+//! Range to beacons at known places, written as h alone: its Jacobian is exact by dual numbers.
 //!
-//! Measured   z = slant range from the transducer a to the beacon \[m\]
+//! Measured   z = slant range from the transducer a to the beacon \[m\], or to each of several
 //! Predicted  h(x) = (1 + κ) |r_beacon_e − r_eb_e − C_en C_nb l_ba_b| + b
 //! Valid      at any distance, in Earth-centred axes; a straight path
 //! Not here   travel time, refraction; a sound speed wrong by a factor is κ
@@ -8,7 +8,7 @@
 use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
 use crate::earth::frames::ecef_from_geodetic;
 use crate::param::{ScalarParam, VectorParam};
-use crate::units::{Dimension, Dimensional, Latitude, Length, Longitude, dim};
+use crate::units::{Dimension, Dimensional, Latitude, Length, Longitude, Place, dim};
 use crate::vocabulary::state;
 use fusion_core::geometry::wgs84::{ECCENTRICITY_SQUARED, Geodetic, SEMI_MAJOR_AXIS};
 use fusion_core::model::{Exact, ExactModel, ExactView, Measurement, Real, Undefined};
@@ -17,16 +17,19 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Range to a beacon at a known place.
+/// Range to a beacon at a known place, or to several at once.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RangeSpec {
     /// Latitude of the beacon, north positive.
-    latitude: Latitude,
+    latitude: Option<Latitude>,
     /// Longitude of the beacon, east positive.
-    longitude: Longitude,
+    longitude: Option<Longitude>,
     /// Height of the beacon above the ellipsoid, up positive.
-    height: Length,
+    height: Option<Length>,
+    /// Several beacons, measured together: one range each, in this order, in one measurement. Instead
+    /// of `latitude`, `longitude` and `height`.
+    beacons: Option<Vec<Place>>,
     /// Transducer position in body axes, from the body origin (the IMU).
     #[serde(default)]
     lever_arm: VectorParam<dim::Length>,
@@ -52,21 +55,46 @@ bias = { estimate = true, initial = 0, sigma = "20 cm" }
 "#
 );
 
+impl RangeSpec {
+    /// How many ranges it measures at once.
+    fn rows(&self) -> usize {
+        self.beacons.as_ref().map_or(1, Vec::len)
+    }
+
+    /// Where the beacons are.
+    fn places(&self) -> Result<Vec<Geodetic>, BuildError> {
+        let single = (self.latitude, self.longitude, self.height);
+        match (&self.beacons, single) {
+            (Some(beacons), (None, None, None)) if !beacons.is_empty() => Ok(beacons.iter().map(|b| (*b).into()).collect()),
+            (Some(beacons), (None, None, None)) if beacons.is_empty() => Err(BuildError::at("beacons", "there is no beacon")),
+            (None, (Some(lat), Some(lon), Some(height))) => Ok(vec![Geodetic::new(lat.si(), lon.si(), height.si())]),
+            (None, _) => {
+                let help = "state `latitude`, `longitude` and `height`, or a list of `beacons`";
+                Err(BuildError::new("nothing says where the beacon is").help(help))
+            }
+            (Some(_), _) => {
+                let message = "`beacons` stand instead of `latitude`, `longitude` and `height`";
+                Err(BuildError::at("beacons", message).help("make the single beacon one of the list"))
+            }
+        }
+    }
+}
+
 #[typetag::deserialize(name = "range")]
 impl SensorSpec for RangeSpec {
     fn reading(&self) -> Reading {
-        Reading::Channel(Channel::vector("range", 1, dim::Length::KIND.dimension))
+        Reading::Channel(Channel::vector("range", self.rows(), dim::Length::KIND.dimension))
     }
 
     fn noise(&self) -> Vec<Dimension> {
-        vec![dim::Length::KIND.dimension]
+        vec![dim::Length::KIND.dimension; self.rows()]
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
         let lever_arm = b.param("lever_arm", &self.lever_arm)?;
         let at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
         Ok(Box::new(Exact(Range {
-            beacon_e: ecef_from_geodetic(&Geodetic::new(self.latitude.si(), self.longitude.si(), self.height.si())),
+            beacons_e: self.places()?.iter().map(ecef_from_geodetic).collect(),
             position: b.quantity(state::POSITION)?,
             attitude: if at_the_body { None } else { Some(b.quantity(state::ATTITUDE)?) },
             lever_arm,
@@ -79,7 +107,8 @@ impl SensorSpec for RangeSpec {
 /// The runtime model.
 #[derive(Debug)]
 struct Range {
-    beacon_e: Vector3<f64>,
+    /// In Earth-centred axes \[m\].
+    beacons_e: Vec<Vector3<f64>>,
     position: Quantity<fusion_core::state::Geodetic>,
     attitude: Option<Quantity<Attitude>>,
     lever_arm: Param<Vector<3>>,
@@ -89,7 +118,7 @@ struct Range {
 
 impl ExactModel for Range {
     fn dim(&self) -> usize {
-        1
+        self.beacons_e.len()
     }
 
     fn h<D: Real>(&self, x: &ExactView<'_, D>, z: &mut [D]) -> Result<(), Undefined> {
@@ -106,12 +135,15 @@ impl ExactModel for Range {
             r_e.y += outward * sl + cl * l_n.y;
             r_e.z += cp * l_n.x - sp * l_n.z;
         }
-        let d = [r_e.x - self.beacon_e.x, r_e.y - self.beacon_e.y, r_e.z - self.beacon_e.z];
-        let squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-        if squared.re() < 1e-6 {
-            return Err(Undefined("the transducer is at the beacon"));
+        let (scale, bias) = (x.scalar(&self.scale) + 1.0, x.scalar(&self.bias));
+        for (beacon_e, z) in self.beacons_e.iter().zip(z) {
+            let d = [r_e.x - beacon_e.x, r_e.y - beacon_e.y, r_e.z - beacon_e.z];
+            let squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+            if squared.re() < 1e-6 {
+                return Err(Undefined("the transducer is at the beacon"));
+            }
+            *z = squared.sqrt() * scale + bias;
         }
-        z[0] = squared.sqrt() * (x.scalar(&self.scale) + 1.0) + x.scalar(&self.bias);
         Ok(())
     }
 }
@@ -132,7 +164,7 @@ mod tests {
         let (c_en, c_nb) = (rotation_en(p.lat, p.lon), rotation(&at.get(model.attitude.as_ref().unwrap())));
         let (l, k) = (at.get(&model.lever_arm), 1.0 + at.get(&model.scale));
         let l_n = c_nb * l;
-        let d = ecef_from_geodetic(&p) + c_en * l_n - model.beacon_e;
+        let d = ecef_from_geodetic(&p) + c_en * l_n - model.beacons_e[0];
         let unit_n = (d.transpose() * c_en) * (k / d.norm());
         // Moving over the ellipsoid turns the axes n, and the lever arm with them.
         let Radii { meridian, normal } = radii(p.lat);
@@ -170,7 +202,7 @@ mod tests {
             )
         }
         let model = Range {
-            beacon_e: ecef_from_geodetic(&Geodetic::new(0.6301, 2.2594, -20.0)),
+            beacons_e: vec![ecef_from_geodetic(&Geodetic::new(0.6301, 2.2594, -20.0))],
             position: state(&mut b, "position", Geodetic::new(0.63, 2.2593, 40.0)),
             attitude: Some(state(&mut b, "attitude", fusion_core::geometry::so3::from_rpy(0.2, -0.4, 2.0))),
             lever_arm: state(&mut b, "lever_arm", Vector3::new(1.0, -2.0, 0.5)),
@@ -212,11 +244,50 @@ mod tests {
     }
 
     #[test]
+    fn several_beacons_are_the_rows_of_one_measurement() {
+        let (layout, mut model, x) = problem();
+        let (near, far) = (model.beacons_e[0], ecef_from_geodetic(&Geodetic::new(0.6302, 2.2590, 5.0)));
+        let single = |model: Range| {
+            let (mut z, mut h) = (vec![0.0; model.dim()], Jacobian::new(&layout, model.dim()));
+            h.reset(z.len());
+            let exact = Exact(model);
+            exact.predict(&View::new(&x, &[]), &mut z).unwrap();
+            exact.jacobian(&View::new(&x, &[]), &mut h).unwrap();
+            let rows = 0..z.len();
+            let rows = rows.map(|i| (0..layout.dim()).map(|j| h.get(i, j)).collect::<Vec<_>>());
+            z.iter().copied().zip(rows.collect::<Vec<_>>()).collect::<Vec<_>>()
+        };
+        let one = |beacon| {
+            single(Range {
+                beacons_e: vec![beacon],
+                ..problem().1
+            })
+        };
+        let apart = [one(near), one(far)].concat();
+        model.beacons_e = vec![near, far];
+        assert_eq!(single(model), apart);
+        assert!(apart[0].0 != apart[1].0);
+    }
+
+    #[test]
+    fn a_beacon_has_one_place() {
+        let places = |toml: &str| toml::from_str::<RangeSpec>(toml).unwrap().places().map_err(|e| e.field);
+        let (single, list) = (
+            "latitude = 0.6\nlongitude = 2\nheight = 0",
+            "beacons = [{ latitude = 0.6, longitude = 2 }]",
+        );
+        assert_eq!(places(single), places(list));
+        assert_eq!(places(&format!("{single}\n{list}")).unwrap_err(), "beacons");
+        assert_eq!(places("beacons = []").unwrap_err(), "beacons");
+        assert!(places("latitude = 0.6").is_err() && places("").is_err());
+    }
+
+    #[test]
     fn at_the_beacon_there_is_no_direction() {
         let (layout, mut model, x) = problem();
         let at = Geodetic::new(x[0], x[1], x[2]);
         model.attitude = None;
-        model.beacon_e = ecef_from_geodetic(&at);
+        model.beacons_e = vec![ecef_from_geodetic(&at)];
         let mut h = Jacobian::new(&layout, 1);
         assert!(Exact(model).jacobian(&View::new(&x, &[]), &mut h).is_err());
     }

@@ -5,10 +5,10 @@
 //! Jacobian   ∂h/∂r = 1,  ∂h/∂b = 1
 //! Valid      planar motion: the gyro's axis points down; the Earth's rotation is part of b
 
-use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
+use crate::block::{Build, BuildError, Reading, SensorSpec};
 use crate::param::ScalarParam;
 use crate::units::{Dimension, Dimensional, dim};
-use crate::vocabulary::state;
+use crate::vocabulary::{channel, state};
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Param, Quantity, Scalar, View};
@@ -37,7 +37,7 @@ bias = { estimate = true, initial = 0, sigma = "1 deg/s", random_walk = "0.01 de
 #[typetag::deserialize(name = "yaw_rate")]
 impl SensorSpec for YawRateSpec {
     fn reading(&self) -> Reading {
-        Reading::Channel(Channel::vector("yaw_rate", 1, dim::AngularRate::KIND.dimension))
+        Reading::Channel(channel::YAW_RATE)
     }
 
     fn noise(&self) -> Vec<Dimension> {

@@ -9,6 +9,8 @@
 //! Position   is not free: `step` integrates velocity by the trapezoid, which differs from the
 //!            truth by `dt²/12 · (a_end − a_start)` over a run, 8 µm for 1 m/s² at 100 Hz
 //!
+//! Over a plane ([`Gravity::Flat`]) ζ and Coriolis are zero, and so it is for `strapdown_local`.
+//!
 //! [`step`](crate::process::strapdown::mechanisation::step) takes rates with coning and sculling already in. A process that adds those itself
 //! ([`Correction`]) gets samples from which its corrections lead to the same inputs.
 
@@ -35,6 +37,10 @@ pub struct Sample {
 #[must_use]
 pub fn sample(from: &Nav, to: &Nav, dt: f64, gravity: Gravity) -> Sample {
     let v = &from.v_eb_n;
+    if let Gravity::Flat(g) = gravity {
+        let dv_n = to.v_eb_n - v - Vector3::new(0.0, 0.0, g * dt);
+        return between(from, &so3::log(&(from.q_nb.inverse() * to.q_nb)), &dv_n, dt);
+    }
     let earth = LocalEarth::at(&from.position.offset(&(v * (0.5 * dt))));
     let w_ie = earth.earth_rate_n();
     let g = Vector3::new(0.0, 0.0, earth.gravity(gravity));
@@ -49,8 +55,12 @@ pub fn sample(from: &Nav, to: &Nav, dt: f64, gravity: Gravity) -> Sample {
         zeta = (w_ie + w_en) * dt;
         dv_n = change + 0.5 * zeta.cross(&dv_n) - (g - (2.0 * w_ie + w_en).cross(&v_mid)) * dt;
     }
-    let phi = so3::log(&(from.q_nb.inverse() * so3::exp(&zeta) * to.q_nb));
-    let dv_b = from.q_nb.inverse_transform_vector(&dv_n);
+    between(from, &so3::log(&(from.q_nb.inverse() * so3::exp(&zeta) * to.q_nb)), &dv_n, dt)
+}
+
+/// The rates under which the body turns by `phi` \[rad\] and its force adds `dv_n` \[m/s\].
+fn between(from: &Nav, phi: &Vector3<f64>, dv_n: &Vector3<f64>, dt: f64) -> Sample {
+    let dv_b = from.q_nb.inverse_transform_vector(dv_n);
     Sample {
         rate: phi / dt,
         force: so3::right_jacobian_inverse(&-phi) * dv_b / dt,

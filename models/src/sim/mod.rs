@@ -12,18 +12,24 @@
 mod imu_error;
 pub mod inverse;
 mod noise;
+mod odometry;
 mod profile;
 mod random;
 mod segment;
 mod simulator;
 mod spec;
+mod start;
 mod trajectory;
 mod world;
 
 pub use imu_error::{AccelerometerErrorSpec, GyroErrorSpec, ImuError, ImuErrorSpec, ImuPreset};
 pub use noise::{SensorError, SensorErrorSpec};
+pub use odometry::OdometryErrorSpec;
 pub use segment::{Junction, Motion, Segment, SegmentSpec};
-pub use simulator::{IMU, REFERENCE, Setup, SimulatedSensor, SimulatedStream, Simulator, reference_channels};
+pub use simulator::{
+    IMU, ODOMETRY, REFERENCE, Setup, SimulatedSensor, SimulatedStream, Simulator, UNITS, odometry_channels, reference_channels,
+};
 pub use spec::{SimulationSpec, StartSpec};
+pub use start::DrawnStart;
 pub use trajectory::Trajectory;
 pub use world::{OpenLoop, Truth, World};

@@ -2,11 +2,13 @@
 
 use super::imu_error::ImuErrorSpec;
 use super::noise::SensorErrorSpec;
+use super::odometry::OdometryErrorSpec;
 use super::segment::{Junction, SegmentSpec};
 use super::trajectory::Trajectory;
 use crate::block::{BuildError, Channel};
 use crate::registry::{self, Role};
-use crate::units::{Positive, Quantity, Vec3Of, dim};
+use crate::units::{NonNegative, Positive, Quantity, Vec3Of, dim};
+use crate::vocabulary::channel;
 use nalgebra::Vector3;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
@@ -21,6 +23,8 @@ pub struct SimulationSpec {
     pub seed: u64,
     /// The inertial measurement unit; needed by a process that is driven by one.
     pub imu: Option<ImuErrorSpec>,
+    /// The odometry of a vehicle on level ground; needed by a process that is driven by one.
+    pub odometry: Option<OdometryErrorSpec>,
     /// Rows per second of the `reference` stream: the truth; at most 1e9 rows in a run.
     #[serde(default = "reference_rate")]
     pub reference_rate: Positive<dim::Frequency>,
@@ -28,6 +32,11 @@ pub struct SimulationSpec {
     /// declared sigma, and move as their declared dynamics say.
     #[serde(default)]
     pub draw_parameters: bool,
+    /// Whether the filter starts at a draw about the truth, from the 1σ declared for each block of its
+    /// start, another one for each seed; what initialisers find from data stays as they find it.
+    /// Otherwise it starts at the values declared.
+    #[serde(default)]
+    pub draw_start: bool,
     /// Where the trajectory starts.
     #[serde(default)]
     pub start: StartSpec,
@@ -40,7 +49,7 @@ pub struct SimulationSpec {
     pub sensor: BTreeMap<String, SensorErrorSpec>,
 }
 
-/// The start of the trajectory: at rest and level.
+/// The start of the trajectory: level, at rest unless a speed is given.
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StartSpec {
@@ -50,6 +59,9 @@ pub struct StartSpec {
     /// Heading.
     #[serde(default)]
     heading: Quantity<dim::Angle>,
+    /// Speed ahead.
+    #[serde(default)]
+    speed: NonNegative<dim::Speed>,
 }
 
 impl SimulationSpec {
@@ -63,7 +75,7 @@ impl SimulationSpec {
             Junction {
                 position,
                 heading: self.start.heading.si(),
-                speed: 0.0,
+                speed: self.start.speed.si(),
             },
             &self.trajectory,
         )
@@ -79,6 +91,13 @@ impl SimulationSpec {
 
     /// Refuses a process that is driven by a unit which there is not.
     pub(super) fn check_unit(&self, input: &[Channel]) -> Result<(), BuildError> {
+        if input.contains(&channel::FORWARD_SPEED) {
+            if self.odometry.is_some() {
+                return Ok(());
+            }
+            let help = "add `odometry = { rate = \"100 Hz\" }` with its noise";
+            return Err(BuildError::at("odometry", "the process is driven by odometry").help(help));
+        }
         if self.imu.is_some() || input.is_empty() {
             return Ok(());
         }
@@ -89,10 +108,16 @@ impl SimulationSpec {
     /// Refuses rates at which a stream has more than [`MOST_ROWS`] in a run of `duration` seconds.
     pub(super) fn check_rates(&self, duration: f64) -> Result<(), BuildError> {
         let imu = self.imu.iter().map(|imu| ("imu.rate".to_owned(), imu.rate));
+        let odometry = self.odometry.iter().map(|odometry| ("odometry.rate".to_owned(), odometry.rate));
         let sensors = self.sensor.iter().map(|(name, s)| (format!("sensor.{name}.rate"), s.rate));
         let reference = ("reference_rate".to_owned(), self.reference_rate);
         let most = MOST_ROWS / duration.max(1.0);
-        match imu.chain(sensors).chain([reference]).find(|(_, rate)| rate.si() > most) {
+        match imu
+            .chain(odometry)
+            .chain(sensors)
+            .chain([reference])
+            .find(|(_, rate)| rate.si() > most)
+        {
             None => Ok(()),
             Some((field, rate)) => {
                 let message = format!("{} Hz for {duration} s are more than {MOST_ROWS:e} rows", rate.si());
@@ -141,7 +166,7 @@ mod tests {
     fn the_defaults_read() {
         let spec: SimulationSpec = toml::from_str("trajectory = [{ rest = { duration = '1 s' } }]").unwrap();
         assert_eq!(spec.reference_rate.si(), 10.0);
-        assert!(spec.imu.is_none() && !spec.draw_parameters && spec.sensor.is_empty());
+        assert!(spec.imu.is_none() && !spec.draw_parameters && !spec.draw_start && spec.sensor.is_empty());
         assert_eq!(spec.trajectory().unwrap().duration(), 1.0);
     }
 

@@ -4,7 +4,9 @@
 //! vehicle with a controller that listens to the filter's own estimate is the general one.
 //!
 //! A trajectory lies on the plane that touches the ellipsoid at the origin: level at the origin
-//! is not level 10 km away, where that plane is 8 m above the ellipsoid.
+//! is not level 10 km away, where that plane is 8 m above the ellipsoid. For a process that takes the
+//! Earth for that plane ([`Gravity::Flat`]) level is level everywhere: velocity and attitude are true in
+//! the axes at the origin.
 
 use super::inverse::{self, Sample};
 use super::segment::Motion;
@@ -48,7 +50,8 @@ pub trait World: Debug + Send {
 pub struct OpenLoop {
     trajectory: Trajectory,
     frame: LocalFrame,
-    c_el: Matrix3<f64>,
+    /// From the local axes to Earth-centred ones; none where the Earth is a plane.
+    c_el: Option<Matrix3<f64>>,
     gravity: Gravity,
     truth: Truth,
 }
@@ -61,20 +64,34 @@ impl OpenLoop {
     #[must_use]
     pub fn new(trajectory: Trajectory, origin: Geodetic, gravity: Gravity) -> Self {
         let frame = LocalFrame::new(origin);
-        let c_el = rotation_en(origin.lat, origin.lon);
-        let nav = nav(&frame, &c_el, &trajectory.at(0.0));
-        let next = self::nav(&frame, &c_el, &trajectory.at(FIRST_STEP));
-        let imu = inverse::sample(&nav, &next, FIRST_STEP, gravity);
-        Self {
+        let is_flat = matches!(gravity, Gravity::Flat(_));
+        let c_el = (!is_flat).then(|| rotation_en(origin.lat, origin.lon));
+        let truth = Truth {
+            time: Time::default(),
+            nav: nav(&frame, c_el.as_ref(), &trajectory.at(0.0)),
+            imu: Sample::default(),
+        };
+        let mut world = Self {
             trajectory,
             frame,
             c_el,
             gravity,
-            truth: Truth {
-                time: Time::default(),
-                nav,
-                imu,
-            },
+            truth,
+        };
+        world.truth = world.truth_at(Time::default());
+        world
+    }
+
+    /// What is true at `time`, wherever the world is; its inertial sample is the mean over the
+    /// millisecond that follows.
+    #[must_use]
+    pub fn truth_at(&self, time: Time) -> Truth {
+        let at = |seconds: f64| nav(&self.frame, self.c_el.as_ref(), &self.trajectory.at(seconds));
+        let (here, next) = (at(time.seconds()), at(time.seconds() + FIRST_STEP));
+        Truth {
+            time,
+            nav: here,
+            imu: inverse::sample(&here, &next, FIRST_STEP, self.gravity),
         }
     }
 
@@ -93,7 +110,7 @@ impl World for OpenLoop {
     fn advance(&mut self, to: Time) -> &Truth {
         let dt = to.seconds_since(self.truth.time);
         if dt > 0.0 {
-            let next = nav(&self.frame, &self.c_el, &self.trajectory.at(to.seconds()));
+            let next = nav(&self.frame, self.c_el.as_ref(), &self.trajectory.at(to.seconds()));
             self.truth = Truth {
                 time: to,
                 nav: next,
@@ -108,9 +125,17 @@ impl World for OpenLoop {
     }
 }
 
-/// Geodetic position, and velocity and attitude in the axes there, of a motion in local axes.
-fn nav(frame: &LocalFrame, c_el: &Matrix3<f64>, motion: &Motion) -> Nav {
+/// Geodetic position, and velocity and attitude in the axes there, of a motion in local axes; in those
+/// without `c_el`.
+fn nav(frame: &LocalFrame, c_el: Option<&Matrix3<f64>>, motion: &Motion) -> Nav {
     let position = frame.to_geodetic(&motion.position);
+    let Some(c_el) = c_el else {
+        return Nav {
+            position,
+            v_eb_n: motion.velocity,
+            q_nb: motion.attitude(),
+        };
+    };
     let c_nl = rotation_en(position.lat, position.lon).tr_mul(c_el);
     let q_nl = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(c_nl));
     let mut q_nb = q_nl * motion.attitude();

@@ -63,6 +63,38 @@ pub struct Blocks {
     pub a_gyro: Matrix3<f64>,
 }
 
+/// How the Earth's rate and the transport rate change with the place, per metre north, east, down.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ByPlace {
+    /// ∂w_ie_n/∂r, 3×3 \[rad/(m s)\].
+    pub(crate) earth_rate: Matrix3<f64>,
+    /// ∂w_en_n/∂r for a velocity that stays, 3×3 \[rad/(m s)\].
+    pub(crate) transport_rate: Matrix3<f64>,
+}
+
+impl ByPlace {
+    /// At `earth`, with velocity `v` \[m/s\]; `slopes` are the derivatives of the radii by latitude.
+    #[inline]
+    pub(crate) fn new(earth: &LocalEarth, v: &Vector3<f64>, slopes: &wgs84::Radii) -> Self {
+        let (rm, rn) = (earth.meridian, earth.normal);
+        let (lat_rate, east) = (v.x / rm, v.y / rn);
+        let zero = Vector3::zeros();
+        let ie_north = Vector3::new(-earth.sin_lat, 0.0, -earth.cos_lat) * (wgs84::EARTH_RATE / rm);
+        let shrink = slopes.normal / rn;
+        let en_north = Vector3::new(
+            -east * shrink,
+            lat_rate * slopes.meridian / rm,
+            east * (earth.tan_lat() * shrink - 1.0 / (earth.cos_lat * earth.cos_lat)),
+        ) / rm;
+        let w_en = earth.transport_rate_n(v);
+        let en_down = Vector3::new(w_en.x / rn, w_en.y / rm, w_en.z / rn);
+        Self {
+            earth_rate: Matrix3::from_columns(&[ie_north, zero, zero]),
+            transport_rate: Matrix3::from_columns(&[en_north, zero, en_down]),
+        }
+    }
+}
+
 /// F at the estimate `nav`, with corrected `w_ib_b` \[rad/s\] and `f_ib_b` \[m/s²\].
 #[inline]
 #[must_use]
@@ -94,29 +126,16 @@ fn linearise(nav: &Nav, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, slopes: &w
         0.0,
     );
 
-    // Derivatives of w_ie_n and w_en_n with metres north and metres down; none with east.
-    let ie_north = Vector3::new(-earth.sin_lat, 0.0, -earth.cos_lat) * (wgs84::EARTH_RATE / rm);
-    let shrink = slopes.normal / rn;
-    let en_north = Vector3::new(
-        -east * shrink,
-        lat_rate * slopes.meridian / rm,
-        east * (tan * shrink - 1.0 / (earth.cos_lat * earth.cos_lat)),
-    ) / rm;
-    let w_en = earth.transport_rate_n(v);
-    let en_down = Vector3::new(w_en.x / rn, w_en.y / rm, w_en.z / rn);
-
-    let mut vr = Matrix3::zeros();
-    vr.set_column(0, &v.cross(&(2.0 * ie_north + en_north)));
-    vr.set_column(2, &v.cross(&en_down));
+    let by_place = ByPlace::new(&earth, v, slopes);
+    let mut vr = so3::skew(v) * (2.0 * by_place.earth_rate + by_place.transport_rate);
     vr.m31 += gradient.per_latitude / rm;
     vr.m33 -= gradient.per_height;
+    let w_en = earth.transport_rate_n(v);
 
     let transport = earth.transport_matrix();
     let vv = so3::skew(v) * transport - so3::skew(&(2.0 * earth.earth_rate_n() + w_en));
 
-    let mut ar = Matrix3::zeros();
-    ar.set_column(0, &-c_nb.tr_mul(&(ie_north + en_north)));
-    ar.set_column(2, &-c_nb.tr_mul(&en_down));
+    let ar = -c_nb.tr_mul(&(by_place.earth_rate + by_place.transport_rate));
 
     Blocks {
         rr,

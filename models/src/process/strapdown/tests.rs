@@ -3,7 +3,7 @@ use fusion_core::geometry::so3;
 use fusion_core::model::Prepared;
 use fusion_core::state::{Layout, LayoutBuilder};
 use fusion_core::testing::check_process;
-use nalgebra::UnitQuaternion;
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 type V = Vector3<f64>;
 
@@ -82,10 +82,37 @@ fn phi_of_second_order_has_every_term_of_it() {
     let (layout, process) = built(&format!(
         "discretisation = \"second_order\"\ngyro = {{ noise = 1e-4, {bias}, {scale} }}\naccelerometer = {{ noise = 1e-3, {bias}, {scale} }}"
     ));
-    assert_eq!(process.order(), 2);
+    assert_eq!(process.order(), Order::Second);
     let x = state(&layout, so3::from_rpy(0.7, -0.4, 2.0));
     let sample = mean(0.1, 0.3);
     check_process(&layout, process.as_ref(), &x, &Input::held(&sample), 0.1).unwrap();
+}
+
+#[test]
+fn exact_phi_is_the_derivative_of_the_step_however_the_body_turns() {
+    let bias = "bias = { estimate = true, initial = [1e-3, 0, 0], sigma = 1e-3 }";
+    let scale = "scale = { estimate = true, initial = [0.01, -0.02, 0.03], sigma = 1e-2 }";
+    let text = format!(
+        "discretisation = \"exact\"\ngyro = {{ noise = 1e-4, {bias}, {scale} }}\naccelerometer = {{ noise = 1e-3, {bias}, {scale} }}"
+    );
+    let (layout, process) = built(&text);
+    assert_eq!(process.order(), Order::Exact);
+    let mut x = state(&layout, so3::from_rpy(0.7, -0.4, 2.0));
+    // 400 m/s near the pole, where the Earth's terms are largest.
+    x[..6].copy_from_slice(&[1.4, 2.26, 9000.0, 300.0, -250.0, 60.0]);
+    let sample = [3.0, -4.0, 5.0, 20.0, -30.0, -10.0];
+    for dt in [0.01, 0.2] {
+        check_process(&layout, process.as_ref(), &x, &Input::held(&sample), dt).unwrap();
+    }
+    let refused = format!("integrator = \"first_order\"\n{text}");
+    let spec: StrapdownSpec = toml::from_str(&refused).unwrap();
+    let mut build = Build {
+        name: "process",
+        layout: &mut LayoutBuilder::new(),
+        origin: None,
+        gravity: Gravity::default(),
+    };
+    assert_eq!(spec.build(&mut build).unwrap_err().field, "discretisation");
 }
 
 #[test]

@@ -1,11 +1,12 @@
 //! Pieces of a trajectory: how each moves the body.
 //!
 //! A segment starts where the one before ended, level, at rest or moving straight ahead. Every
-//! segment starts and ends with no acceleration and no turn rate, and in between both are
-//! continuous, so the whole has finite jerk.
+//! segment but the `circle` starts and ends with no acceleration and no turn rate, and in between both
+//! are continuous, so the whole has finite jerk.
 //!
 //! Axes    local north-east-down, fixed to the Earth at the origin of the run
 
+mod circle;
 mod climb;
 mod run;
 mod turn;
@@ -89,9 +90,14 @@ impl Motion {
 }
 
 /// A segment as it runs.
-pub trait Segment: Debug + Send {
+pub trait Segment: Debug + Send + Sync {
     /// Seconds it takes.
     fn duration(&self) -> f64;
+
+    /// Whether it starts and ends without acceleration and turn rate.
+    fn is_smooth(&self) -> bool {
+        true
+    }
 
     /// The motion `t` seconds after its start, 0 ≤ t ≤ duration.
     fn at(&self, t: f64) -> Motion;

@@ -5,14 +5,14 @@
 //! there. A row stamped later than it is valid waits in a queue, so memory is bounded by the
 //! longest delay, not by the length of the run.
 //!
-//! Streams  `imu`, one per sensor, `reference`. All but the reference carry errors
+//! Streams  `imu`, `odometry`, one per sensor, `reference`. All but the reference carry errors
 //! x_true   blocks named `position` (geodetic or local), `local_position`, `velocity`,
 //!          `attitude`, `heading`, `speed`, `yaw_rate` from the world; `gyro_bias`, `accel_bias`,
 //!          `gyro_scale`, `accel_scale` from the simulated unit; every other block at its declared
 //!          initial value, or drawn about it and moved by its own dynamics (`draw_parameters`)
 //! Signals  from the process's own `signals` at x_true, its input being the true rates plus the
 //!          true biases where those are states
-//! Not here inputs other than an inertial unit; faults and dropouts (they act on rows)
+//! Not here inputs other than an inertial unit or odometry; faults and dropouts (they act on rows)
 
 mod delay;
 mod true_state;
@@ -20,6 +20,7 @@ mod true_state;
 use super::imu_error::ImuError;
 use super::inverse::{self, Correction, Sample, before_correction, pair_before_correction};
 use super::noise::SensorError;
+use super::odometry::Odometry;
 use super::spec::SimulationSpec;
 use super::world::{OpenLoop, Truth, World};
 use crate::block::{BuildError, Channel, imu_channels};
@@ -37,6 +38,7 @@ use fusion_core::state::{Layout, Scalar, Slot};
 use fusion_core::time::nanos;
 use std::collections::BinaryHeap;
 use std::sync::Arc;
+pub(super) use true_state::Known;
 use true_state::TrueState;
 
 /// A sensor to simulate.
@@ -86,6 +88,10 @@ pub struct SimulatedStream {
 const REFERENCE_WIDTH: usize = 10;
 /// The stream of the inertial unit.
 pub const IMU: &str = "imu";
+/// The stream of the odometry.
+pub const ODOMETRY: &str = "odometry";
+/// The streams of the units that may drive a process.
+pub const UNITS: [&str; 2] = [IMU, ODOMETRY];
 /// The stream of the truth.
 pub const REFERENCE: &str = "reference";
 
@@ -98,6 +104,7 @@ pub struct Simulator {
     end: Time,
     truth: TrueState,
     imu: Option<Imu>,
+    odometry: Option<(Odometry, usize)>,
     sensors: Vec<Sensor>,
     queue: BinaryHeap<Reverse<Row>>,
     spare: Vec<Vec<f64>>,
@@ -119,6 +126,7 @@ struct Clock {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Source {
     Imu,
+    Odometry,
     Sensor(usize),
     Reference,
 }
@@ -207,7 +215,7 @@ impl Simulator {
             let help = format!("sensors to simulate: {known}");
             return Err(BuildError::at(format!("sensor.{name}"), "no sensor of this name takes data").help(help));
         }
-        if let Some(sensor) = setup.sensors.iter().find(|s| [IMU, REFERENCE].contains(&s.name.as_str())) {
+        if let Some(sensor) = setup.sensors.iter().find(|s| [IMU, ODOMETRY, REFERENCE].contains(&s.name.as_str())) {
             let taken = format!("`{}` is the name of a stream of the simulator's own", sensor.name);
             return Err(BuildError::at("sensor", taken).help("give the sensor another name"));
         }
@@ -232,6 +240,14 @@ impl Simulator {
                 held: None,
             });
         }
+        let odometry = spec.odometry.as_ref().map(|unit| {
+            clocks.push(Clock::new(Source::Odometry, unit.rate.si()));
+            streams.push(SimulatedStream {
+                name: ODOMETRY.to_owned(),
+                channels: odometry_channels(),
+            });
+            (Odometry::new(unit, setup.origin, seed), streams.len() - 1)
+        });
         let duration = world.end().seconds();
         for sensor in setup.sensors {
             let Some(simulated) = spec.sensor.get(&sensor.name) else { continue };
@@ -263,6 +279,7 @@ impl Simulator {
             end: world.end(),
             world,
             imu,
+            odometry,
             least_delay: sensors.iter().map(|s| s.delay.least(truth.state())).min().unwrap_or(0).min(0),
             truth,
             sensors,
@@ -346,6 +363,14 @@ impl Simulator {
         self.world.advance(time);
         match source {
             Source::Imu => self.make_imu(time),
+            Source::Odometry => {
+                let Some((odometry, stream)) = &mut self.odometry else { return };
+                let (measured, stream) = (odometry.measure(time, &self.world.truth().nav), *stream);
+                let mut data = self.spare.pop().unwrap_or_default();
+                data.clear();
+                data.extend_from_slice(&measured);
+                self.put(time, stream, data);
+            }
             Source::Sensor(i) => {
                 self.refresh();
                 let sensor = &mut self.sensors[i];
@@ -445,6 +470,12 @@ impl Simulator {
         data.extend_from_slice(measured.force.as_slice());
         self.put(stamp, 0, data);
     }
+}
+
+/// The channels of the `odometry` stream.
+#[must_use]
+pub fn odometry_channels() -> Vec<Channel> {
+    vec![channel::FORWARD_SPEED, channel::SIDEWAYS_SPEED, channel::YAW_RATE]
 }
 
 /// The channels of the `reference` stream.

@@ -28,12 +28,11 @@ struct Design {
 fn simulate(text: &str, seed: u64) -> Result<(Layout, Arc<dyn Process>, Simulator), BuildError> {
     let design: Design = toml::from_str(text).unwrap();
     let mut layout = LayoutBuilder::new();
-    let gravity = Gravity::default();
     let mut build = Build {
         name: "process",
         layout: &mut layout,
         origin: Some(ORIGIN),
-        gravity,
+        gravity: Gravity::default(),
     };
     let process: Arc<dyn Process> = design.process.build(&mut build).unwrap().into();
     let mut sensors = Vec::new();
@@ -52,6 +51,7 @@ fn simulate(text: &str, seed: u64) -> Result<(Layout, Arc<dyn Process>, Simulato
             offset: None,
         });
     }
+    let gravity = build.gravity;
     let layout = layout.finish();
     let input = design.process.input();
     let setup = Setup {
@@ -148,6 +148,105 @@ fn noise_free_rows_lead_the_process_along_the_truth_in_every_mode() {
         // 1e-4 m over 300 s: dt²/12·Δa, as of the inverse mechanisation.
         assert!(worst > 0.0 && worst < 1e-4, "{integrator}: {worst:e}");
     }
+}
+
+/// Where samples without preparation lead from the true start, against the truth: the largest error.
+fn led_along(text: &str, unit: &str) -> f64 {
+    let (layout, process, mut simulator) = simulate(text, 1).unwrap();
+    let (mut x, mut row, mut last, mut worst) = (layout.initial().to_vec(), Vec::new(), None, 0.0_f64);
+    while let Some((stream, time)) = simulator.next_row(&mut row) {
+        let name = simulator.streams()[stream].name.clone();
+        if name == unit {
+            let interval = last.replace(time).map_or(0.0, |last| time.seconds_since(last));
+            process.propagate(&mut x, &Input { sample: &row, interval }, interval);
+        } else if time == Time::default() {
+            x.copy_from_slice(simulator.reference_state());
+        } else if last == Some(time) {
+            let mut gap = vec![0.0; layout.dim()];
+            layout.minus(&x, simulator.reference_state(), &mut gap);
+            worst = gap.iter().fold(worst, |w, g| w.max(g.abs()));
+        }
+    }
+    worst
+}
+
+#[test]
+fn over_a_plane_and_on_the_ground_noise_free_rows_lead_along_the_truth() {
+    let local = "[process.strapdown_local]\nintegrator = 'constant'\ngravity = 9.82\ngyro.noise = 1e-3\naccelerometer.noise = 1e-3\n";
+    let text = local.to_owned() + &simulation("imu = { rate = '100 Hz' }\nreference_rate = '50 Hz'", &short());
+    let worst = led_along(&text, "imu");
+    // 1e-4 m: dt²/12·Δa, as of the inverse mechanisation.
+    assert!(worst > 0.0 && worst < 1e-4, "{worst:e}");
+    let planar = "[process.planar_odometry]\nforward_noise = 1e-3\nsideways_noise = 1e-3\nyaw_rate_noise = 1e-3\n";
+    let way = "{ straight = { distance = 40, speed = 3, acceleration = 1 } }, { circle = { angle = 5, duration = 20 } }, \
+         { circle = { angle = -2, duration = 3 } }";
+    let text = planar.to_owned() + &simulation("odometry = { rate = '20 Hz' }\nreference_rate = '10 Hz'", way);
+    let worst = led_along(&text, "odometry");
+    // 1e-7: thousands of roundings of Earth-centred coordinates, 1e-9 m each.
+    assert!(worst < 1e-7, "{worst:e}");
+}
+
+#[test]
+fn noise_of_the_odometry_is_that_declared() {
+    let planar = "[process.planar_odometry]\nforward_noise = 1e-3\nsideways_noise = 1e-3\nyaw_rate_noise = 1e-3\n";
+    let unit = "odometry = { rate = '100 Hz', forward_noise = 0.01, sideways_noise = 0.02, yaw_rate_noise = 0.03 }";
+    let text = planar.to_owned() + &simulation(unit, "{ rest = { duration = 100 } }");
+    let rows = rows(&text, 4);
+    let samples = of(&rows, "odometry");
+    for (axis, density) in [(0, 0.01), (1, 0.02), (2, 0.03)] {
+        let squares: f64 = samples.iter().map(|(_, _, row)| row[axis].powi(2)).sum();
+        let sigma = (squares / samples.len() as f64).sqrt();
+        // 3 %: √(1/2n) = 0.7 % of 10 000 samples, four times. σ of a sample is N √(100 Hz).
+        assert!((sigma / (10.0 * density) - 1.0).abs() < 0.03, "{axis}: {sigma}");
+    }
+}
+
+#[test]
+fn starts_are_drawn_about_the_truth_with_the_declared_sigma() {
+    use super::super::start::DrawnStart;
+    use fusion_core::covariance::FormKind;
+    use fusion_core::runner::Initialiser;
+    use fusion_core::state::Belief;
+    let text = "[process.strapdown_local]\ngyro.noise = 1e-3\naccelerometer.noise = 1e-3\n".to_owned()
+        + &simulation(
+            "imu = { rate = '100 Hz' }\nstart = { position = [3, 4, 5], heading = 1, speed = 2 }",
+            "{ circle = { angle = 5, duration = 20 } }",
+        );
+    let design: Design = toml::from_str(&text).unwrap();
+    let (layout, _, mut simulator) = simulate(&text, 1).unwrap();
+    while simulator
+        .next_row(&mut Vec::new())
+        .is_some_and(|(stream, _)| simulator.streams()[stream].name != "reference")
+    {}
+    let truth = simulator.reference_state().to_vec();
+    let sigmas = [[1.0, 2.0, 0.0], [0.1, 0.1, 0.3], [0.1, 0.2, 0.4]];
+    let start = |seed| {
+        let place = (ORIGIN, Gravity::Flat(crate::units::STANDARD_GRAVITY));
+        let drawn = DrawnStart::new(&design.simulation, &layout, place, &[], seed).unwrap();
+        let mut belief = Belief::initial(&layout, &FormKind::Joseph.form(), Time::default());
+        layout
+            .blocks()
+            .iter()
+            .zip(sigmas)
+            .for_each(|(b, s)| belief.covariance.set_sigmas(b, &s));
+        drawn.write(Time::default(), &layout, &mut belief);
+        let mut error = vec![0.0; layout.dim()];
+        layout.minus(&belief.x, &truth, &mut error);
+        error
+    };
+    assert_eq!(start(7), start(7));
+    let count = 2000;
+    let mut squares = vec![0.0; layout.dim()];
+    (0..count).for_each(|seed| squares.iter_mut().zip(start(seed)).for_each(|(s, e)| *s += e * e));
+    for (k, (square, sigma)) in squares.iter().zip(sigmas.concat()).enumerate() {
+        let spread = (square / count as f64).sqrt();
+        // 7 %: √(1/2n) = 1.6 %, four times; 1e-8 m: Earth-centred coordinates of the truth.
+        assert!((spread - sigma).abs() < 0.07 * sigma + 1e-8, "{k}: {spread} {sigma}");
+    }
+    // What initialisers find from data is left alone; where that is all, there is nothing to draw.
+    let found = ["local_position", "velocity", "attitude"];
+    let none = DrawnStart::new(&design.simulation, &layout, (ORIGIN, Gravity::default()), &found, 1);
+    assert_eq!(none.unwrap_err().field, "draw_start");
 }
 
 #[test]

@@ -6,7 +6,7 @@ use super::super::spec::SimulationSpec;
 use super::super::world::Truth;
 use super::Setup;
 use crate::block::{BuildError, Channel};
-use crate::earth::{LocalEarth, LocalFrame};
+use crate::earth::{Gravity, LocalEarth, LocalFrame};
 use crate::spelling::did_you_mean;
 use crate::vocabulary::{channel, state};
 use fusion_core::Time;
@@ -28,6 +28,7 @@ pub(super) struct TrueState {
     input: Vec<InputPart>,
     sample: Vec<f64>,
     frame: LocalFrame,
+    gravity: Gravity,
     known: Vec<Known>,
     parameters: Vec<Parameter>,
     /// Names of the blocks that are truly at their declared initial value.
@@ -40,13 +41,19 @@ pub(super) struct TrueState {
 enum InputPart {
     Rate,
     Force,
+    /// Speed ahead.
+    Forward,
+    /// Speed to the right.
+    Sideways,
+    /// Rate of the heading.
+    YawRate,
     /// Of a reference whose rows a stage makes.
     Attitude,
 }
 
 /// A block that the world knows the value of.
 #[derive(Clone, Copy, Debug)]
-enum Known {
+pub(in super::super) enum Known {
     Geodetic(Slot<Geodetic>),
     Local(Slot<Position>),
     Velocity(Slot<Velocity>),
@@ -77,8 +84,27 @@ const KNOWN: [KnownName; 11] = [
 ];
 
 impl Known {
+    /// Writes what is true of the motion into the block; the errors of the inertial unit are not part of
+    /// it.
+    pub(in super::super) fn write(&self, truth: &Truth, frame: &LocalFrame, gravity: Gravity, x: &mut [f64]) {
+        let (nav, heading) = (&truth.nav, || so3::to_rpy(&truth.nav.q_nb).z);
+        match self {
+            Self::Geodetic(slot) => slot.write(&nav.position, x),
+            Self::Local(slot) => slot.write(&frame.to_ned(&nav.position), x),
+            Self::Velocity(slot) => slot.write(&nav.v_eb_n, x),
+            Self::Attitude(slot) => slot.write(&nav.q_nb, x),
+            Self::Heading(slot) => slot.write(&heading(), x),
+            Self::Speed(slot) => {
+                let (sin, cos) = heading().sin_cos();
+                slot.write(&(nav.v_eb_n.x * cos + nav.v_eb_n.y * sin), x);
+            }
+            Self::YawRate(slot) => slot.write(&yaw_rate(truth, gravity), x),
+            Self::GyroBias(_) | Self::AccelBias(_) | Self::GyroScale(_) | Self::AccelScale(_) => {}
+        }
+    }
+
     /// How the world gives a block its value; `None` for a parameter, whose declaration gives it.
-    fn of(layout: &Layout, block: &Block) -> Result<Option<Self>, BuildError> {
+    pub(in super::super) fn of(layout: &Layout, block: &Block) -> Result<Option<Self>, BuildError> {
         match KNOWN.iter().find(|(name, _)| *name == block.name) {
             Some((_, handle)) => handle(layout).map(Some).map_err(|e| BuildError::new(e.to_string())),
             None if block.role != StateRole::Kinematic => Ok(None),
@@ -102,6 +128,21 @@ struct Parameter {
     storage: core::ops::Range<usize>,
     dynamics: Dynamics,
     random: Random,
+}
+
+/// The rate of the heading \[rad/s\].
+fn yaw_rate(truth: &Truth, gravity: Gravity) -> f64 {
+    let nav = &truth.nav;
+    let w_in = match gravity {
+        Gravity::Flat(_) => Vector3::zeros(),
+        _ => {
+            let earth = LocalEarth::at(&nav.position);
+            earth.earth_rate_n() + earth.transport_rate_n(&nav.v_eb_n)
+        }
+    };
+    let rpy = so3::to_rpy(&nav.q_nb);
+    let w_nb_b = truth.imu.rate - nav.q_nb.inverse_transform_vector(&w_in);
+    (so3::euler_rate_of_body(rpy.x, rpy.y) * w_nb_b).z
 }
 
 impl TrueState {
@@ -130,6 +171,9 @@ impl TrueState {
         let part = |wanted: &Channel| match wanted {
             c if *c == channel::ANGULAR_RATE => Ok(InputPart::Rate),
             c if *c == channel::SPECIFIC_FORCE => Ok(InputPart::Force),
+            c if *c == channel::FORWARD_SPEED => Ok(InputPart::Forward),
+            c if *c == channel::SIDEWAYS_SPEED => Ok(InputPart::Sideways),
+            c if *c == channel::YAW_RATE => Ok(InputPart::YawRate),
             c if *c == channel::ATTITUDE => Ok(InputPart::Attitude),
             other => Err(BuildError::at(
                 "imu",
@@ -143,6 +187,7 @@ impl TrueState {
             input: setup.input.iter().map(part).collect::<Result<_, _>>()?,
             sample: Vec::new(),
             frame: LocalFrame::new(setup.origin),
+            gravity: setup.gravity,
             known,
             parameters,
             undrawn,
@@ -168,23 +213,11 @@ impl TrueState {
     /// Writes what is true into the state; `bias` and `scale` are the errors of the inertial unit.
     pub(super) fn fill(&mut self, truth: &Truth, bias: &Sample, scale: &Sample) {
         let (nav, x) = (&truth.nav, &mut self.x);
-        let rpy = so3::to_rpy(&nav.q_nb);
         // What the process makes of this input with the states below is the truth.
         let (mut rate_offset, mut force_offset) = (Vector3::zeros(), Vector3::zeros());
         for known in &self.known {
+            known.write(truth, &self.frame, self.gravity, x);
             match known {
-                Known::Geodetic(slot) => slot.write(&nav.position, x),
-                Known::Local(slot) => slot.write(&self.frame.to_ned(&nav.position), x),
-                Known::Velocity(slot) => slot.write(&nav.v_eb_n, x),
-                Known::Attitude(slot) => slot.write(&nav.q_nb, x),
-                Known::Heading(slot) => slot.write(&rpy.z, x),
-                Known::Speed(slot) => slot.write(&(nav.v_eb_n.x * rpy.z.cos() + nav.v_eb_n.y * rpy.z.sin()), x),
-                Known::YawRate(slot) => {
-                    let earth = LocalEarth::at(&nav.position);
-                    let w_in = earth.earth_rate_n() + earth.transport_rate_n(&nav.v_eb_n);
-                    let w_nb_b = truth.imu.rate - nav.q_nb.inverse_transform_vector(&w_in);
-                    slot.write(&(so3::euler_rate_of_body(rpy.x, rpy.y) * w_nb_b).z, x);
-                }
                 Known::GyroBias(slot) => {
                     rate_offset += bias.rate;
                     slot.write(&bias.rate, x);
@@ -201,11 +234,25 @@ impl TrueState {
                     force_offset += scale.force.component_mul(&truth.imu.force);
                     slot.write(&scale.force, x);
                 }
+                _ => {}
             }
         }
         self.sample.clear();
+        let v_b = nav.q_nb.inverse_transform_vector(&nav.v_eb_n);
         for part in &self.input {
             let true_part = match part {
+                InputPart::Forward => {
+                    self.sample.push(v_b.x);
+                    continue;
+                }
+                InputPart::Sideways => {
+                    self.sample.push(v_b.y);
+                    continue;
+                }
+                InputPart::YawRate => {
+                    self.sample.push(yaw_rate(truth, self.gravity));
+                    continue;
+                }
                 InputPart::Rate => truth.imu.rate + rate_offset,
                 InputPart::Force => truth.imu.force + force_offset,
                 InputPart::Attitude => {

@@ -1,0 +1,245 @@
+//! An inertial unit that drives a process: what its sensors are declared to be, and what is made of
+//! their samples.
+//!
+//! Corrected  w = (w_m − b_g)/(1 + s_g),  f = (f_m − b_a)/(1 + s_a), per axis
+//! Slow input a sample of more than [`LONGEST_STEP`] is integrated in pieces, and as only its mean is
+//!            known Q gains what a change from the neighbour's rate and force may move attitude and
+//!            velocity by within it: (T Δw)²/8, (T Δf)²/8 per axis and sample
+
+use super::kinematic::{psd, value};
+use super::strapdown::discrete::{Discrete, Slots};
+use super::strapdown::increments;
+use super::strapdown::pairing::{Mode, Pairing, neighbour};
+use crate::block::{Build, BuildError};
+use crate::param::VectorParam;
+use crate::units::{Axes, dim, range};
+use crate::vocabulary::state;
+use fusion_core::linear::Transition;
+use fusion_core::model::{Input, Preparation, SignalsOut};
+use fusion_core::state::{Param, Signal, Tangent, Vector};
+use nalgebra::{Matrix3, Vector3};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// The gyros.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GyroSpec {
+    /// White noise of the rate: the angle random walk, e.g. "0.125 deg/sqrt(h)".
+    noise: Axes<dim::AngleRandomWalk, range::NonNegative>,
+    /// Bias; estimated as the state `gyro_bias`.
+    #[serde(default)]
+    bias: VectorParam<dim::AngularRate>,
+    /// Scale factor error; estimated as the state `gyro_scale`.
+    #[serde(default)]
+    scale: VectorParam<dim::Ratio>,
+}
+
+/// The accelerometers.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AccelerometerSpec {
+    /// White noise of the specific force: the velocity random walk, e.g. "70 ug/sqrt(Hz)".
+    noise: Axes<dim::VelocityRandomWalk, range::NonNegative>,
+    /// Bias; estimated as the state `accel_bias`.
+    #[serde(default)]
+    bias: VectorParam<dim::Acceleration>,
+    /// Scale factor error; estimated as the state `accel_scale`.
+    #[serde(default)]
+    scale: VectorParam<dim::Ratio>,
+}
+
+/// The longest step of one linearisation \[s\]: a turn of 0.5 rad/s is 0.1 rad then, and what a series
+/// for Φ leaves out of it 0.5 %. Inertial units are read at 50 Hz and more; slower ones leave open what
+/// the body does between two samples.
+pub const LONGEST_STEP: f64 = 0.2;
+
+/// Numbers of an inertial sample: angular rate, specific force.
+pub(super) const IMU: usize = 6;
+
+/// The sensors of the unit, at run time.
+#[derive(Debug)]
+pub(super) struct Inertial {
+    gyro_bias: Param<Vector<3>>,
+    accel_bias: Param<Vector<3>>,
+    gyro_scale: Param<Vector<3>>,
+    accel_scale: Param<Vector<3>>,
+    angular_rate: Signal<Vector<3>>,
+    gyro_psd: Matrix3<f64>,
+    accel_psd: Matrix3<f64>,
+    /// By which neighbour a sample is corrected for coning and sculling.
+    correction: Option<Mode>,
+}
+
+/// Rate and force of a step, free of the known errors of the sensors: what they are, and how they change
+/// with bias and scale.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Corrected {
+    pub(super) rate: Vector3<f64>,
+    gain: Vector3<f64>,
+}
+
+impl Corrected {
+    /// ∂/∂bias, a diagonal.
+    fn by_bias(&self) -> Vector3<f64> {
+        -self.gain
+    }
+
+    /// ∂/∂scale, a diagonal.
+    fn by_scale(&self) -> Vector3<f64> {
+        -self.rate.component_mul(&self.gain)
+    }
+}
+
+/// `m · diag(d)`.
+fn times_diagonal(m: &Matrix3<f64>, d: &Vector3<f64>) -> Matrix3<f64> {
+    Matrix3::from_fn(|i, j| m[(i, j)] * d[j])
+}
+
+/// What a sensor's error model makes of what it measures.
+struct Correction {
+    bias: Vector3<f64>,
+    gain: Vector3<f64>,
+}
+
+impl Correction {
+    fn new(bias: Vector3<f64>, scale: &Vector3<f64>) -> Self {
+        Self {
+            bias,
+            gain: scale.map(|s| 1.0 / (1.0 + s)),
+        }
+    }
+
+    /// What the sensor measures of a true `rate`.
+    fn measured(&self, rate: &Vector3<f64>) -> Vector3<f64> {
+        rate.component_div(&self.gain) + self.bias
+    }
+
+    fn rate(&self, measured: &[f64]) -> Vector3<f64> {
+        (Vector3::new(measured[0], measured[1], measured[2]) - self.bias).component_mul(&self.gain)
+    }
+
+    fn of(self, measured: &[f64]) -> Corrected {
+        Corrected {
+            rate: self.rate(measured),
+            gain: self.gain,
+        }
+    }
+}
+
+impl Inertial {
+    /// Declares the states of the sensors and the signal `angular_rate`.
+    pub(super) fn declare(
+        b: &mut Build<'_>,
+        gyro: &GyroSpec,
+        accelerometer: &AccelerometerSpec,
+        correction: Option<Mode>,
+    ) -> Result<Self, BuildError> {
+        Ok(Self {
+            gyro_bias: b.param_named(state::GYRO_BIAS, "gyro.bias", &gyro.bias)?,
+            accel_bias: b.param_named(state::ACCEL_BIAS, "accelerometer.bias", &accelerometer.bias)?,
+            gyro_scale: b.param_named(state::GYRO_SCALE, "gyro.scale", &gyro.scale)?,
+            accel_scale: b.param_named(state::ACCEL_SCALE, "accelerometer.scale", &accelerometer.scale)?,
+            angular_rate: b.signal(state::ANGULAR_RATE)?,
+            gyro_psd: psd(gyro.noise.si()),
+            accel_psd: psd(accelerometer.noise.si()),
+            correction,
+        })
+    }
+
+    pub(super) fn preparation(&self) -> Option<Box<dyn Preparation>> {
+        self.correction.map(|mode| Box::new(Pairing::new(mode)) as Box<dyn Preparation>)
+    }
+
+    fn gyro(&self, x: &[f64]) -> Correction {
+        Correction::new(value(&self.gyro_bias, x), &value(&self.gyro_scale, x))
+    }
+
+    fn accelerometer(&self, x: &[f64]) -> Correction {
+        Correction::new(value(&self.accel_bias, x), &value(&self.accel_scale, x))
+    }
+
+    /// w_ib_b \[rad/s\] and f_ib_b \[m/s²\] of a sample as it stands.
+    pub(super) fn corrected(&self, x: &[f64], input: &Input<'_>) -> (Corrected, Corrected) {
+        (self.gyro(x).of(&input.sample[..3]), self.accelerometer(x).of(&input.sample[3..IMU]))
+    }
+
+    /// The constant rate and force that stand for a sample: coning and sculling added, where a neighbour
+    /// tells of them.
+    pub(super) fn driving(&self, x: &[f64], input: &Input<'_>) -> (Vector3<f64>, Vector3<f64>) {
+        let (gyro, accelerometer) = (self.gyro(x), self.accelerometer(x));
+        let (mut w, mut f) = (gyro.rate(&input.sample[..3]), accelerometer.rate(&input.sample[3..IMU]));
+        let other = self.correction.and_then(|_| neighbour(input, IMU));
+        // The first sample of a stream covers no time and corrects nothing.
+        if let Some(other) = other.filter(|other| other.interval > 0.0) {
+            let (w2, f2) = (gyro.rate(&other.sample[..3]), accelerometer.rate(&other.sample[3..IMU]));
+            let (we, fe, wl, fl) = if other.is_earlier { (w2, f2, w, f) } else { (w, f, w2, f2) };
+            // The intervals may differ; for linear rates this length is exact.
+            let pair = 2.0 * input.interval * input.interval / (input.interval + other.interval);
+            w += increments::coning_rate(&we, &wl, pair);
+            f += increments::sculling_rate(&we, &fe, &wl, &fl, pair);
+        }
+        (w, f)
+    }
+
+    /// Writes Φ of the biases and scales: what an error of rate or force does, in `phi`.
+    pub(super) fn write_transition<P: Tangent<3>>(
+        &self,
+        (w, f): &(Corrected, Corrected),
+        phi: &Discrete,
+        slots: &Slots<P>,
+        out: &mut Transition,
+    ) {
+        for (param, effect) in [(&self.accel_bias, f.by_bias()), (&self.accel_scale, f.by_scale())] {
+            if let Param::State(slot) = param {
+                slots.write_column(*slot, &phi.by_force.map(|block| block.map(|m| times_diagonal(&m, &effect))), out);
+            }
+        }
+        for (param, effect) in [(&self.gyro_bias, w.by_bias()), (&self.gyro_scale, w.by_scale())] {
+            if let Param::State(slot) = param {
+                slots.write_column(*slot, &phi.by_rate.map(|block| block.map(|m| times_diagonal(&m, &effect))), out);
+            }
+        }
+    }
+
+    /// The densities of the noise of rate and force over a sample.
+    pub(super) fn noise(&self, input: &Input<'_>) -> (Matrix3<f64>, Matrix3<f64>) {
+        let (slow_gyro, slow_accel) = within_sample(input);
+        (self.gyro_psd + slow_gyro, self.accel_psd + slow_accel)
+    }
+
+    /// The sample under which the sensors feel `rate` and `force`.
+    pub(super) fn feel(&self, x: &[f64], rate: &Vector3<f64>, force: &Vector3<f64>, sample: &mut [f64]) {
+        sample[..3].copy_from_slice(self.gyro(x).measured(rate).as_slice());
+        sample[3..IMU].copy_from_slice(self.accelerometer(x).measured(force).as_slice());
+    }
+
+    /// Writes the signal `angular_rate`.
+    pub(super) fn write_rate(&self, w: &Corrected, out: &mut SignalsOut<'_>) {
+        out.set(self.angular_rate, &w.rate);
+        if out.wants_jacobian() {
+            out.add_quantity(self.angular_rate, &self.gyro_bias, &Matrix3::from_diagonal(&w.by_bias()));
+            out.add_quantity(self.angular_rate, &self.gyro_scale, &Matrix3::from_diagonal(&w.by_scale()));
+        }
+    }
+
+    /// Adds ∂`signal`/∂(bias, scale) of the accelerometers, `by_force` being its derivative by force.
+    pub(super) fn add_by_force(&self, signal: Signal<Vector<3>>, by_force: &Matrix3<f64>, f: &Corrected, out: &mut SignalsOut<'_>) {
+        out.add_quantity(signal, &self.accel_bias, &times_diagonal(by_force, &f.by_bias()));
+        out.add_quantity(signal, &self.accel_scale, &times_diagonal(by_force, &f.by_scale()));
+    }
+}
+
+/// The density of noise on rate and on force that stands for their unknown course within a long sample.
+/// Where they change by Δ from one sample to the next, their integral is off in the middle by ΔT/8 if they
+/// do so steadily, by ΔT/2 if they jump there; a density of T Δ²/8 has a 1σ of ΔT/4 there.
+fn within_sample(input: &Input<'_>) -> (Matrix3<f64>, Matrix3<f64>) {
+    let other = neighbour(input, IMU).filter(|other| other.interval > 0.0 && input.interval > LONGEST_STEP);
+    let density = |from: usize| {
+        other.map_or_else(Matrix3::zeros, |other| {
+            let change = |k: usize| input.sample[from + k] - other.sample[from + k];
+            Matrix3::from_diagonal(&Vector3::from_fn(|k, _| change(k).powi(2) * input.interval / 8.0))
+        })
+    };
+    (density(0), density(3))
+}

@@ -1,0 +1,87 @@
+//! The start of a filter in a simulated world, drawn about the truth.
+//!
+//! Each kinematic block whose start is declared, not found from data, starts at x̂ = x ⊞ δ, x being what is
+//! true at that instant and δ a draw from the declared covariance of the block, in the canonical chart: an
+//! attitude is turned by a rotation vector in body axes. So the errors that filters start with are those
+//! that they are told of, another one for each seed.
+
+use super::random::Random;
+use super::simulator::Known;
+use super::spec::SimulationSpec;
+use super::world::OpenLoop;
+use crate::block::BuildError;
+use crate::earth::{Gravity, LocalFrame};
+use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::runner::Initialiser;
+use fusion_core::state::{Belief, Block, Layout, StateRole};
+use fusion_core::time::Time;
+use nalgebra::{DMatrix, DVector};
+use std::sync::Arc;
+
+/// Writes the drawn start; goes after all other initialisers.
+#[derive(Clone, Debug)]
+pub struct DrawnStart {
+    world: Arc<OpenLoop>,
+    frame: LocalFrame,
+    gravity: Gravity,
+    blocks: Vec<(Block, Known)>,
+    seed: u64,
+}
+
+impl DrawnStart {
+    /// For a filter with the state `layout` in the world of `spec`; the blocks that initialisers `found`
+    /// from data keep what those have found.
+    ///
+    /// # Errors
+    /// [`BuildError`] within `[simulation]`, as where nothing is left to be drawn.
+    pub fn new(
+        spec: &SimulationSpec,
+        layout: &Layout,
+        (origin, gravity): (Geodetic, Gravity),
+        found: &[&str],
+        seed: u64,
+    ) -> Result<Self, BuildError> {
+        let mut blocks = Vec::new();
+        let moved = layout.blocks().iter().filter(|b| b.role == StateRole::Kinematic);
+        for block in moved.filter(|b| !found.contains(&b.name.as_str())) {
+            blocks.extend(Known::of(layout, block)?.map(|known| (block.clone(), known)));
+        }
+        if blocks.is_empty() {
+            let message = "there is no start to draw: initialisers find all of it from data, which have errors of their own";
+            let help = "declare the start, `type = \"explicit\"` under [initial.NAME], or remove `draw_start`";
+            return Err(BuildError::at("draw_start", message).help(help));
+        }
+        Ok(Self {
+            world: Arc::new(OpenLoop::new(spec.trajectory()?, origin, gravity)),
+            frame: LocalFrame::new(origin),
+            gravity,
+            blocks,
+            seed,
+        })
+    }
+}
+
+impl Initialiser for DrawnStart {
+    fn row(&mut self, _: usize, _: Time, _: &[f64]) {}
+
+    fn waits_for(&self) -> Option<String> {
+        None
+    }
+
+    fn write(&self, time: Time, _: &Layout, belief: &mut Belief) {
+        let truth = self.world.truth_at(time);
+        for (block, known) in &self.blocks {
+            known.write(&truth, &self.frame, self.gravity, &mut belief.x);
+            let d = block.kind.dim();
+            let spread = DMatrix::from_row_slice(d, d, &belief.covariance.block(block)).symmetric_eigen();
+            let mut random = Random::new(self.seed, &format!("start/{}", block.name));
+            let along = spread.eigenvalues.map(|variance| variance.max(0.0).sqrt() * random.normal());
+            let delta: DVector<f64> = spread.eigenvectors * along;
+            block.kind.plus(&mut belief.x[block.storage_range()], delta.as_slice());
+        }
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Initialiser> {
+        Box::new(self.clone())
+    }
+}
