@@ -9,6 +9,7 @@
 )]
 
 use fusion::Navigator;
+use fusion::core::chart::{Biases, Reset, Side};
 use fusion::core::covariance::{Form, FormKind, SquareRoot, Workspace};
 use fusion::core::filter::{Backend, ChartKind, Estimator, Filter, Observed, Verdict};
 use fusion::core::gate::Open;
@@ -188,12 +189,31 @@ fn prediction_and_update_allocate_nothing_nor_do_those_of_a_copy() {
         form,
         ..Backend::ERROR_STATE
     };
+    let two_frames = Backend {
+        chart: ChartKind::Invariant(Side::Left, Biases::TwoFrames),
+        reset: Reset::Full,
+        ..Backend::ERROR_STATE
+    };
+    let invariant_iterated = Backend {
+        chart: Backend::INVARIANT.chart,
+        ..Backend::IEKF
+    };
+    let unscented_factored = Backend {
+        form: FormKind::SquareRoot,
+        ..Backend::UKF
+    };
     for (preset, backend) in [
         ("error_state", Backend::ERROR_STATE),
         ("ekf", Backend::EKF),
         ("error_state", of_form(FormKind::Standard)),
         ("error_state", of_form(FormKind::Udu)),
         ("error_state", of_form(FormKind::SquareRoot)),
+        ("error_state", Backend::IEKF),
+        ("error_state", Backend::INVARIANT),
+        ("error_state", Backend::UKF),
+        ("error_state", unscented_factored),
+        ("error_state", invariant_iterated),
+        ("error_state", two_frames),
     ] {
         let mut nav = navigator(preset, "one_sample");
         // Rows are held back for the receiver's latency, as far as it may go.

@@ -5,6 +5,9 @@
 /// A filter inside a stage that finds the attitude: what its blocks do together.
 #[path = "suite/attitude_filter.rs"]
 mod attitude_filter;
+/// Every chart, update, form and reset on a shipped design, and combinations without a meaning.
+#[path = "suite/backends.rs"]
+mod backends;
 /// The design with outliers over a hundred seeds: its experiments, and its gate under stress.
 #[path = "suite/campaigns.rs"]
 mod campaigns;

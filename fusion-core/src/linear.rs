@@ -43,7 +43,22 @@ pub(crate) struct Element {
     pub(crate) compact: u32,
 }
 
+impl Element {
+    /// Its column, of a matrix whose padded rows are as long as those it was made for.
+    const fn column(&self, ld: usize) -> usize {
+        self.padded as usize / ld
+    }
+}
+
 impl BlockMatrix {
+    /// out ← M v.
+    pub(crate) fn apply(&self, v: &[f64], out: &mut [f64]) {
+        out.copy_from_slice(v);
+        for (&i, elements) in self.active.iter().zip(self.elements()) {
+            out[usize::from(i)] = elements.iter().map(|e| self.value(e) * v[e.column(self.ld)]).sum();
+        }
+    }
+
     /// The identity on `n` dimensions.
     #[must_use]
     pub fn identity(n: usize) -> Self {
@@ -101,6 +116,12 @@ impl BlockMatrix {
                 *out = block[(i, j)];
             }
         }
+    }
+
+    /// Sets a whole row.
+    pub(crate) fn set_row(&mut self, row: usize, values: &[f64]) {
+        self.mark(row, 0, values.len());
+        self.data[row * self.ld..row * self.ld + values.len()].copy_from_slice(values);
     }
 
     /// Sets one element.
@@ -355,6 +376,12 @@ impl NoiseBlocks {
         }
     }
 
+    pub(crate) fn element(&mut self, row: usize, col: usize, value: f64) {
+        if value != 0.0 {
+            self.entries.push((row as u16, col as u16, value));
+        }
+    }
+
     pub(crate) fn diagonal(&mut self, i: usize, value: f64) {
         self.entries.push((i as u16, i as u16, value));
     }
@@ -375,7 +402,7 @@ impl NoiseBlocks {
 }
 
 /// The Jacobian of a measurement (or of the process's signals), written in blocks.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Jacobian {
     rows: usize,
     ld: usize,
@@ -384,6 +411,20 @@ pub struct Jacobian {
     by_signal: Vec<f64>,
     columns: Vec<(usize, usize)>,
     signals_used: bool,
+}
+
+impl Clone for Jacobian {
+    /// With the room of the original, so that a copy allocates nothing either.
+    fn clone(&self) -> Self {
+        let mut columns = Vec::with_capacity(self.columns.capacity());
+        columns.extend_from_slice(&self.columns);
+        Self {
+            h: self.h.clone(),
+            by_signal: self.by_signal.clone(),
+            columns,
+            ..*self
+        }
+    }
 }
 
 impl Jacobian {
@@ -472,6 +513,55 @@ impl Jacobian {
             self.columns.retain(|&(s, e)| !(col <= s && e <= end));
             self.columns.push((col, end));
         }
+    }
+
+    /// Covers the columns `start` to `end`, merging what they meet.
+    fn cover(&mut self, mut start: usize, mut end: usize) {
+        loop {
+            let before = self.columns.len();
+            self.columns.retain(|&(s, e)| {
+                let meets = s <= end && start <= e;
+                if meets {
+                    (start, end) = (start.min(s), end.max(e));
+                }
+                !meets
+            });
+            if self.columns.len() == before {
+                break;
+            }
+        }
+        self.columns.push((start, end));
+    }
+
+    /// H ← H M, for a complete H; `row` is working memory of a row.
+    pub(crate) fn compose(&mut self, map: &BlockMatrix, row: &mut [f64]) {
+        let n = row.len();
+        for i in 0..self.rows {
+            let h = &mut self.h[i * self.ld..i * self.ld + n];
+            row.copy_from_slice(h);
+            for &k in map.active() {
+                h[usize::from(k)] = 0.0;
+            }
+            for (&k, elements) in map.active().iter().zip(map.elements()) {
+                let factor = row[usize::from(k)];
+                for element in elements {
+                    h[element.column(map.ld)] += factor * map.value(element);
+                }
+            }
+        }
+        for &k in map.active() {
+            if self.columns.iter().any(|&(s, e)| s <= k.into() && usize::from(k) < e) {
+                for &(start, end) in &map.rows[usize::from(k)] {
+                    self.cover(start.into(), end.into());
+                }
+            }
+        }
+    }
+
+    /// Sets a whole row of H.
+    pub(crate) fn set_row(&mut self, row: usize, values: &[f64]) {
+        self.cover(0, values.len());
+        self.h[row * self.ld..row * self.ld + values.len()].copy_from_slice(values);
     }
 
     /// Whether a signal's Jacobian is needed to complete this one.

@@ -15,7 +15,7 @@ use fusion_core::loss::Loss;
 use fusion_core::model::{Measurement, Process};
 use fusion_core::runner::{Initialiser, Stage};
 use fusion_core::state::{
-    Declaration, Dynamics, LayoutBuilder, LayoutError, Manifold, Param, Quantity, QuantityName, Signal, Slot, StateRole,
+    Declaration, Dynamics, LayoutBuilder, LayoutError, Manifold, Param, Quantity, QuantityName, Signal, Slot, StateRole, Vector,
 };
 use serde::Deserialize;
 use serde::de::{Deserializer, Visitor};
@@ -461,6 +461,24 @@ impl Build<'_> {
         spec: &ParamSpec<V>,
     ) -> Result<Param<V::Manifold>, BuildError> {
         self.parameter(name.into().as_str(), field, spec, StateRole::Calibration)
+    }
+
+    /// A vector of a process resolved in body axes, such as a bias; otherwise as
+    /// [`Build::param_named`].
+    ///
+    /// # Errors
+    /// As [`Build::param`].
+    pub fn body_param<'n, V: ParamValue<Manifold = Vector<3>>>(
+        &mut self,
+        name: impl Into<QuantityName<'n, Vector<3>>>,
+        field: &str,
+        spec: &ParamSpec<V>,
+    ) -> Result<Param<Vector<3>>, BuildError> {
+        let param = self.param_named(name, field, spec)?;
+        if let Param::State(slot) = param {
+            self.layout.resolve_in_body(slot);
+        }
+        Ok(param)
     }
 
     fn parameter<V: ParamValue>(

@@ -272,6 +272,9 @@ impl<'a, P> Assembler<'a, P> {
         if !self.design.unread.initialisers {
             self.check_initialised(&layout);
         }
+        let root = self.design.document.root();
+        let otherwise = self.process.map_or(root, |p| &p.node);
+        self.design.filter.check_layout(&layout, root.get("filter"), otherwise, &mut self.d);
         let is_whole = infos.len() == self.design.sensors.len()
             && parts.stages.len() == self.design.stages.len() + self.design.filters.len()
             && parts.initialisers.len() == self.design.initialisers.len();

@@ -4,6 +4,8 @@ use super::run::written;
 use super::{BASE, DesignArgs, Failure, OutputArgs, as_warnings, report};
 use clap::Args;
 use fusion::campaign::{Campaign, monte_carlo};
+use fusion::config::Diagnostics;
+use fusion::design::FilterSpec;
 use fusion::examine::{Missing, variants};
 use fusion::output::FileSet;
 use fusion::present::campaign::pooled;
@@ -20,6 +22,11 @@ pub(super) struct CompareArgs {
     /// over A.
     #[arg(long, value_name = "A,B,C", value_delimiter = ',', default_value = BASE, hide_default_value = true)]
     variant: Vec<String>,
+    /// Backends to run each variant with, by commas, each in place of the table [filter]: `ekf`,
+    /// `error_state`, `iekf`, `invariant`, `ukf`, or any chart, update and form, as in
+    /// `invariant+iterated` or `left_invariant+unscented+joseph`.
+    #[arg(long, value_name = "A,B,C", value_delimiter = ',')]
+    backend: Vec<String>,
     /// Replaces one value in every run, after the variant.
     #[arg(long, value_name = "PATH=VALUE")]
     set: Vec<String>,
@@ -44,6 +51,25 @@ pub(super) struct CompareArgs {
     output: OutputArgs,
 }
 
+/// Each variant with each backend, or with its own where none is named.
+fn pairs<'a>(variants: &'a [String], backends: &'a [String]) -> impl Iterator<Item = (&'a String, Option<&'a String>)> {
+    let of = move |variant| {
+        let own = backends.is_empty().then_some(None);
+        own.into_iter()
+            .chain(backends.iter().map(Some))
+            .map(move |backend| (variant, backend))
+    };
+    variants.iter().flat_map(of)
+}
+
+/// The values to replace: the table `[filter]` by the backend, then what is set.
+fn with(backend: Option<&String>, set: &[String]) -> Result<Vec<String>, Failure> {
+    let table = backend
+        .map(|words| FilterSpec::table_of(words).map_err(Diagnostics::from))
+        .transpose()?;
+    Ok(table.into_iter().chain(set.iter().cloned()).collect())
+}
+
 pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     let configs: Vec<Option<PathBuf>> = if args.configs.is_empty() {
         vec![None]
@@ -63,9 +89,10 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         };
         let file = all.load()?;
         report(&as_warnings(&variants(&file, &all.selected())));
-        for variant in &args.variant {
+        for (variant, backend) in pairs(&args.variant, &args.backend) {
             let named = DesignArgs {
                 variant: vec![variant.clone()],
+                set: with(backend, &args.set)?,
                 ..all.clone()
             };
             let options = Options {
@@ -80,10 +107,10 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
                 },
             };
             let design = named.design(&file, Missing::Told)?;
-            let name = match config {
-                Some(path) if configs.len() > 1 => format!("{} {variant}", path.display()),
-                _ => variant.clone(),
-            };
+            let path = config.as_ref().filter(|_| configs.len() > 1).map(|p| p.display().to_string());
+            let variant = Some(variant.clone()).filter(|v| backend.is_none() || v != BASE);
+            let name: Vec<String> = path.into_iter().chain(variant).chain(backend.cloned()).collect();
+            let name = name.join(" ");
             if let Some(n) = args.n {
                 campaigns.push((name, monte_carlo(&design, &options, n, args.seed.unwrap_or(1), 0, &|_| {})?));
                 continue;

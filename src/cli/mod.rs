@@ -96,7 +96,8 @@ Examples:
 Examples:
   fusion compare configs/ins-gps-outlier.toml --variant base,no-gate,dead-reckoning
   fusion compare one.toml other.toml --data ~/logs/drive-3
-  fusion compare drive.toml --variant base,outages --set filter.backend=ekf")]
+  fusion compare drive.toml --variant base,outages --set filter.backend=ekf
+  fusion compare drive.toml --backend ekf,error_state,iekf,invariant,invariant+iterated,ukf")]
     Compare(compare::CompareArgs),
     /// Run a design many times with independent seeds: spread of the errors, NEES and NIS.
     ///

@@ -1,22 +1,38 @@
 //! `[filter]`: the backend, as a preset or by its axes.
 
+use crate::config::{Diagnostic, Diagnostics, Node, did_you_mean};
+use fusion_core::chart::{Biases, Reset, Side};
 use fusion_core::covariance::FormKind;
-use fusion_core::filter::{Backend, ChartKind, UpdateKind};
+use fusion_core::filter::{Backend, ChartKind, Iterated, Spread, UpdateKind};
+use fusion_core::state::{Kind, Layout, StateRole};
 use schemars::JsonSchema;
 use serde::Deserialize;
+use serde::de::IntoDeserializer;
+use serde::de::value::StrDeserializer;
 
-/// The backend: a preset, or its three axes.
+/// The backend: a preset, or its axes one by one.
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FilterSpec {
-    /// A named choice of the three axes below.
+    /// A named choice of the axes below; each that is named besides takes its place.
     pub backend: Option<PresetSpec>,
     /// What the covariance is the covariance of.
     pub chart: Option<ChartSpec>,
+    /// Vectors in body axes, such as the biases of inertial sensors, under an invariant chart.
+    pub biases: Option<BiasesSpec>,
     /// How a measurement is linearised.
     pub update: Option<UpdateSpec>,
-    /// How the covariance is kept positive.
+    /// The most steps of an iterated update, at least 1; 10 by default.
+    pub iterations: Option<u16>,
+    /// An iterated update ends when a step is shorter than this many σ of the estimate given the
+    /// measurement; 0.001 by default.
+    pub tolerance: Option<f64>,
+    /// How far the sigma points of an unscented update lie.
+    pub spread: Option<SpreadSpec>,
+    /// How the covariance is stored and kept positive.
     pub form: Option<FormSpec>,
+    /// What becomes of the covariance when the state moves by a correction.
+    pub reset: Option<ResetSpec>,
 }
 
 /// Named backends.
@@ -27,10 +43,16 @@ pub enum PresetSpec {
     Ekf,
     /// Body-frame error, single update, Joseph form.
     ErrorState,
+    /// Body-frame error, iterated update, Joseph form.
+    Iekf,
+    /// Right-invariant error, single update, Joseph form.
+    Invariant,
+    /// Body-frame error, sigma points for prediction and update.
+    Ukf,
 }
 
 /// Charts.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Eq)]
 #[serde(rename_all = "snake_case")]
 pub enum ChartSpec {
     /// Additive error of roll, pitch, yaw.
@@ -41,18 +63,56 @@ pub enum ChartSpec {
     Body,
     /// Attitude error in navigation axes.
     Navigation,
+    /// Attitude (or heading), velocity and position as one element of SE₂(3) (or SE(2)), the error on
+    /// its left: χ = Exp(ξ) χ̂.
+    RightInvariant,
+    /// The same, the error on its right: χ = χ̂ Exp(ξ).
+    LeftInvariant,
+}
+
+/// Biases under an invariant chart.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum BiasesSpec {
+    /// Their errors stay beside the group: the imperfect extension.
+    Imperfect,
+    /// They belong to it: the two-frames group.
+    TwoFrames,
 }
 
 /// Updates.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Eq)]
 #[serde(rename_all = "snake_case")]
 pub enum UpdateSpec {
     /// Linearised once, at the prediction.
     Single,
+    /// Linearised again where the correction leads: Gauss-Newton with step control.
+    Iterated,
+    /// Sigma points, for the prediction too.
+    Unscented,
+}
+
+/// The scaled set of sigma points: α√(n + κ) σ from the estimate.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SpreadSpec {
+    /// α, greater than 0.
+    pub alpha: f64,
+    /// β, at least α²; 2 is best for a Gaussian.
+    pub beta: f64,
+    /// κ, not negative.
+    pub kappa: f64,
+}
+
+impl Default for SpreadSpec {
+    fn default() -> Self {
+        let Spread { alpha, beta, kappa } = Spread::DEFAULT;
+        Self { alpha, beta, kappa }
+    }
 }
 
 /// Covariance forms.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Eq)]
 #[serde(rename_all = "snake_case")]
 pub enum FormSpec {
     /// (I − KH)P(I − KH)ᵀ + KRKᵀ.
@@ -65,6 +125,19 @@ pub enum FormSpec {
     SquareRoot,
 }
 
+/// What becomes of P at a correction.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Eq)]
+#[serde(rename_all = "snake_case")]
+pub enum ResetSpec {
+    /// P in the coordinates of the chart stays as it is.
+    Plain,
+    /// It is carried by the Jacobian of the chart's retraction; an iterated update always does so.
+    Full,
+}
+
+/// A mistake of `[filter]`: the key it is in, what is wrong, and what to do.
+struct Mistake(&'static str, String, &'static str);
+
 impl FilterSpec {
     /// The backend declared: the preset, with each axis that is named put in its place.
     #[must_use]
@@ -72,6 +145,9 @@ impl FilterSpec {
         let mut backend = match self.backend {
             Some(PresetSpec::Ekf) => Backend::EKF,
             Some(PresetSpec::ErrorState) | None => Backend::ERROR_STATE,
+            Some(PresetSpec::Iekf) => Backend::IEKF,
+            Some(PresetSpec::Invariant) => Backend::INVARIANT,
+            Some(PresetSpec::Ukf) => Backend::UKF,
         };
         if let Some(chart) = self.chart {
             backend.chart = match chart {
@@ -79,10 +155,29 @@ impl FilterSpec {
                 ChartSpec::AdditiveQuaternion => ChartKind::AdditiveQuaternion,
                 ChartSpec::Body => ChartKind::Body,
                 ChartSpec::Navigation => ChartKind::Navigation,
+                ChartSpec::RightInvariant => ChartKind::Invariant(Side::Right, Biases::Imperfect),
+                ChartSpec::LeftInvariant => ChartKind::Invariant(Side::Left, Biases::Imperfect),
             };
         }
-        if let Some(UpdateSpec::Single) = self.update {
-            backend.update = UpdateKind::Single;
+        if let (ChartKind::Invariant(_, biases), Some(BiasesSpec::TwoFrames)) = (&mut backend.chart, self.biases) {
+            *biases = Biases::TwoFrames;
+        }
+        match self.update {
+            Some(UpdateSpec::Single) => backend.update = UpdateKind::Single,
+            Some(UpdateSpec::Iterated) => backend.update = UpdateKind::Iterated(Iterated::DEFAULT),
+            Some(UpdateSpec::Unscented) => backend.update = UpdateKind::Unscented(Spread::DEFAULT),
+            None => {}
+        }
+        match &mut backend.update {
+            UpdateKind::Single => {}
+            UpdateKind::Iterated(rule) => {
+                rule.iterations = self.iterations.unwrap_or(rule.iterations);
+                rule.tolerance = self.tolerance.unwrap_or(rule.tolerance);
+            }
+            UpdateKind::Unscented(spread) => {
+                let SpreadSpec { alpha, beta, kappa } = self.spread.unwrap_or_default();
+                *spread = Spread { alpha, beta, kappa };
+            }
         }
         if let Some(form) = self.form {
             backend.form = match form {
@@ -92,27 +187,206 @@ impl FilterSpec {
                 FormSpec::SquareRoot => FormKind::SquareRoot,
             };
         }
+        if let UpdateKind::Iterated(_) = backend.update {
+            backend.reset = Reset::Full;
+        }
+        match self.reset {
+            Some(ResetSpec::Plain) => backend.reset = Reset::Plain,
+            Some(ResetSpec::Full) => backend.reset = Reset::Full,
+            None => {}
+        }
         backend
     }
 
-    /// The backend in the words of TOML: `body / single / joseph`.
+    /// The backend in the words of TOML: `body / single / joseph`, then what differs from the usual.
     #[must_use]
     pub fn backend_name(&self) -> String {
-        let Backend { chart, update, form } = self.backend();
-        [format!("{chart:?}"), format!("{update:?}"), format!("{form:?}")]
-            .map(|word| snake(&word))
-            .join(" / ")
+        let backend = self.backend();
+        let chart = match backend.chart {
+            ChartKind::AdditiveEuler => "additive_euler",
+            ChartKind::AdditiveQuaternion => "additive_quaternion",
+            ChartKind::Body => "body",
+            ChartKind::Navigation => "navigation",
+            ChartKind::Invariant(Side::Right, _) => "right_invariant",
+            ChartKind::Invariant(Side::Left, _) => "left_invariant",
+        };
+        let update = match backend.update {
+            UpdateKind::Single => "single",
+            UpdateKind::Iterated(_) => "iterated",
+            UpdateKind::Unscented(_) => "unscented",
+        };
+        let mut words = vec![chart, update, backend.form.form().name()];
+        if matches!(backend.chart, ChartKind::Invariant(_, Biases::TwoFrames)) {
+            words.push("two_frames");
+        }
+        if backend.reset == Reset::Full && !matches!(backend.update, UpdateKind::Iterated(_)) {
+            words.push("full reset");
+        }
+        words.join(" / ")
+    }
+
+    /// The table that a backend is named by on the command line, such as `ekf` or `invariant+iterated`: a
+    /// preset and any axes, each by its own word.
+    ///
+    /// # Errors
+    /// A word that is none, with what it may have been meant to be.
+    pub fn table_of(words: &str) -> Result<String, Diagnostic> {
+        let mut keys = Vec::new();
+        for word in words.split('+').map(str::trim) {
+            let key = if is::<PresetSpec>(word) {
+                "backend"
+            } else if is::<ChartSpec>(word) {
+                "chart"
+            } else if is::<BiasesSpec>(word) {
+                "biases"
+            } else if is::<UpdateSpec>(word) {
+                "update"
+            } else if is::<FormSpec>(word) {
+                "form"
+            } else if is::<ResetSpec>(word) {
+                "reset"
+            } else {
+                let known = names();
+                let message = format!("`{word}` is no backend, chart, update or form");
+                let near =
+                    did_you_mean(word, &known.iter().map(String::as_str).collect::<Vec<_>>()).map(|near| format!("did you mean `{near}`?"));
+                let help = near.unwrap_or_else(|| format!("there are {}", known.join(", ")));
+                return Err(Diagnostic::error(message).help(help));
+            };
+            keys.push(format!("{key} = \"{word}\""));
+        }
+        Ok(format!("filter={{ {} }}", keys.join(", ")))
+    }
+
+    /// What of the table contradicts itself.
+    pub(super) fn check(&self, node: &Node, d: &mut Diagnostics) {
+        if let Some(mistake) = self.contradiction() {
+            mistake.tell(Some(node), node, d);
+        }
+    }
+
+    fn contradiction(&self) -> Option<Mistake> {
+        let backend = self.backend();
+        let is_invariant = matches!(backend.chart, ChartKind::Invariant(..));
+        let (is_iterated, is_unscented) = (
+            matches!(backend.update, UpdateKind::Iterated(_)),
+            matches!(backend.update, UpdateKind::Unscented(_)),
+        );
+        let mistake = |key, message: &str, help| Some(Mistake(key, message.to_owned(), help));
+        if self.biases.is_some() && !is_invariant {
+            return mistake(
+                "biases",
+                "`biases` belongs to an invariant chart",
+                "add `chart = \"right_invariant\"`, or leave it out",
+            );
+        }
+        if self.iterations.is_some() && !is_iterated {
+            return mistake(
+                "iterations",
+                "`iterations` belongs to the iterated update",
+                "add `update = \"iterated\"`, or leave it out",
+            );
+        }
+        if self.tolerance.is_some() && !is_iterated {
+            return mistake(
+                "tolerance",
+                "`tolerance` belongs to the iterated update",
+                "add `update = \"iterated\"`, or leave it out",
+            );
+        }
+        if self.spread.is_some() && !is_unscented {
+            return mistake(
+                "spread",
+                "`spread` belongs to the unscented update",
+                "add `update = \"unscented\"`, or leave it out",
+            );
+        }
+        if self.iterations == Some(0) {
+            return mistake("iterations", "an update takes at least 1 step", "10 are usual");
+        }
+        if self.tolerance.is_some_and(|t| !(t.is_finite() && t >= 0.0)) {
+            return mistake("tolerance", "must be finite and at least 0", "0.001 is usual: a thousandth of a σ");
+        }
+        if let Some(SpreadSpec { alpha, beta, kappa }) = self.spread {
+            // n + κ > 0 for every n, and no negative variance.
+            let is_sound =
+                alpha > 0.0 && alpha.is_finite() && kappa >= 0.0 && kappa.is_finite() && beta >= alpha * alpha && beta.is_finite();
+            if !is_sound {
+                let message = format!("alpha = {alpha}, beta = {beta}, kappa = {kappa} may give a negative variance");
+                return mistake(
+                    "spread",
+                    &message,
+                    "take alpha > 0, beta ≥ alpha², kappa ≥ 0; alpha = 1, beta = 2, kappa = 0 are usual",
+                );
+            }
+        }
+        if is_iterated && self.reset == Some(ResetSpec::Plain) {
+            return mistake(
+                "reset",
+                "an iterated update always carries the covariance by the full reset",
+                "leave `reset` out",
+            );
+        }
+        if is_unscented && backend.form == FormKind::Standard {
+            let help = "leave `form` out: sigma points need no form that holds for one gain only";
+            return mistake("form", "`standard` has no meaning for sigma points", help);
+        }
+        None
+    }
+
+    /// What of the table has no meaning for the states of `layout`; `node` is the table, `otherwise` where it
+    /// is pointed at without one.
+    pub(crate) fn check_layout(&self, layout: &Layout, node: Option<&Node>, otherwise: &Node, d: &mut Diagnostics) {
+        let ChartKind::Invariant(_, biases) = self.backend().chart else {
+            return;
+        };
+        let key = if self.chart.is_some() { "chart" } else { "backend" };
+        let has = |is: fn(Kind) -> bool| layout.blocks().iter().any(|b| b.role == StateRole::Kinematic && is(b.kind));
+        let mistake = if !has(|k| matches!(k, Kind::Attitude | Kind::Angle)) {
+            let message = "an invariant chart needs an attitude or a heading, and this process has neither";
+            Mistake(key, message.to_owned(), "leave it out: all states of this process are additive")
+        } else if biases == Biases::TwoFrames && !layout.blocks().iter().any(fusion_core::state::Block::is_in_body_axes) {
+            let message = "there is no estimated bias in body axes to belong to the two-frames group";
+            Mistake(
+                "biases",
+                message.to_owned(),
+                "leave `biases` out, or estimate a bias of the gyros or accelerometers",
+            )
+        } else {
+            return;
+        };
+        mistake.tell(node, otherwise, d);
     }
 }
 
-/// `AdditiveEuler` as `additive_euler`.
-fn snake(word: &str) -> String {
-    let mut out = String::new();
-    for c in word.chars() {
-        if c.is_ascii_uppercase() && !out.is_empty() {
-            out.push('_');
-        }
-        out.push(c.to_ascii_lowercase());
+impl Mistake {
+    fn tell(self, node: Option<&Node>, otherwise: &Node, d: &mut Diagnostics) {
+        let Self(key, message, help) = self;
+        let place = node.map_or(otherwise.name_place(), |node| node.get(key).unwrap_or(node).place());
+        d.push(Diagnostic::error(message).at(place).help(help));
     }
-    out
+}
+
+/// Whether `word` is a value of the enumeration `T`.
+fn is<'de, T: Deserialize<'de>>(word: &'de str) -> bool {
+    let deserializer: StrDeserializer<'de, serde::de::value::Error> = word.into_deserializer();
+    T::deserialize(deserializer).is_ok()
+}
+
+/// Every word that [`FilterSpec::table_of`] takes.
+fn names() -> Vec<String> {
+    let schemas = [
+        schemars::schema_for!(PresetSpec),
+        schemars::schema_for!(ChartSpec),
+        schemars::schema_for!(BiasesSpec),
+        schemars::schema_for!(UpdateSpec),
+        schemars::schema_for!(FormSpec),
+        schemars::schema_for!(ResetSpec),
+    ];
+    let mut names = Vec::new();
+    for schema in schemas {
+        let of_variants = schema.get("oneOf").and_then(|v| v.as_array()).into_iter().flatten();
+        names.extend(of_variants.filter_map(|v| v.get("const")?.as_str()).map(str::to_owned));
+    }
+    names
 }

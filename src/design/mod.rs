@@ -29,7 +29,7 @@ mod run;
 pub mod schema;
 
 pub use blocks::{Fault, Named, ProcessDesign, SensorCommon, SensorDesign, SimulationDesign, SourceDesign};
-pub use filter::{ChartSpec, FilterSpec, FormSpec, PresetSpec, UpdateSpec};
+pub use filter::{BiasesSpec, ChartSpec, FilterSpec, FormSpec, PresetSpec, ResetSpec, SpreadSpec, UpdateSpec};
 pub use health::{FloorSpec, HealthSpec, InnovationsSpec, RejectedSpec, SilentSpec};
 pub use input::InputSpec;
 pub use leaders::OnlyWithSpec;

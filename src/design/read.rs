@@ -104,6 +104,9 @@ impl Draft {
     pub(super) fn filter(document: Document, run: RunSpec, d: &mut Diagnostics) -> Self {
         let root = document.root().clone();
         let filter = root.get("filter").map_or_else(|| Some(FilterSpec::default()), |n| n.read(d));
+        if let (Some(node), Some(filter)) = (root.get("filter"), &filter) {
+            filter.check(node, d);
+        }
         let health = read_health(&root, d);
         let process = read_process(&root, d);
         let (sensors, unread_sensors) = each(&root, "sensor", d, read_sensor);

@@ -70,6 +70,7 @@ fn parts(form: Arc<dyn Form>, update: Arc<dyn UpdateRule>) -> Parts {
         chart: ChartKind::Body.chart(),
         update,
         form,
+        ..Backend::ERROR_STATE.into()
     }
 }
 

@@ -1,7 +1,10 @@
 //! The backends: a chart, an update and a form, each chosen by itself.
 
+use super::iterated::Iterated;
 use super::rule::{Single, UpdateRule};
-use crate::chart::{AdditiveEuler, AdditiveQuaternion, Body, Chart, Navigation};
+use super::sigma::Spread;
+use super::unscented::Unscented;
+use crate::chart::{AdditiveEuler, AdditiveQuaternion, Biases, Body, Chart, Invariant, Navigation, Reset, Side};
 use crate::covariance::FormKind;
 use std::sync::Arc;
 
@@ -17,18 +20,24 @@ pub enum ChartKind {
     Body,
     /// Navigation-frame attitude error.
     Navigation,
+    /// The error as an element of a group.
+    Invariant(Side, Biases),
 }
 
 /// How a measurement is linearised.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub enum UpdateKind {
     /// Once, at the prediction.
     #[default]
     Single,
+    /// Again and again, where the correction leads: Gauss-Newton.
+    Iterated(Iterated),
+    /// By sigma points, the prediction too.
+    Unscented(Spread),
 }
 
 /// A backend: three independent choices.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Backend {
     /// What the covariance is the covariance of.
     pub chart: ChartKind,
@@ -36,20 +45,37 @@ pub struct Backend {
     pub update: UpdateKind,
     /// How P is stored and kept positive.
     pub form: FormKind,
+    /// What becomes of P when the state moves by a correction.
+    pub reset: Reset,
 }
 
 impl Backend {
     /// The classical EKF: additive Euler angles, one linearisation, Joseph form.
     pub const EKF: Self = Self {
         chart: ChartKind::AdditiveEuler,
-        update: UpdateKind::Single,
-        form: FormKind::Joseph,
+        ..Self::ERROR_STATE
     };
     /// The error-state filter: body-frame error, one linearisation, Joseph form.
     pub const ERROR_STATE: Self = Self {
         chart: ChartKind::Body,
         update: UpdateKind::Single,
         form: FormKind::Joseph,
+        reset: Reset::Plain,
+    };
+    /// The iterated error-state filter: body-frame error, Gauss-Newton on the manifold.
+    pub const IEKF: Self = Self {
+        update: UpdateKind::Iterated(Iterated::DEFAULT),
+        ..Self::ERROR_STATE
+    };
+    /// The invariant filter: right-invariant error, one linearisation.
+    pub const INVARIANT: Self = Self {
+        chart: ChartKind::Invariant(Side::Right, Biases::Imperfect),
+        ..Self::ERROR_STATE
+    };
+    /// The unscented filter on the manifold, body-frame error.
+    pub const UKF: Self = Self {
+        update: UpdateKind::Unscented(Spread::DEFAULT),
+        ..Self::ERROR_STATE
     };
 }
 
@@ -62,6 +88,11 @@ impl ChartKind {
             Self::AdditiveQuaternion => Arc::new(AdditiveQuaternion),
             Self::Body => Arc::new(Body),
             Self::Navigation => Arc::new(Navigation),
+            Self::Invariant(side, biases) => Arc::new(Invariant {
+                side,
+                biases,
+                origin: None,
+            }),
         }
     }
 }
@@ -72,6 +103,8 @@ impl UpdateKind {
     pub fn rule(self) -> Arc<dyn UpdateRule> {
         match self {
             Self::Single => Arc::new(Single),
+            Self::Iterated(rule) => Arc::new(rule),
+            Self::Unscented(spread) => Arc::new(Unscented(spread)),
         }
     }
 }

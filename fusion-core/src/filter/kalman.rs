@@ -4,8 +4,9 @@ use super::backend::Backend;
 use super::estimator::{Estimator, FilterError, Observed, Update, Verdict};
 use super::reacquire::Growing;
 use super::rule::{Innovation, Problem, UpdateRule};
+use super::sigma::Spread;
 use super::step::Step;
-use crate::chart::Chart;
+use crate::chart::{Chart, Reset};
 use crate::covariance::{Covariance, Form};
 use crate::gate::{Answer, Decision, Gate, GateInput, Mode, Outcome};
 use crate::linear::{BlockMatrix, Transition};
@@ -24,6 +25,8 @@ pub struct Parts {
     pub update: Arc<dyn UpdateRule>,
     /// How P is stored and kept positive.
     pub form: Arc<dyn Form>,
+    /// What becomes of P when the state moves by a correction.
+    pub reset: Reset,
 }
 
 impl From<Backend> for Parts {
@@ -32,6 +35,7 @@ impl From<Backend> for Parts {
             chart: backend.chart.chart(),
             update: backend.update.rule(),
             form: backend.form.form(),
+            reset: backend.reset,
         }
     }
 }
@@ -45,6 +49,7 @@ pub struct Filter {
     process: Arc<dyn Process>,
     chart: Arc<dyn Chart>,
     rule: Arc<dyn UpdateRule>,
+    how: Reset,
     own: Arc<[OwnDynamics]>,
     pub(super) growing: Growing,
     /// What the parameters were before a gate denied its sensor.
@@ -157,6 +162,15 @@ impl OwnDynamics {
     }
 }
 
+/// Gauss-Markov decay of the state over `dt` seconds.
+fn decay_state(own: &[OwnDynamics], x: &mut [f64], dt: f64) {
+    for own in own {
+        if let OwnDynamics::Markov { storage, tau, .. } = *own {
+            x[storage] *= (-dt / tau).exp();
+        }
+    }
+}
+
 impl Filter {
     /// A filter at the layout's initial belief, with room for measurements of up to `largest`.
     #[must_use]
@@ -183,6 +197,7 @@ impl Filter {
             x_before: vec![0.0; layout.storage()],
             p_before: Covariance::zeros(n, parts.form),
             chart: parts.chart,
+            how: if parts.update.resets_fully() { Reset::Full } else { parts.reset },
             rule: parts.update,
             steps: None,
             layout,
@@ -229,19 +244,19 @@ impl Filter {
     fn step(&mut self, drive: &Drive<'_>, to: Time, dt: f64) -> bool {
         let prior = self.prior();
         self.transition.reset();
-        match drive {
-            Drive::Input(input) => {
+        let is_moved = match (drive, self.rule.spread()) {
+            (Drive::Input(input), Some(spread)) => self.spread_step(&spread, input, dt),
+            (Drive::Input(input), None) => {
                 self.process.linearise(&self.belief.x, input, dt, &mut self.transition);
                 self.process.propagate(&mut self.belief.x, input, dt);
+                self.predict_covariance(dt)
             }
-            Drive::Nothing(gap) => self.coast_step(gap),
-        }
-        // The process moves under the state it was linearised at, so blocks decay after it.
-        self.decay(dt);
-        let covariance = &self.belief.covariance;
-        self.transition.settle(|axis| covariance.marginal_at::<1>(axis).x);
-        let is_sound = self.layout.is_sane(&self.belief.x) && self.belief.covariance.predict(&self.transition, &mut self.work.work);
-        if !is_sound {
+            (Drive::Nothing(gap), _) => {
+                self.coast_step(gap);
+                self.predict_covariance(dt)
+            }
+        };
+        if !(is_moved && self.layout.is_sane(&self.belief.x)) {
             return false;
         }
         self.belief.time = to;
@@ -266,24 +281,74 @@ impl Filter {
         self.signals.forget();
     }
 
-    /// Random walks and Gauss-Markov decay of the blocks that have them.
+    /// What blocks do by themselves, and P by the transition; false, with P as before, where it is not
+    /// sound. The process moves under the state it was linearised at, so blocks decay after it.
+    fn predict_covariance(&mut self, dt: f64) -> bool {
+        self.decay(dt);
+        decay_state(&self.own, &mut self.belief.x, dt);
+        let covariance = &self.belief.covariance;
+        self.transition.settle(|axis| covariance.marginal_at::<1>(axis).x);
+        self.layout.is_sane(&self.belief.x) && self.belief.covariance.predict(&self.transition, &mut self.work.work)
+    }
+
+    /// Random walks and Gauss-Markov decay of the blocks that have them, in the transition.
     fn decay(&mut self, dt: f64) {
         for own in self.own.iter() {
             match *own {
                 OwnDynamics::Walk { axis, psd } => self.transition.after.diagonal(axis, psd * dt),
-                OwnDynamics::Markov {
-                    axis,
-                    storage,
-                    variance,
-                    tau,
-                } => {
+                OwnDynamics::Markov { axis, variance, tau, .. } => {
                     let decay = (-dt / tau).exp();
-                    self.belief.x[storage] *= decay;
                     self.transition.phi.set_element(axis, axis, decay);
                     self.transition.after.diagonal(axis, variance * (1.0 - decay * decay));
                 }
             }
         }
+    }
+
+    /// The belief by sigma points through the process's own step; its noise is added as ever. False, with
+    /// a covariance as before, where the result is not sound. Where steps are kept, Φ becomes the
+    /// regression of what the points became on what they were.
+    fn spread_step(&mut self, spread: &Spread, input: &Input<'_>, dt: f64) -> bool {
+        self.process.linearise(&self.belief.x, input, dt, &mut self.transition);
+        self.decay(dt);
+        let covariance = &self.belief.covariance;
+        self.transition.settle(|axis| covariance.marginal_at::<1>(axis).x);
+        let (n, storage) = (self.layout.dim(), self.layout.storage());
+        let reach = spread.reach(n);
+        let points = &mut self.work.points;
+        points.prepare(n, n, storage);
+        points.take(covariance, self.transition.noise_before());
+        let (process, own, layout, chart) = (&self.process, &self.own, &self.layout, &self.chart);
+        let run = |x: &mut [f64]| {
+            process.propagate(x, input, dt);
+            decay_state(own, x, dt);
+        };
+        points.centre.copy_from_slice(&self.belief.x);
+        run(&mut points.centre);
+        for i in 0..n {
+            let is_there = points.point(i, reach);
+            for end in (0..2).filter(|_| is_there) {
+                points.x.copy_from_slice(&self.belief.x);
+                chart.correct(layout, &mut points.x, &points.delta[..n], Reset::Plain, &mut self.reset);
+                run(&mut points.x);
+                chart.difference(layout, &points.x, &points.centre, &mut points.ends[end][..n]);
+                points.delta.iter_mut().for_each(|d| *d = -*d);
+            }
+            points.keep(i, n, reach, is_there);
+        }
+        points.second_order(n, reach, spread);
+        self.belief.x.copy_from_slice(&points.centre);
+        self.reset.reset();
+        chart.correct(layout, &mut self.belief.x, &points.mean[..n], Reset::Full, &mut self.reset);
+        points.carry(&self.reset);
+        let Some(p) = points.covariance(self.transition.noise_after()) else {
+            return false;
+        };
+        self.belief.covariance.set_whole(p);
+        if self.steps.is_some() {
+            points.explain(&mut self.transition);
+        }
+        true
     }
 
     /// The belief before a step, where steps are kept.
@@ -420,7 +485,7 @@ impl Filter {
                 prior,
                 jacobian: f.work.jacobian.clone(),
                 noise: f.work.noise[..m * m].to_vec(),
-                residual: f.work.residual[..m].to_vec(),
+                residual: f.work.effective[..m].to_vec(),
                 innovation: w.s[..m * m].to_vec(),
                 gain: w.kt.chunks(w.ld).take(m).flat_map(|row| &row[..n]).copied().collect(),
                 correction: f.work.correction.clone(),
@@ -431,11 +496,18 @@ impl Filter {
         true
     }
 
+    /// The innovation under a covariance that has grown, for rules to which H is not enough.
+    fn redraw(&mut self, observed: &Observed<'_>) -> bool {
+        self.rule.spread().is_none() || self.innovation(observed).is_ok()
+    }
+
     /// Moves the state by the correction, through the chart, and P with it; whether P had to follow.
     fn apply(&mut self) -> bool {
         self.reset.reset();
         let x = &mut self.belief.x;
-        let is_reset = self.chart.correct(&self.layout, x, &self.work.correction, &mut self.reset);
+        let is_reset = self
+            .chart
+            .correct(&self.layout, x, &self.work.correction, self.how, &mut self.reset);
         if is_reset {
             self.belief.covariance.congruence(&self.reset, &mut self.work.work);
         }
@@ -480,6 +552,9 @@ impl Estimator for Filter {
     }
 
     fn set_belief(&mut self, belief: Belief) {
+        if let Some(chart) = self.chart.anchored(&self.layout, &belief.x) {
+            self.chart = chart;
+        }
         let covariance = belief.covariance.stored_in(self.p_before.form());
         self.belief = Belief { covariance, ..belief };
         self.past.start(&self.belief);
@@ -517,7 +592,7 @@ impl Estimator for Filter {
             Decision::Accept => self.use_it(observed, nis, loss),
             Decision::Reacquire => {
                 self.remember();
-                if self.inflate() && self.correct(observed) {
+                if self.inflate() && self.redraw(observed) && self.correct(observed) {
                     (Verdict::Reacquired, 1.0)
                 } else {
                     self.restore();

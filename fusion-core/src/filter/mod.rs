@@ -7,18 +7,24 @@
 
 mod backend;
 mod estimator;
+mod iterated;
 mod kalman;
 mod lateness;
 mod reacquire;
 mod rule;
+mod sigma;
 mod step;
+mod unscented;
 
 pub use backend::{Backend, ChartKind, UpdateKind};
 pub use estimator::{Estimator, FilterError, Observed, Update, Verdict};
+pub use iterated::Iterated;
 pub use kalman::{Filter, Parts};
 pub use lateness::Lateness;
 pub use rule::{Innovation, Problem, Single, UpdateRule};
+pub use sigma::{SigmaPoints, Spread};
 pub use step::Step;
+pub use unscented::Unscented;
 
 #[cfg(test)]
 pub(crate) mod tests;

@@ -2,9 +2,10 @@
 
 use super::estimator::Observed;
 use super::kalman::Signals;
-use crate::chart::Chart;
+use super::sigma::{SigmaPoints, Spread};
+use crate::chart::{Chart, Reset};
 use crate::covariance::{Covariance, Form, Workspace, cholesky, solve_lower, solve_rows};
-use crate::linear::Jacobian;
+use crate::linear::{BlockMatrix, Jacobian};
 use crate::model::{Process, Size, Undefined};
 use crate::state::Layout;
 use core::fmt::Debug;
@@ -30,6 +31,17 @@ pub trait UpdateRule: Debug + Send + Sync {
     /// measurement; S and its factor are in `work`, R is `work.noise`. The state is not moved: that
     /// is the chart's, afterwards. False, and nothing changed, where a number is not finite.
     fn condition(&self, problem: &mut Problem<'_>, work: &mut Innovation) -> bool;
+
+    /// Whether P given the measurement is that of coordinates about the prediction, so that the
+    /// chart has to carry it by the Jacobian of its retraction: [`Reset::Full`], whatever is declared.
+    fn resets_fully(&self) -> bool {
+        false
+    }
+
+    /// The sigma points by which the belief is predicted as well; `None` for the process's own Φ.
+    fn spread(&self) -> Option<Spread> {
+        None
+    }
 }
 
 /// One linearisation, at the prediction.
@@ -88,6 +100,27 @@ impl Problem<'_> {
         linearised
     }
 
+    /// x̂ ⊞ `delta` into `x`, by the chart; into `by` the Jacobian of what lies there with respect to
+    /// `delta`.
+    pub fn move_to(&self, delta: &[f64], x: &mut [f64], by: &mut BlockMatrix) {
+        x.copy_from_slice(self.x);
+        by.reset();
+        self.chart.correct(self.layout, x, delta, Reset::Full, by);
+    }
+
+    /// h at another state `x`, without its Jacobian, into `value`; the time offset of the measurement is
+    /// left out.
+    ///
+    /// # Errors
+    /// [`Undefined`] where the model has no value there.
+    pub fn predict_at(&mut self, x: &[f64], value: &mut [f64]) -> Result<(), Undefined> {
+        self.signals.forget();
+        self.signals.evaluate(self.process, x, false);
+        let predicted = self.observed.model.predict(&self.signals.buffer.view(x), value);
+        self.signals.forget();
+        predicted
+    }
+
     fn linearise_with(
         layout: &Layout,
         o: &Observed<'_>,
@@ -116,6 +149,46 @@ impl Problem<'_> {
     }
 }
 
+/// What a rule needs to look at the measurement from another state.
+#[derive(Clone, Debug)]
+pub(super) struct Trial {
+    /// The Jacobian of the chart's retraction.
+    pub(super) by: BlockMatrix,
+    /// The state.
+    pub(super) x: Vec<f64>,
+    /// A correction kept, and P⁻¹ times it.
+    pub(super) delta: Vec<f64>,
+    pub(super) dual: Vec<f64>,
+    pub(super) dual_kept: Vec<f64>,
+    /// A row of H.
+    pub(super) row: Vec<f64>,
+    /// The innovation of the prediction, which is what is reported.
+    pub(super) residual: Vec<f64>,
+    pub(super) predicted: Vec<f64>,
+    /// h at another state.
+    pub(super) value: Vec<f64>,
+    /// The factor of R.
+    pub(super) noise: Vec<f64>,
+}
+
+impl Trial {
+    fn new(layout: &Layout, m: usize, value: usize) -> Self {
+        let n = layout.dim();
+        Self {
+            by: BlockMatrix::identity(n),
+            x: vec![0.0; layout.storage()],
+            delta: vec![0.0; n],
+            dual: vec![0.0; n],
+            dual_kept: vec![0.0; n],
+            row: vec![0.0; n],
+            residual: vec![0.0; m],
+            predicted: vec![0.0; value],
+            value: vec![0.0; value],
+            noise: vec![0.0; m * m],
+        }
+    }
+}
+
 /// A measurement's passage: residual, H, S, gain and correction, in memory sized once.
 #[derive(Clone, Debug)]
 pub struct Innovation {
@@ -125,6 +198,9 @@ pub struct Innovation {
     pub predicted: Vec<f64>,
     /// r = z ⊟ h(x̂); the first m.
     pub residual: Vec<f64>,
+    /// What the correction is K times: the residual, or for an iterated update r + H δ of the last
+    /// linearisation.
+    pub effective: Vec<f64>,
     /// H, m×n.
     pub jacobian: Jacobian,
     /// R, m×m, row by row: as it was offered, or divided by the robust weight.
@@ -133,6 +209,10 @@ pub struct Innovation {
     pub correction: Vec<f64>,
     /// HP, HPHᵀ, S, its factor and Kᵀ.
     pub work: Workspace,
+    /// A second linearisation: the Jacobian of the chart's retraction, a state, predictions.
+    pub(super) trial: Trial,
+    /// Sigma points, for rules that draw them.
+    pub(super) points: SigmaPoints,
     /// A state a little later, and the change up to it; what a measurement changes by.
     pub(super) moved: Vec<f64>,
     pub(super) rate: Vec<f64>,
@@ -154,10 +234,13 @@ impl Innovation {
             rows: 0,
             predicted: vec![0.0; largest.value.max(1)],
             residual: vec![0.0; m],
+            effective: vec![0.0; m],
             jacobian: Jacobian::new(layout, m),
             noise: vec![0.0; m * m],
             correction: vec![0.0; n],
             work: Workspace::new(form, n, m),
+            trial: Trial::new(layout, m, largest.value.max(1)),
+            points: SigmaPoints::default(),
             moved: vec![0.0; layout.storage()],
             rate: vec![0.0; n],
             shift: vec![0.0; m],
@@ -212,9 +295,16 @@ impl Innovation {
 
     /// δ = K r; false where a number of it is not finite.
     pub fn correct(&mut self) -> bool {
+        let m = self.rows;
+        self.effective[..m].copy_from_slice(&self.residual[..m]);
+        self.correct_by_effective()
+    }
+
+    /// δ = K times [`Innovation::effective`]; false where a number of it is not finite.
+    pub fn correct_by_effective(&mut self) -> bool {
         let (m, ld) = (self.rows, self.work.ld);
         for (i, d) in self.correction.iter_mut().enumerate() {
-            *d = (0..m).map(|j| self.work.kt[j * ld + i] * self.residual[j]).sum();
+            *d = (0..m).map(|j| self.work.kt[j * ld + i] * self.effective[j]).sum();
         }
         self.correction.iter().all(|d| d.is_finite())
     }

@@ -32,7 +32,7 @@ pub enum Step {
         jacobian: Jacobian,
         /// R, m×m, row by row, with the robust weight in it.
         noise: Vec<f64>,
-        /// r = z ⊟ h(x̂).
+        /// What δ is K times: r = z ⊟ h(x̂), for an iterated update r + H δ at its last linearisation.
         residual: Vec<f64>,
         /// S, m×m, row by row.
         innovation: Vec<f64>,

@@ -5,13 +5,14 @@ use crate::linear::{Jacobian, Transition};
 use crate::loss::{Huber, Quadratic};
 use crate::model::{Input, Measurement, Process, Size, Undefined};
 use crate::state::{Attitude, Belief, Declaration, Dynamics, LayoutBuilder, Manifold, Param, Scalar, Slot, StateRole, Vector, View};
-use crate::testing::{Lcg, check_update_rule};
+use crate::testing::Lcg;
 use crate::time::Time;
 use nalgebra::{DMatrix, Matrix1, SMatrix, SVector};
 use std::sync::Arc;
 
 mod late;
 mod reacquire;
+mod rules;
 mod signals;
 mod steps;
 
@@ -630,9 +631,4 @@ fn a_million_random_steps_keep_the_covariance_symmetric_and_positive() {
         // −1e-12: rounding of the eigenvalues of a matrix of unit diagonal.
         assert!(correlation.symmetric_eigen().eigenvalues.min() > -1e-12, "{form:?}");
     }
-}
-
-#[test]
-fn the_single_update_is_exact_for_a_linear_measurement() {
-    check_update_rule(&(Arc::new(Single) as Arc<dyn UpdateRule>)).unwrap();
 }

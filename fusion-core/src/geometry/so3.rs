@@ -127,6 +127,45 @@ pub fn right_jacobian_inverse(phi: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::identity() + 0.5 * s + c * (s * s)
 }
 
+/// ∂(J_l(φ) v)/∂φ, 3×3, J_l(φ) = Jr(−φ): how the mean of [`mean_rotated`] changes with φ.
+///
+/// J_l v = v + a φ×v + b φ×(φ×v) with a = (1 − cos θ)/θ², b = (θ − sin θ)/θ³, differentiated by φ.
+#[must_use]
+pub fn left_jacobian_slope(phi: &Vector3<f64>, v: &Vector3<f64>) -> Matrix3<f64> {
+    let y = phi.norm_squared();
+    let (a, b) = jacobian_coefficients(y);
+    let (da, db) = jacobian_slopes(y);
+    let (once, along) = (phi.cross(v), phi.dot(v));
+    let twice = phi.cross(&once);
+    -a * skew(v)
+        + b * (phi * v.transpose() - 2.0 * (v * phi.transpose()) + Matrix3::identity() * along)
+        + (da * once + db * twice) * phi.transpose()
+}
+
+/// a'(θ)/θ and b'(θ)/θ of the coefficients of the Jacobian, from θ².
+fn jacobian_slopes(theta2: f64) -> (f64, f64) {
+    let y = theta2;
+    if y < 1.0 {
+        // a = Σ (−y)^k/(2k + 2)!, b = Σ (−y)^k/(2k + 3)!; what is left out after k = 9 is below 1e-19.
+        let (mut a, mut b, mut term) = (0.0, 0.0, 0.5);
+        for k in 1..10 {
+            let k = f64::from(k);
+            term /= -(2.0 * k + 1.0) * (2.0 * k + 2.0);
+            a += 2.0 * k * term;
+            b += 2.0 * k * term / (2.0 * k + 3.0);
+            term *= y;
+        }
+        (a, b)
+    } else {
+        let theta = y.sqrt();
+        let (sin, cos) = theta.sin_cos();
+        (
+            (theta * sin - 2.0 * (1.0 - cos)) / (y * y),
+            (3.0 * sin - 2.0 * theta - theta * cos) / (y * y * theta),
+        )
+    }
+}
+
 /// Mean of `Exp(s φ) v` over s ∈ \[0, 1\]: what a vector fixed in a body contributes while
 /// the body turns by φ at a constant rate. Equals `Jr(−φ) v`, without building the matrix.
 #[inline]

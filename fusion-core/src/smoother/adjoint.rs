@@ -2,7 +2,7 @@
 
 use super::link::Link;
 use super::record::Kept;
-use crate::chart::Chart;
+use crate::chart::{Chart, Reset};
 use crate::covariance::axpy;
 use crate::linear::{BlockMatrix, padded};
 use crate::state::{Belief, Layout};
@@ -166,7 +166,8 @@ impl Corrector {
         symmetrise(&mut self.less, n, ld);
         pack(&self.less, &mut self.whole, n, ld);
         self.reset.reset();
-        if self.chart.correct(&self.layout, &mut out.x, &self.correction, &mut self.reset) {
+        let (layout, by) = (&self.layout, &mut self.reset);
+        if self.chart.correct(layout, &mut out.x, &self.correction, Reset::Plain, by) {
             self.turn(n, ld);
         }
         out.covariance.set_whole(&self.whole);

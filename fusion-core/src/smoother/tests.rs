@@ -1,6 +1,6 @@
 use super::record::{Kept, Kind, Reader, put};
 use super::*;
-use crate::chart::{Body, Chart};
+use crate::chart::{Body, Chart, Reset};
 use crate::covariance::FormKind;
 use crate::filter::tests::{Direct, Still, Track, declare, second};
 use crate::filter::{Backend, ChartKind, Estimator, Filter, Observed, Parts, Step, Verdict};
@@ -454,11 +454,15 @@ struct Halving;
 
 impl Chart for Halving {
     fn to_canonical(&self, _: &Layout, _: &[f64], _: &mut BlockMatrix) {}
-    fn correct(&self, layout: &Layout, x: &mut [f64], delta: &[f64], reset: &mut BlockMatrix) -> bool {
+    fn correct(&self, layout: &Layout, x: &mut [f64], delta: &[f64], _: Reset, by: &mut BlockMatrix) -> bool {
         layout.plus(x, delta);
         x[0] *= 2.0;
-        reset.set_element(0, 0, 2.0);
+        by.set_element(0, 0, 2.0);
         true
+    }
+    fn difference(&self, layout: &Layout, a: &[f64], b: &[f64], delta: &mut [f64]) {
+        layout.minus(a, b, delta);
+        delta[0] = 0.5 * a[0] - b[0];
     }
 }
 

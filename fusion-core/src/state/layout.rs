@@ -1,6 +1,6 @@
 //! The layout of the state vector: which blocks there are, who declares them, where they lie.
 
-use super::manifold::{Kind, Manifold};
+use super::manifold::{Kind, Manifold, Vector};
 use super::name::QuantityName;
 use super::quantity::{Quantity, Signal, Slot};
 use thiserror::Error;
@@ -61,9 +61,18 @@ pub struct Block {
     pub unit: &'static str,
     /// Initial 1σ per tangent axis.
     pub sigma: Vec<f64>,
+    /// Whether it is a vector resolved in body axes.
+    in_body_axes: bool,
 }
 
 impl Block {
+    /// Whether it is a vector resolved in body axes, such as the bias of a gyro: three numbers that
+    /// turn with the body.
+    #[must_use]
+    pub const fn is_in_body_axes(&self) -> bool {
+        self.in_body_axes
+    }
+
     /// The block's range in state storage.
     #[must_use]
     pub fn storage_range(&self) -> core::ops::Range<usize> {
@@ -352,10 +361,18 @@ impl LayoutBuilder {
             owner: d.owner,
             unit: d.unit,
             sigma: d.sigma,
+            in_body_axes: false,
         });
         l.storage += M::KIND.storage();
         l.dim += dim;
         Ok(slot)
+    }
+
+    /// Says that a block is a vector resolved in body axes: [`Block::is_in_body_axes`].
+    pub fn resolve_in_body(&mut self, slot: Slot<Vector<3>>) {
+        if let Some(block) = self.layout.blocks.iter_mut().find(|b| b.tangent == slot.tangent) {
+            block.in_body_axes = true;
+        }
     }
 
     /// Adds a signal of the process model.

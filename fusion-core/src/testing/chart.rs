@@ -1,9 +1,9 @@
 //! Laws of charts and of the kinds of block.
 
 use super::numeric::within;
-use crate::chart::Chart;
+use crate::chart::{Chart, Reset};
 use crate::linear::BlockMatrix;
-use crate::state::{Kind, Layout};
+use crate::state::{Block, Kind, Layout};
 
 /// ⊞ and ⊟ of a kind undo each other: (x ⊞ δ) ⊟ x = δ, and x ⊞ 0 = x.
 ///
@@ -34,77 +34,109 @@ pub fn check_kind(kind: Kind, x: &[f64], delta: &[f64]) -> Result<(), String> {
     }
 }
 
-/// A chart's T(x) is the derivative of its retraction at `x`, and the reset it reports for the
-/// correction `delta` is T(x⁺)T(x⁻)⁻¹.
+/// The laws of a chart at `x`, for the correction `delta`: T(x) is the derivative of its retraction;
+/// the plain reset is T(x⁺)T(x⁻)⁻¹; the full reset is the derivative of what the correction leads to;
+/// the difference undoes the correction.
 ///
-/// Charts whose own coordinates outnumber the canonical ones have no square T; for them give
-/// [`check_reset`] the factor of their projection instead.
+/// Charts whose own coordinates outnumber the canonical ones have no square T: [`check_reset`] holds
+/// what they can be held to.
 ///
 /// # Errors
 /// A sentence naming the block.
 pub fn check_chart(layout: &Layout, chart: &dyn Chart, x: &[f64], delta: &[f64]) -> Result<(), String> {
-    check_retraction(layout, chart, x)?;
+    check_reset(layout, chart, x, delta)?;
     let n = layout.dim();
     let (mut t_before, mut t_after, mut reset) = (BlockMatrix::identity(n), BlockMatrix::identity(n), BlockMatrix::identity(n));
     let mut after = x.to_vec();
     chart.to_canonical(layout, x, &mut t_before);
-    chart.correct(layout, &mut after, delta, &mut reset);
+    chart.correct(layout, &mut after, delta, Reset::Plain, &mut reset);
     chart.to_canonical(layout, &after, &mut t_after);
     // reset · T(x⁻) = T(x⁺), without an inverse.
     for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
         let carried: f64 = (0..n).map(|k| reset.get(i, k) * t_before.get(k, j)).sum();
-        // 1e-12: an inverse and two products of 3×3 matrices of condition up to 1e2.
-        if !within(carried - t_after.get(i, j), 1e-12 * (1.0 + t_after.get(i, j).abs())) {
+        let wanted = t_after.get(i, j);
+        // 1e-12: an inverse and two products of 3×3 matrices of condition up to 1e2. Besides, geodetic
+        // positions of the group add up as metres do, to the 1e-5 by which their scale changes on the way.
+        let scale = if is_geodetic(layout, i) { 1e-5 } else { 0.0 };
+        if !within(carried - wanted, (1e-12 + scale) * size(&t_after, i, n)) {
             let name = name_of(layout, i);
             return Err(format!(
-                "{chart:?}, `{name}`: reset·T(x⁻) has {carried} at ({i}, {j}), T(x⁺) has {}",
-                t_after.get(i, j)
+                "{chart:?}, `{name}`: reset·T(x⁻) has {carried} at ({i}, {j}), T(x⁺) has {wanted}"
             ));
         }
     }
     Ok(())
 }
 
-/// In an additive chart a correction is a shift of coordinates: what moves x⁻ by δ + η moves x⁺
-/// by J η, J the reset. Checked by central differences; `factor(block)` scales J where the
-/// retraction projects back onto the manifold.
+/// The full reset of the correction `delta` is the derivative of what the correction leads to: what moves
+/// x⁻ by δ + η moves x⁺ by J η. And the difference undoes the correction.
 ///
 /// # Errors
 /// A sentence naming the block.
-pub fn check_reset(layout: &Layout, chart: &dyn Chart, x: &[f64], delta: &[f64], factor: f64) -> Result<(), String> {
+pub fn check_reset(layout: &Layout, chart: &dyn Chart, x: &[f64], delta: &[f64]) -> Result<(), String> {
+    check_retraction(layout, chart, x)?;
     let n = layout.dim();
     let mut reset = BlockMatrix::identity(n);
-    let mut after = x.to_vec();
-    chart.correct(layout, &mut after, delta, &mut reset);
-    for b in layout.blocks().iter().filter(|b| b.kind == Kind::Attitude) {
-        for j in b.tangent_range() {
-            let numeric = derivative(layout, chart, x, delta, &after, j, 1e-4);
-            for i in b.tangent_range() {
-                let analytic = reset.get(i, j) * factor;
-                // 1e-7: h²/6·f''' with f''' of up to 10 for h = 1e-4, rounding ε/h = 2e-12.
-                if !within(numeric[i] - analytic, 1e-7) {
-                    return Err(format!(
-                        "{chart:?}, `{}`: reset ({i}, {j}) is {analytic}, numerically {}",
-                        b.name, numeric[i]
-                    ));
-                }
+    let (mut after, mut back) = (x.to_vec(), vec![0.0; n]);
+    chart.correct(layout, &mut after, delta, Reset::Full, &mut reset);
+    chart.difference(layout, &after, x, &mut back);
+    for (i, (back, delta)) in back.iter().zip(delta).enumerate() {
+        // 1e-12 of the numbers, and 1e-8 m for a few ulps of longitude.
+        let tolerance = if is_geodetic(layout, i) { 1e-8 } else { 1e-12 };
+        if !within(back - delta, tolerance * (1.0 + delta.abs()) * size(&reset, i, n)) {
+            let name = name_of(layout, i);
+            return Err(format!("{chart:?}, `{name}`: the difference is {back} for a correction by {delta}"));
+        }
+    }
+    for (b, j) in axes(layout) {
+        let h = if turns(b.kind) { 1e-4 } else { 1.0 };
+        let numeric = derivative(layout, chart, x, delta, &after, j, h);
+        for (i, numeric) in numeric.iter().enumerate() {
+            let analytic = reset.get(i, j);
+            // 1e-7: h²/6 of a third derivative of up to 10 for h = 1e-4, rounding ε/h = 2e-12, of numbers as
+            // large as those of the row; 1e-5 of the scale of metres, which changes over the way.
+            let relative = if is_geodetic(layout, i) { 1e-5 } else { 1e-7 };
+            if !within(numeric - analytic, relative * size(&reset, i, n)) {
+                let name = name_of(layout, i);
+                return Err(format!(
+                    "{chart:?}, `{name}`: reset ({i}, {j}) is {analytic}, numerically {numeric}"
+                ));
             }
         }
     }
     Ok(())
 }
 
+/// The largest element of a row, at least one.
+fn size(m: &BlockMatrix, row: usize, n: usize) -> f64 {
+    (0..n).fold(1.0, |most: f64, j| most.max(m.get(row, j).abs()))
+}
+
+fn axes(layout: &Layout) -> impl Iterator<Item = (&Block, usize)> {
+    layout.blocks().iter().flat_map(|b| b.tangent_range().map(move |j| (b, j)))
+}
+
+const fn turns(kind: Kind) -> bool {
+    matches!(kind, Kind::Attitude | Kind::Angle)
+}
+
+fn is_geodetic(layout: &Layout, axis: usize) -> bool {
+    axes(layout).any(|(b, j)| j == axis && b.kind == Kind::Geodetic)
+}
+
 /// correct(x, δ) = x ⊞ δ to first order: the retraction's derivative is T, for the correction
 /// goes in by T⁻¹.
 fn check_retraction(layout: &Layout, chart: &dyn Chart, x: &[f64]) -> Result<(), String> {
     let zero = vec![0.0; layout.dim()];
-    for (b, j) in layout.blocks().iter().flat_map(|b| b.tangent_range().map(move |j| (b, j))) {
-        let h = if b.kind == Kind::Attitude { 1e-4 } else { 1.0 };
+    let largest = x.iter().fold(1.0, |most: f64, v| most.max(v.abs()));
+    for (b, j) in axes(layout) {
+        let h = if turns(b.kind) { 1e-4 } else { 1.0 };
         let numeric = derivative(layout, chart, x, &zero, x, j, h);
         for (i, v) in numeric.iter().enumerate() {
             let wanted = f64::from(u8::from(i == j));
-            // 1e-6: h²/6·f''' with f''' of up to 100 near the edge of the Euler chart.
-            if !within(v - wanted, 1e-6) {
+            // 1e-6: h²/6·f''' with f''' of up to 100 near the edge of the Euler chart, or as
+            // large as the positions that turn with an invariant error.
+            if !within(v - wanted, 1e-6 * largest) {
                 return Err(format!(
                     "{chart:?}, `{}`: the retraction's derivative is {v} at ({i}, {j}) instead of {wanted}",
                     b.name
@@ -122,7 +154,7 @@ fn derivative(layout: &Layout, chart: &dyn Chart, x: &[f64], at: &[f64], base: &
     for (sign, out) in [1.0, -1.0].into_iter().zip(&mut ends) {
         let (mut delta, mut moved, mut unused) = (at.to_vec(), x.to_vec(), BlockMatrix::identity(n));
         delta[j] += sign * h;
-        chart.correct(layout, &mut moved, &delta, &mut unused);
+        chart.correct(layout, &mut moved, &delta, Reset::Plain, &mut unused);
         layout.minus(&moved, base, out);
     }
     ends[0].iter().zip(&ends[1]).map(|(p, m)| (p - m) / (2.0 * h)).collect()

@@ -1,7 +1,7 @@
 //! Laws of the forms of the covariance and of the update rules: each gives what dense algebra gives.
 
 use super::Lcg;
-use crate::chart::Body;
+use crate::chart::{Body, Reset};
 use crate::covariance::{Covariance, Form, FormKind, Workspace, cholesky, solve_rows};
 use crate::filter::{Estimator, Filter, Observed, Parts, UpdateRule, Verdict};
 use crate::gate::Open;
@@ -365,6 +365,7 @@ pub fn check_update_rule(rule: &Arc<dyn UpdateRule>) -> Result<(), String> {
             chart: Arc::new(Body),
             update: rule.clone(),
             form: form.clone(),
+            reset: Reset::Plain,
         };
         let mut filter = Filter::of(Arc::new(layout), Arc::new(Still), parts, Size::same(m));
         let mut belief = filter.belief().clone();

@@ -81,7 +81,7 @@ impl ProcessSpec for AttitudeOnlySpec {
         let unset = vec![0.0; 3];
         Ok(Box::new(AttitudeOnly {
             attitude: b.declare(state::ATTITUDE, "rad", UnitQuaternion::identity(), unset, Dynamics::Process)?,
-            gyro_bias: b.param_named(state::GYRO_BIAS, "gyro_bias", &self.gyro_bias)?,
+            gyro_bias: b.body_param(state::GYRO_BIAS, "gyro_bias", &self.gyro_bias)?,
             angular_rate: b.signal(state::ANGULAR_RATE)?,
             gyro_psd: kinematic::psd(self.gyro_noise.si()),
             w_ie_n: lat.map_or_else(Vector3::zeros, earth_rate_n),

@@ -83,7 +83,7 @@ impl ProcessSpec for ExternalAttitudeSpec {
         b.gravity = gravity;
         Ok(Box::new(ExternalAttitude {
             kinematic: Kinematic::declare(b)?,
-            accel_bias: b.param_named(state::ACCEL_BIAS, "accelerometer_bias", &self.accelerometer_bias)?,
+            accel_bias: b.body_param(state::ACCEL_BIAS, "accelerometer_bias", &self.accelerometer_bias)?,
             angular_rate: b.signal(state::ANGULAR_RATE)?,
             acceleration: b.signal(state::ACCELERATION)?,
             attitude_psd: psd(self.attitude_noise.si()),

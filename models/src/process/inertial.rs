@@ -136,8 +136,8 @@ impl Inertial {
         correction: Option<Mode>,
     ) -> Result<Self, BuildError> {
         Ok(Self {
-            gyro_bias: b.param_named(state::GYRO_BIAS, "gyro.bias", &gyro.bias)?,
-            accel_bias: b.param_named(state::ACCEL_BIAS, "accelerometer.bias", &accelerometer.bias)?,
+            gyro_bias: b.body_param(state::GYRO_BIAS, "gyro.bias", &gyro.bias)?,
+            accel_bias: b.body_param(state::ACCEL_BIAS, "accelerometer.bias", &accelerometer.bias)?,
             gyro_scale: b.param_named(state::GYRO_SCALE, "gyro.scale", &gyro.scale)?,
             accel_scale: b.param_named(state::ACCEL_SCALE, "accelerometer.scale", &accelerometer.scale)?,
             angular_rate: b.signal(state::ANGULAR_RATE)?,
