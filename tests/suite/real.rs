@@ -199,12 +199,12 @@ fn every_backend_gives_the_same_run_to_linearisation_error() {
     for (name, tolerance) in [("rtklib-drive", 2e-3), ("tumvi", 2e-2)] {
         let Some(body) = real(name, &[], &[]) else { return };
         let body = body.score.unwrap().horizontal_rms;
-        for backend in ["ekf", "error_state"] {
+        for backend in ["ekf", "error_state", "iekf", "invariant", "ukf"] {
             let set = format!("filter.backend={backend}");
             let other = real(name, &[], &[&set]).unwrap().score.unwrap().horizontal_rms;
             assert!((other / body - 1.0).abs() < tolerance, "{name} {backend}: {other} {body}");
         }
-        for chart in ["navigation", "additive_euler", "additive_quaternion", "body"] {
+        for chart in ["navigation", "additive_euler", "additive_quaternion", "body", "left_invariant"] {
             let set = format!("filter.chart={chart}");
             let other = real(name, &[], &[&set]).unwrap().score.unwrap().horizontal_rms;
             assert!((other / body - 1.0).abs() < tolerance, "{name} {chart}: {other} {body}");

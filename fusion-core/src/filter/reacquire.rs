@@ -57,7 +57,8 @@ impl Growing {
 impl Filter {
     /// P grows until the residual is one that it expects, rᵀ(HPHᵀ + R)⁻¹r ≤ m: the motion, or all
     /// of P for a sensor that no growth of the motion explains, because it sees little else than
-    /// calibrations; and of parameters what was learnt lately is forgotten. False where neither does; P is then to be restored from `p_before`.
+    /// calibrations. What was learnt of parameters lately is forgotten. False where neither does; P is
+    /// then to be restored from `p_before`.
     pub(super) fn inflate(&mut self) -> bool {
         let prior = self.prior();
         let grows = self.grow_until_expected(MOST_GROWTH, Self::grow_motion) || {
