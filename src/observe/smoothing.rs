@@ -90,7 +90,9 @@ impl<'a> Smoother<'a> {
     }
 
     fn estimate(&mut self, belief: &Belief) -> Result<(), Halt> {
-        self.settle()?;
+        if self.latest.is_some() {
+            self.settle()?;
+        }
         let is_wanted = self.rows.as_mut().is_some_and(|rows| rows.takes(belief.time));
         self.latest = Some(Asked {
             belief: belief.clone(),

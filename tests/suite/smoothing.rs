@@ -88,6 +88,33 @@ fn smoothed_estimates_are_better_than_those_of_the_filter_and_know_their_errors(
     }
 }
 
+#[test]
+fn estimates_that_no_reference_asks_for_change_no_score() {
+    let Some(asked) = smoothed_run("rtklib-drive", &[], &[]) else {
+        return;
+    };
+    let w = Workspace::new("smoothing-asked");
+    let (design, options) = real_design("rtklib-drive", &[], &["run.output_rate=1000 Hz"]).unwrap();
+    let options = Options {
+        smooth: Smoothing::Whole(Keep::Memory),
+        out: Some(w.path("out")),
+        ..options
+    };
+    let all = run(&design, &options, &mut |_| {}).unwrap_or_else(|e| panic!("{e}"));
+    let count = |summary: &Summary| summary.smoothed.as_ref().unwrap().estimates;
+    assert!(
+        count(&all) == all.epochs && count(&asked) < all.epochs / 5,
+        "{} {}",
+        count(&asked),
+        all.epochs
+    );
+    let [all, asked] = [&all, &asked].map(smoothed);
+    assert_eq!(
+        (all.position, all.velocity, all.nees_position),
+        (asked.position, asked.velocity, asked.nees_position)
+    );
+}
+
 /// Rows of a file as numbers; an empty cell is 0.
 fn rows(text: &str) -> Vec<Vec<f64>> {
     let number = |cell: &str| cell.parse().unwrap_or(0.0);
