@@ -354,7 +354,7 @@ fn smoothed(samples: i64, shelf: &mut dyn FnMut(&str) -> Box<dyn Shelf>) -> i64 
     let tapes = ["steps", "smoothed"].map(|name| Tape::new(shelf(name)));
     peak(|| {
         let [steps, turned] = tapes;
-        let mut smoother = FixedInterval::new(layout, ChartKind::Body.chart(), steps);
+        let mut smoother = FixedInterval::new(layout, &Backend::ERROR_STATE.into(), steps);
         let mut observer = Steps(|event: &Event<'_>| match event {
             Event::Step(step) => Link::of(step).iter().for_each(|link| smoother.step(link).unwrap()),
             Event::Estimate { belief } => smoother.estimate(belief).unwrap(),

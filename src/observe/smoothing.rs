@@ -65,14 +65,18 @@ impl<'a> Smoother<'a> {
     /// # Errors
     /// The first of an observer, or what was kept that cannot be read back.
     pub fn finish(mut self) -> Result<u64, Halt> {
-        self.end_piece()?;
-        if let By::All(interval, turned) = self.by {
-            let mut smoothed = interval.smooth(turned)?;
-            while let Some(belief) = smoothed.read()? {
-                self.smoothed += 1;
-                self.hub.on(&Event::Estimate { belief })?;
+        self.settle_all()?;
+        let mut tell = told(&mut self.hub, &mut self.smoothed);
+        match self.by {
+            By::Lag(mut lag) => lag.finish(&mut tell)?,
+            By::All(interval, turned) => {
+                let mut smoothed = interval.smooth(turned)?;
+                while let Some(belief) = smoothed.read()? {
+                    tell(belief)?;
+                }
             }
         }
+        drop(tell);
         self.hub.finish()?;
         Ok(self.smoothed)
     }
@@ -131,15 +135,19 @@ impl<'a> Smoother<'a> {
         }
     }
 
-    /// The filter starts anew, or the log ends.
-    fn end_piece(&mut self) -> Result<(), Halt> {
+    fn start(&mut self, belief: &Belief) -> Result<(), Halt> {
+        self.settle_all()?;
+        match &mut self.by {
+            By::All(interval, _) => interval.start(belief),
+            By::Lag(lag) => lag.start(belief, &mut told(&mut self.hub, &mut self.smoothed)),
+        }
+    }
+
+    /// Hands on all there is.
+    fn settle_all(&mut self) -> Result<(), Halt> {
         // The latest estimate becomes the one before, and is then handed on.
         self.settle()?;
-        self.settle()?;
-        match &mut self.by {
-            By::All(interval, _) => interval.start(),
-            By::Lag(lag) => lag.start(&mut told(&mut self.hub, &mut self.smoothed)),
-        }
+        self.settle()
     }
 }
 
@@ -155,7 +163,7 @@ impl RunObserver for Smoother<'_> {
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
         match event {
             RunEvent::Filter { filter, event } if filter.is_outermost() => match event {
-                Event::Started { .. } => self.end_piece()?,
+                Event::Started { belief } => self.start(belief)?,
                 Event::Step(step) => self.step(step)?,
                 // The score of outages asks what was used.
                 Event::Updated { .. } => self.hub.on(event)?,

@@ -6,6 +6,7 @@ use crate::assembly::Assembly;
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
 use crate::observe::{By, EstimateFile, FilterScore, Hub, Smoother};
+use fusion_core::filter::Parts;
 use fusion_core::smoother::{FixedInterval, FixedLag, Shelf, Tape};
 use fusion_core::time::nanos;
 
@@ -38,10 +39,10 @@ impl Planned {
 
     /// The smoother itself.
     pub(super) fn by(self, design: &Design, assembly: &Assembly, files: &Files) -> Result<By, Diagnostics> {
-        let chart = design.filter.backend().chart.chart();
+        let parts = Parts::from(design.filter.backend());
         let layout = assembly.layout.clone();
         let keep = match self {
-            Self::Lag(lag) => return Ok(By::Lag(Box::new(FixedLag::new(layout, chart, nanos(lag))))),
+            Self::Lag(lag) => return Ok(By::Lag(Box::new(FixedLag::new(layout, &parts, nanos(lag))))),
             Self::Whole(keep) => keep,
         };
         let tape = |name: &str| -> Result<Tape, Diagnostics> {
@@ -51,7 +52,7 @@ impl Planned {
             };
             Ok(Tape::new(shelf))
         };
-        let interval = FixedInterval::new(layout, chart, tape("steps")?);
+        let interval = FixedInterval::new(layout, &parts, tape("steps")?);
         Ok(By::All(Box::new(interval), tape("smoothed")?))
     }
 }

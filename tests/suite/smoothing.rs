@@ -73,9 +73,9 @@ fn the_half_minutes_without_gnss_of_the_drive_are_bridged_to_a_metre() {
 
 #[test]
 fn smoothed_estimates_are_better_than_those_of_the_filter_and_know_their_errors() {
-    // Measured 0.018 m (the specification asks for 0.03 m), 1.29 m, 0.026 m; a tenth above. The filter has
+    // Measured 0.016 m (the specification asks for 0.03 m), 1.29 m, 0.026 m; a tenth above. The filter has
     // 0.037 m, 1.43 m, 0.056 m.
-    for (name, bound) in [("rtklib-drive", 0.02), ("pntos-car", 1.42), ("tumvi", 0.029)] {
+    for (name, bound) in [("rtklib-drive", 0.018), ("pntos-car", 1.42), ("tumvi", 0.029)] {
         let Some(summary) = smoothed_run(name, &[], &[]) else { return };
         let (filtered, smoothed) = (summary.score.as_ref().unwrap(), smoothed(&summary));
         assert_eq!(filtered.epochs, smoothed.epochs);

@@ -40,6 +40,13 @@ impl From<Backend> for Parts {
     }
 }
 
+impl Parts {
+    /// What becomes of P at a correction: as declared, or what the update rule needs.
+    pub(crate) fn reset(&self) -> Reset {
+        if self.update.resets_fully() { Reset::Full } else { self.reset }
+    }
+}
+
 /// The Kalman filter on manifolds.
 ///
 /// Cloned, it continues bit for bit as the original would.
@@ -183,10 +190,12 @@ impl Filter {
     pub fn of(layout: Arc<Layout>, process: Arc<dyn Process>, parts: Parts, largest: Size) -> Self {
         let n = layout.dim();
         let belief = Belief::initial(&layout, &parts.form, Time::default());
+        let how = parts.reset();
         let mut past = Past::new(Arc::clone(&layout));
         past.start(&belief);
         Self {
             belief,
+            how,
             transition: Transition::new(&layout),
             own: OwnDynamics::of(&layout),
             growing: Growing::of(&layout),
@@ -197,7 +206,6 @@ impl Filter {
             x_before: vec![0.0; layout.storage()],
             p_before: Covariance::zeros(n, parts.form),
             chart: parts.chart,
-            how: if parts.update.resets_fully() { Reset::Full } else { parts.reset },
             rule: parts.update,
             steps: None,
             layout,

@@ -4,6 +4,7 @@ use super::link::Link;
 use super::record::Kept;
 use crate::chart::{Chart, Reset};
 use crate::covariance::axpy;
+use crate::filter::Parts;
 use crate::linear::{BlockMatrix, padded};
 use crate::state::{Belief, Layout};
 use std::sync::Arc;
@@ -111,6 +112,7 @@ impl Adjoint {
 pub(super) struct Corrector {
     layout: Arc<Layout>,
     chart: Arc<dyn Chart>,
+    how: Reset,
     reset: BlockMatrix,
     correction: Vec<f64>,
     p: Vec<f64>,
@@ -120,7 +122,8 @@ pub(super) struct Corrector {
 }
 
 impl Corrector {
-    pub(super) fn new(layout: Arc<Layout>, chart: Arc<dyn Chart>) -> Self {
+    /// Of a filter of these parts.
+    pub(super) fn new(layout: Arc<Layout>, parts: &Parts) -> Self {
         let n = layout.dim();
         let ld = padded(n);
         Self {
@@ -131,7 +134,15 @@ impl Corrector {
             less: vec![0.0; n * ld],
             whole: vec![0.0; n * n],
             layout,
-            chart,
+            chart: parts.chart.clone(),
+            how: parts.reset(),
+        }
+    }
+
+    /// The filter starts from `belief`, which may be where its chart is anchored.
+    pub(super) fn start(&mut self, belief: &Belief) {
+        if let Some(chart) = self.chart.anchored(&self.layout, &belief.x) {
+            self.chart = chart;
         }
     }
 
@@ -167,7 +178,7 @@ impl Corrector {
         pack(&self.less, &mut self.whole, n, ld);
         self.reset.reset();
         let (layout, by) = (&self.layout, &mut self.reset);
-        if self.chart.correct(layout, &mut out.x, &self.correction, Reset::Plain, by) {
+        if self.chart.correct(layout, &mut out.x, &self.correction, self.how, by) {
             self.turn(n, ld);
         }
         out.covariance.set_whole(&self.whole);

@@ -4,7 +4,7 @@ use super::adjoint::{Adjoint, Corrector};
 use super::link::Link;
 use super::record::{Kept, Kind, Reader, Unreadable, empty};
 use super::tape::Tape;
-use crate::chart::Chart;
+use crate::filter::Parts;
 use crate::runner::Halt;
 use crate::state::{Belief, Layout};
 use std::sync::Arc;
@@ -23,11 +23,11 @@ pub struct FixedInterval {
 }
 
 impl FixedInterval {
-    /// For beliefs of `layout` of a filter whose corrections `chart` applies.
+    /// For beliefs of `layout` of a filter of these parts.
     #[must_use]
-    pub fn new(layout: Arc<Layout>, chart: Arc<dyn Chart>, tape: Tape) -> Self {
+    pub fn new(layout: Arc<Layout>, parts: &Parts, tape: Tape) -> Self {
         Self {
-            corrector: Corrector::new(layout, chart),
+            corrector: Corrector::new(layout, parts),
             tape,
             link: Link::default(),
             kept: Kept::default(),
@@ -35,11 +35,12 @@ impl FixedInterval {
         }
     }
 
-    /// The filter starts, or starts anew: nothing that comes says anything of what was before.
+    /// The filter starts from `belief`, perhaps anew: nothing that comes says anything of what was before.
     ///
     /// # Errors
     /// Where the record cannot be kept.
-    pub fn start(&mut self) -> Result<(), Halt> {
+    pub fn start(&mut self, belief: &Belief) -> Result<(), Halt> {
+        self.corrector.start(belief);
         self.begin(Kind::Start);
         self.tape.push(&self.record)
     }

@@ -9,7 +9,7 @@
 use super::adjoint::{Adjoint, Corrector, identity};
 use super::link::Link;
 use super::record::{Kept, empty};
-use crate::chart::Chart;
+use crate::filter::Parts;
 use crate::linear::padded;
 use crate::runner::Halt;
 use crate::state::{Belief, Layout};
@@ -55,9 +55,9 @@ enum Open {
 }
 
 impl FixedLag {
-    /// For beliefs of `layout` of a filter whose corrections `chart` applies; `lag` in nanoseconds.
+    /// For beliefs of `layout` of a filter of these parts; `lag` in nanoseconds.
     #[must_use]
-    pub fn new(layout: Arc<Layout>, chart: Arc<dyn Chart>, lag: i64) -> Self {
+    pub fn new(layout: Arc<Layout>, parts: &Parts, lag: i64) -> Self {
         let n = layout.dim();
         let ld = padded(n);
         Self {
@@ -70,15 +70,25 @@ impl FixedLag {
             moved: vec![0.0; n * ld],
             room: Vec::new(),
             belief: empty(layout.storage(), n),
-            corrector: Corrector::new(layout, chart),
+            corrector: Corrector::new(layout, parts),
         }
     }
 
-    /// The filter starts, stops, or the log ends: no later data say anything of what was before.
+    /// The filter starts from `belief`, perhaps anew: nothing that comes says anything of what was before.
     ///
     /// # Errors
     /// The first that `tell` returns.
-    pub fn start(&mut self, tell: &mut dyn FnMut(&Belief) -> Result<(), Halt>) -> Result<(), Halt> {
+    pub fn start(&mut self, belief: &Belief, tell: &mut dyn FnMut(&Belief) -> Result<(), Halt>) -> Result<(), Halt> {
+        self.finish(tell)?;
+        self.corrector.start(belief);
+        Ok(())
+    }
+
+    /// The log ends: tells the beliefs that wait for more data.
+    ///
+    /// # Errors
+    /// The first that `tell` returns.
+    pub fn finish(&mut self, tell: &mut dyn FnMut(&Belief) -> Result<(), Halt>) -> Result<(), Halt> {
         self.release(Time::MAX, tell)?;
         self.close();
         self.release(Time::MAX, tell)?;
