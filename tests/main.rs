@@ -60,6 +60,9 @@ mod reacquisition;
 /// Real recorded logs, scored against their references.
 #[path = "suite/real.rs"]
 mod real;
+/// The designs of scenes in which backends differ: that they run, and who wins.
+#[path = "suite/scenes.rs"]
+mod scenes;
 /// The JSON Schema against every example and every shipped design.
 #[path = "suite/schema.rs"]
 mod schema;

@@ -6,7 +6,7 @@ use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
 use crate::observe::SensorStatistics;
 use crate::run::{Options, Smoothing, Summary, run};
-use crate::score::{Axes, BlockScore, Consistency};
+use crate::score::{Axes, BlockScore, Consistency, Convergence, median};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -33,6 +33,8 @@ pub struct RunRow {
     pub rotation_rmse: f64,
     /// NEES of position, velocity, attitude.
     pub nees: [Option<Consistency>; 3],
+    /// Whether it has converged; none where the design does not say when a run has.
+    pub convergence: Option<Convergence>,
     /// Each block of the state against its drawn truth.
     pub blocks: Vec<BlockScore>,
     /// What became of the measurements of each sensor.
@@ -54,6 +56,7 @@ impl RunRow {
             position_rmse: score.position_rmse_m.unwrap_or(f64::NAN),
             rotation_rmse: score.rotation_rmse_deg.unwrap_or(f64::NAN),
             nees: [score.nees_position, score.nees_velocity, score.nees_attitude],
+            convergence: score.convergence,
             blocks: score.blocks,
             sensors: summary.sensors.clone(),
         }
@@ -163,6 +166,10 @@ pub struct Pooled {
     pub position: Option<f64>,
     /// Mean NEES of position, velocity, attitude over its degrees of freedom: 1 is ideal.
     pub nees: [Option<f64>; 3],
+    /// Share of the runs that have converged, as the design declares it.
+    pub converged: Option<f64>,
+    /// Median over the runs that have of the time from the start to there \[s\].
+    pub after: Option<f64>,
 }
 
 impl Campaign {
@@ -174,6 +181,9 @@ impl Campaign {
             (count > 0.0).then_some(sum / count)
         };
         let rms = |figure: fn(&RunRow) -> f64| mean(&mut self.rows.iter().map(|row| figure(row).powi(2))).map(f64::sqrt);
+        // A run in which the filter never started has none, and has not converged.
+        let runs = || self.rows.iter().filter_map(|row| row.convergence);
+        let (declared, converged) = (runs().next().is_some(), || runs().filter(|c| c.converged));
         Pooled {
             attitude: rms(|row| row.rotation_rmse),
             position: rms(|row| row.position_rmse),
@@ -181,6 +191,8 @@ impl Campaign {
                 let runs = self.rows.iter().filter_map(|row| row.nees[k]);
                 mean(&mut runs.map(|c| c.mean / c.dof as f64))
             }),
+            converged: declared.then(|| converged().count() as f64 / self.rows.len() as f64),
+            after: median(converged().filter_map(|c| c.after).collect()),
         }
     }
 

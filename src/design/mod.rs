@@ -37,5 +37,5 @@ pub(crate) use nested::TABLES as FILTER_TABLES;
 pub use noise::NoiseSpec;
 pub use read::Design;
 pub(crate) use read::Draft;
-pub use reference::{DifferentiateSpec, ReferenceSpec, SigmaOf, SigmaSpec};
+pub use reference::{ConvergedSpec, DifferentiateSpec, ReferenceSpec, SigmaOf, SigmaSpec};
 pub use run::{RunSpec, SmoothSpec};

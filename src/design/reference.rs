@@ -21,6 +21,9 @@ pub struct ReferenceSpec {
     /// NEES counts from this time on, where that is later: after the start has settled.
     #[serde(default)]
     pub nees_from: Option<Duration>,
+    /// The errors that a run stays within once it has converged; it is told which runs have, and how soon.
+    #[serde(default, deserialize_with = "ConvergedSpec::with_a_limit")]
+    pub converged: Option<ConvergedSpec>,
     /// The reference's point in body axes, from the body origin: position and velocity of the
     /// estimate are moved there.
     #[serde(default)]
@@ -35,6 +38,31 @@ pub struct ReferenceSpec {
     /// Derives a missing reference velocity from its positions.
     #[serde(default)]
     pub velocity_from_position: Option<DifferentiateSpec>,
+}
+
+/// Limits of the errors of a run that has converged, at least one. Every epoch from the start of the filter on
+/// counts, and no mounting is taken out.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ConvergedSpec {
+    /// From this time on the errors must stay within the limits to the end of the run; without it, at the end.
+    pub by: Option<Duration>,
+    /// Of the length of the position error.
+    pub position: Option<Positive<dim::Length>>,
+    /// Of the length of the velocity error.
+    pub velocity: Option<Positive<dim::Speed>>,
+    /// Of the heading error, the turn about the vertical between the two attitudes.
+    pub heading: Option<Positive<dim::Angle>>,
+}
+
+impl ConvergedSpec {
+    fn with_a_limit<'de, T: Deserializer<'de>>(deserializer: T) -> Result<Option<Self>, T::Error> {
+        let spec = Self::deserialize(deserializer)?;
+        if spec.position.is_none() && spec.velocity.is_none() && spec.heading.is_none() {
+            return Err(T::Error::custom("needs a limit: `position`, `velocity` or `heading`"));
+        }
+        Ok(Some(spec))
+    }
 }
 
 /// The slope of a cubic fitted to neighbouring positions.
@@ -185,6 +213,15 @@ mod tests {
         ];
         assert_eq!(sigma(text), Ok(expected.map(Some)));
         assert_eq!(sigma(""), Ok([None; 3]));
+    }
+
+    #[test]
+    fn converged_without_a_limit_would_be_every_run() {
+        let read = |converged: &str| toml::from_str::<ReferenceSpec>(&format!("source = 'truth'\n{converged}"));
+        let limits = read("converged = { by = '10 s', position = '5 m' }").unwrap().converged.unwrap();
+        assert_eq!((limits.by.unwrap().si(), limits.position.unwrap().si()), (10.0, 5.0));
+        assert!(read("converged = { by = '10 s' }").unwrap_err().message().contains("needs a limit"));
+        assert!(read("converged = { heading = '5 m' }").is_err() && read("").unwrap().converged.is_none());
     }
 
     #[test]

@@ -14,6 +14,8 @@ pub fn pooled(campaigns: &[(&str, &Campaign)]) -> Section {
     let deg = |name: &str| Column::with_unit(name, Unit::shown("deg"));
     let columns = [
         Column::text("run"),
+        Column::number("converged"),
+        Column::with_unit("after", Unit::of_si("s")),
         deg("attitude RMSE"),
         Column::with_unit("position RMSE", Unit::shown("m")),
         Column::number("NEES/n attitude"),
@@ -26,9 +28,12 @@ pub fn pooled(campaigns: &[(&str, &Campaign)]) -> Section {
             attitude,
             position,
             nees: [of_position, of_velocity, of_attitude],
+            converged,
+            after,
         } = campaign.pooled();
         let cells = [attitude, position, of_attitude, of_velocity, of_position].map(Cell::real);
-        t.row([Cell::text(*name)].into_iter().chain(cells));
+        let convergence = [converged.map_or(Cell::Empty, Cell::Share), after.map_or(Cell::Empty, Cell::Seconds)];
+        t.row([Cell::text(*name)].into_iter().chain(convergence).chain(cells));
     }
     Section::new(
         "Over all times and runs: RMS of the whole error, NEES over its dimension (1 is expected)",

@@ -7,7 +7,7 @@ use super::sensors::{count_columns, counts, sum};
 use super::tree::{Cell, Column, Section, Table};
 use super::unit::Unit;
 use crate::run::Summary;
-use crate::score::Score;
+use crate::score::{Convergence, Score};
 
 /// Errors per axis, drift, what the gates did, consistency and time per epoch: a row for each run
 /// with its name.
@@ -32,11 +32,13 @@ pub fn sections(runs: &[(&str, &Summary)]) -> Vec<Section> {
         s.velocity.map_or_else(Vec::new, |a| a.rms.map(Cell::Real).into())
     });
     let attitude = of_score(attitude_columns(), attitude);
+    let convergence = of_score(convergence_columns(), convergence);
     let healths = runs.iter().filter_map(|(name, s)| Some((*name, s.health.first()?)));
     vec![
         Section::new(format!("Position against the reference{drift}"), position),
         Section::new("Velocity against the reference", velocity),
         Section::new("Attitude against the reference", attitude),
+        Section::new("Within the declared limits to the end, from when on after the start", convergence),
         Section::new("Measurements of all sensors together", [measurements(runs)]),
         Section::new("Health, share of the time", [health::shares("run", healths)]),
         Section::new("Consistency (3 is expected), filter time per epoch", [consistency(runs)]),
@@ -86,6 +88,22 @@ fn attitude(score: &Score) -> Vec<Cell> {
     let Some(a) = score.attitude_deg else { return Vec::new() };
     let rotation = [score.heading_rmse_deg, score.inclination_rmse_deg].map(Cell::real);
     a.rms.map(Cell::Real).into_iter().chain(rotation).collect()
+}
+
+fn convergence_columns() -> Vec<Column> {
+    vec![
+        Column::text("run"),
+        Column::with_unit("after", Unit::of_si("s")),
+        Column::text("converged"),
+    ]
+}
+
+fn convergence(score: &Score) -> Vec<Cell> {
+    let Some(Convergence { converged, after }) = score.convergence else {
+        return Vec::new();
+    };
+    let verdict = if converged { "yes" } else { "no" };
+    vec![after.map_or(Cell::Empty, Cell::Seconds), Cell::text(verdict)]
 }
 
 fn measurements(runs: &[(&str, &Summary)]) -> Table {

@@ -8,7 +8,7 @@ use super::tree::{Cell, Column, Page, Section, Table};
 use super::unit::Unit;
 use crate::observe::{ConsumerCounts, SensorStatistics};
 use crate::run::{FinalState, InsideScore, Smoothed, Summary};
-use crate::score::{Axes, Consistency, Score, Verdict};
+use crate::score::{Axes, Consistency, Convergence, Score, Verdict};
 use crate::solution::rpy_of;
 use fusion_core::state::{Attitude, Kind, Manifold};
 use nalgebra::Matrix3;
@@ -364,12 +364,30 @@ fn errors(score: &Score) -> Section {
     plain("heading", "deg", score.heading_rmse_deg, None);
     plain("inclination", "deg", score.inclination_rmse_deg, None);
     let section = Section::new(format!("Errors against the reference, {} epochs", score.epochs), [t]);
+    let section = match score.convergence {
+        Some(convergence) => section.note(converged(&convergence)),
+        None => section,
+    };
     match mounting(score) {
         Some(table) => Section {
             tables: section.tables.into_iter().chain([table]).collect(),
             ..section
         },
         None => section,
+    }
+}
+
+/// Whether a run has converged, as a sentence.
+fn converged(convergence: &Convergence) -> String {
+    match convergence {
+        Convergence {
+            after: Some(after),
+            converged,
+        } => {
+            let late = if *converged { "" } else { ", later than declared" };
+            format!("Within the declared limits from {after:.1} s after the start on{late}.")
+        }
+        Convergence { after: None, .. } => "Outside the declared limits at the end: not converged.".to_owned(),
     }
 }
 

@@ -2,9 +2,9 @@
 
 use crate::assembly::{Assembly, StreamLayout};
 use crate::config::{Diagnostic, Diagnostics};
-use crate::design::{Design, Named, ReferenceSpec, SigmaOf, SourceDesign};
+use crate::design::{ConvergedSpec, Design, Named, ReferenceSpec, SigmaOf, SourceDesign};
 use crate::rows::{Row, RowStream};
-use crate::score::{Comparison, Outage, ReferenceEpoch, Rules, differentiate};
+use crate::score::{Comparison, Limits, Outage, ReferenceEpoch, Rules, differentiate};
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::runner::StreamId;
 use fusion_core::state::{Attitude, Manifold};
@@ -91,6 +91,7 @@ impl Reference {
         Rules {
             from: spec.and_then(|s| s.from).map(|t| Time::from_seconds(t.si())),
             nees_from: spec.and_then(|s| s.nees_from).map(|t| Time::from_seconds(t.si())),
+            converged: spec.and_then(|s| s.converged.as_ref()).map(limits),
             remove_mean_mounting: spec.is_some_and(|s| s.remove_mean_mounting),
             outages: outages.to_vec(),
         }
@@ -105,6 +106,16 @@ impl Reference {
         let spec = design.reference.as_ref().map(|r| &r.block);
         let lever_arm = spec.map_or_else(Vector3::zeros, |s| s.lever_arm.si().into());
         Comparison::new(lever_arm, core::mem::take(epochs))
+    }
+}
+
+/// The declared limits in SI units.
+fn limits(spec: &ConvergedSpec) -> Limits {
+    Limits {
+        position: spec.position.map(|limit| limit.si()),
+        velocity: spec.velocity.map(|limit| limit.si()),
+        heading: spec.heading.map(|limit| limit.si()),
+        by: spec.by.map(|t| Time::from_seconds(t.si())),
     }
 }
 

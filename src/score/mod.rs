@@ -6,6 +6,7 @@
 mod blocks;
 mod comparison;
 mod consistency;
+mod convergence;
 mod drift;
 mod nees;
 mod reference;
@@ -14,8 +15,10 @@ mod scorer;
 pub use blocks::{BlockScore, BlockScorer};
 pub use comparison::{AttitudeError, Comparison, Deviation, EpochError, attitude_error};
 pub use consistency::{Consistency, Verdict};
+pub use convergence::{Convergence, Limits};
 pub use drift::{Drift, Outage};
 pub use reference::{ReferenceEpoch, ReferenceSigma, differentiate};
+pub(crate) use scorer::median;
 pub use scorer::{Rules, Scorer};
 
 use serde::Serialize;
@@ -87,6 +90,8 @@ pub struct Score {
     /// is not positive semidefinite, a number that is not finite, or fewer directions estimated
     /// than at other epochs.
     pub nees_undefined: [usize; 3],
+    /// Whether the errors stay within the limits declared, and from when on.
+    pub convergence: Option<Convergence>,
     /// Each block of the state whose truth a simulation knows.
     pub blocks: Vec<BlockScore>,
     /// Drift per declared outage.

@@ -1,6 +1,7 @@
 //! The score of a run, made as it goes.
 
 use super::comparison::{Deviation, EpochError, attitude_error};
+use super::convergence::{Limits, Tracker};
 use super::drift::{Drifts, Outage};
 use super::nees::{NeesSeries, nees};
 use super::{Axes, Score};
@@ -15,6 +16,8 @@ pub struct Rules {
     pub from: Option<Time>,
     /// NEES counts from here on, where that is later.
     pub nees_from: Option<Time>,
+    /// Within which errors the run has converged; nothing is said without them.
+    pub converged: Option<Limits>,
     /// Takes the mean rotation between the two bodies out of the attitude errors.
     pub remove_mean_mounting: bool,
     /// Outages whose drift is reported.
@@ -70,6 +73,7 @@ pub struct Scorer {
     nees_velocity: NeesSeries,
     nees_attitude: NeesSeries,
     drifts: Drifts,
+    convergence: Option<Tracker>,
 }
 
 impl Scorer {
@@ -78,6 +82,7 @@ impl Scorer {
     pub fn new(rules: Rules) -> Self {
         Self {
             drifts: Drifts::new(&rules.outages),
+            convergence: rules.converged.map(Tracker::new),
             rules,
             position: Sums::default(),
             velocity: Sums::default(),
@@ -92,6 +97,7 @@ impl Scorer {
 
     /// Takes the error at the next epoch of the reference.
     pub fn add(&mut self, error: &EpochError) {
+        self.convergence.iter_mut().for_each(|tracker| tracker.add(error));
         let is_after = |start: Option<Time>| start.is_none_or(|start| error.time() >= start);
         let (counts, is_settled) = (is_after(self.rules.from), is_after(self.rules.nees_from));
         if let Some(d) = &error.position {
@@ -156,6 +162,7 @@ impl Scorer {
             nees_velocity: self.nees_velocity.consistency(),
             nees_attitude: self.nees_attitude.consistency(),
             nees_undefined: [&self.nees_position, &self.nees_velocity, &self.nees_attitude].map(NeesSeries::undefined),
+            convergence: self.convergence.and_then(|tracker| tracker.finish()),
             blocks: Vec::new(),
             drift_rms: (!drift.is_empty())
                 .then(|| (drift.iter().map(|d| d.max_horizontal.powi(2)).sum::<f64>() / drift.len() as f64).sqrt()),
@@ -210,7 +217,7 @@ fn rotation_of(rpy_deg: Option<[f64; 3]>) -> UnitQuaternion<f64> {
 
 /// The least turn about the vertical of the rotation `e` between two attitudes, resolved in
 /// navigation axes, and the turn about a level axis that is left \[rad\].
-fn swing_and_twist(e: &UnitQuaternion<f64>) -> [f64; 2] {
+pub(super) fn swing_and_twist(e: &UnitQuaternion<f64>) -> [f64; 2] {
     // atan2 for acos √(w² + z²), which is coarse near 0.
     [2.0 * e.k.abs().atan2(e.w.abs()), 2.0 * e.i.hypot(e.j).atan2(e.w.hypot(e.k))]
 }
@@ -249,7 +256,8 @@ fn in_degrees(d: &Deviation) -> Deviation {
     }
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
+/// The middle of `values`; none without one.
+pub(crate) fn median(mut values: Vec<f64>) -> Option<f64> {
     if values.is_empty() {
         return None;
     }
