@@ -5,7 +5,7 @@
 //! States     `position` (geodetic), `velocity` v_eb_n, `attitude` q_nb; where estimated
 //!            `gyro_bias`, `accel_bias`, `gyro_scale`, `accel_scale`
 //! Signals    `angular_rate` w_ib_b \[rad/s\], `acceleration` dv_eb_n/dt \[m/s²\]
-//! Φ, Q       as [`discrete`] says: I + FΔt, + ½F²Δt², F from [`error_model`], with the trapezoid of white
+//! Φ, Q       as `discrete.rs` says: I + FΔt, + ½F²Δt², F from [`error_model`], with the trapezoid of white
 //!            accelerometer noise on velocity and gyro noise on attitude; or the derivative of the step
 //! Gaps       velocity and attitude stay, up to the vehicle's agility
 //! Slow input a sample of more than 0.2 s ([`LONGEST_STEP`]) is integrated in pieces, and Q gains what it
