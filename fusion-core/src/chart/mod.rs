@@ -68,24 +68,12 @@ mod tests {
     use super::*;
     use crate::geometry::so3;
     use crate::geometry::wgs84::Geodetic;
-    use crate::state::{
-        Angle, Attitude, Declaration, Dynamics, Kind, LayoutBuilder, Manifold, Position, Scalar, Slot, StateRole, Vector, Velocity,
-    };
+    use crate::state::{Angle, Attitude, Dynamics, Kind, LayoutBuilder, Manifold, Position, Scalar, Slot, Vector, Velocity};
     use crate::testing::{Lcg, check_chart, check_reset};
     use nalgebra::{UnitQuaternion, Vector3};
 
     fn declare<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M::Value) -> Slot<M> {
-        let (name, owner, sigma) = (name.to_owned(), String::new(), vec![1.0; M::KIND.dim()]);
-        b.declare::<M>(Declaration {
-            name,
-            owner,
-            unit: "",
-            initial,
-            sigma,
-            role: StateRole::Kinematic,
-            dynamics: Dynamics::Process,
-        })
-        .unwrap()
+        crate::filter::tests::declare(b, name, initial, &vec![1.0; M::KIND.dim()], Dynamics::Process)
     }
 
     fn layout(q: UnitQuaternion<f64>) -> Layout {

@@ -55,7 +55,6 @@ impl UpdateRule for Iterated {
         let value = problem.observed.model.size().value;
         work.trial.residual[..m].copy_from_slice(&work.residual[..m]);
         work.trial.predicted[..value].copy_from_slice(&work.predicted[..value]);
-        work.trial.noise[..m * m].copy_from_slice(&work.noise[..m * m]);
         let is_weighed = cholesky(&work.noise, &mut work.trial.noise, m);
         let is_found = self.descend(problem, work, is_weighed);
         // What is reported is the innovation of the prediction.
@@ -88,8 +87,7 @@ impl Iterated {
             if length <= self.tolerance {
                 return true;
             }
-            let least_now = if is_weighed { Some(least) } else { None };
-            match shorten(problem, work, least_now, length * length) {
+            match shorten(problem, work, is_weighed.then_some(least), length * length) {
                 Some(cost) => least = cost,
                 // No part of the step lowers the cost: it is at its least, up to rounding.
                 None => break,
@@ -201,7 +199,7 @@ fn linearise(problem: &mut Problem<'_>, work: &mut Innovation) -> bool {
     linearised.is_ok() && work.residual[..work.rows].iter().all(|r| r.is_finite())
 }
 
-/// rᵀR⁻¹r at the prediction.
+/// rᵀR⁻¹r of the residual at hand.
 fn cost(work: &mut Innovation) -> f64 {
     let m = work.rows;
     let whitened = &mut work.whitened[..m];

@@ -169,11 +169,11 @@ impl OwnDynamics {
     }
 }
 
-/// Gauss-Markov decay of the state over `dt` seconds.
-fn decay_state(own: &[OwnDynamics], x: &mut [f64], dt: f64) {
+/// Gauss-Markov decay of the state over a step whose Φ, `phi`, has it already.
+fn decay_state(own: &[OwnDynamics], x: &mut [f64], phi: &BlockMatrix) {
     for own in own {
-        if let OwnDynamics::Markov { storage, tau, .. } = *own {
-            x[storage] *= (-dt / tau).exp();
+        if let OwnDynamics::Markov { axis, storage, .. } = *own {
+            x[storage] *= phi.get(axis, axis);
         }
     }
 }
@@ -264,7 +264,7 @@ impl Filter {
                 self.predict_covariance(dt)
             }
         };
-        if !(is_moved && self.layout.is_sane(&self.belief.x)) {
+        if !is_moved {
             return false;
         }
         self.belief.time = to;
@@ -293,7 +293,7 @@ impl Filter {
     /// sound. The process moves under the state it was linearised at, so blocks decay after it.
     fn predict_covariance(&mut self, dt: f64) -> bool {
         self.decay(dt);
-        decay_state(&self.own, &mut self.belief.x, dt);
+        decay_state(&self.own, &mut self.belief.x, &self.transition.phi);
         let covariance = &self.belief.covariance;
         self.transition.settle(|axis| covariance.marginal_at::<1>(axis).x);
         self.layout.is_sane(&self.belief.x) && self.belief.covariance.predict(&self.transition, &mut self.work.work)
@@ -327,9 +327,10 @@ impl Filter {
         points.prepare(n, n, storage);
         points.take(covariance, self.transition.noise_before());
         let (process, own, layout, chart) = (&self.process, &self.own, &self.layout, &self.chart);
+        let phi = &self.transition.phi;
         let run = |x: &mut [f64]| {
             process.propagate(x, input, dt);
-            decay_state(own, x, dt);
+            decay_state(own, x, phi);
         };
         points.centre.copy_from_slice(&self.belief.x);
         run(&mut points.centre);
@@ -349,7 +350,8 @@ impl Filter {
         self.reset.reset();
         chart.correct(layout, &mut self.belief.x, &points.mean[..n], Reset::Full, &mut self.reset);
         points.carry(&self.reset);
-        let Some(p) = points.covariance(self.transition.noise_after()) else {
+        let p = points.covariance(self.transition.noise_after());
+        let Some(p) = p.filter(|_| layout.is_sane(&self.belief.x)) else {
             return false;
         };
         self.belief.covariance.set_whole(p);
@@ -506,7 +508,12 @@ impl Filter {
 
     /// The innovation under a covariance that has grown, for rules to which H is not enough.
     fn redraw(&mut self, observed: &Observed<'_>) -> bool {
-        self.rule.spread().is_none() || self.innovation(observed).is_ok()
+        if self.rule.spread().is_none() {
+            return true;
+        }
+        let (mut problem, work, rule) = self.problem(observed);
+        let is_defined = rule.innovation(&mut problem, work).is_ok();
+        is_defined && work.residual[..work.rows].iter().all(|r| r.is_finite()) && work.factor()
     }
 
     /// Moves the state by the correction, through the chart, and P with it; whether P had to follow.

@@ -307,3 +307,35 @@ fn a_belief_that_grew_before_a_measurement_was_believed_has_new_sigma_points() {
     );
     assert!(wanted.0 > 90.0);
 }
+
+/// A process that throws the position out of the world.
+#[derive(Debug)]
+struct Thrown(Slot<crate::state::Position>);
+
+impl Process for Thrown {
+    fn input_dim(&self) -> usize {
+        0
+    }
+    fn propagate(&self, x: &mut [f64], _: &Input<'_>, _: f64) {
+        self.0.write(&nalgebra::Vector3::repeat(1e12), x);
+    }
+    fn linearise(&self, _: &[f64], _: &Input<'_>, _: f64, out: &mut Transition) {
+        out.noise(self.0, self.0, &nalgebra::Matrix3::identity());
+    }
+}
+
+#[test]
+fn a_prediction_out_of_the_world_changes_nothing_with_sigma_points_either() {
+    for update in [unscented(Spread::DEFAULT), Arc::new(Single) as Arc<dyn UpdateRule>] {
+        let mut b = LayoutBuilder::new();
+        let position = declare::<crate::state::Position>(&mut b, "position", nalgebra::Vector3::zeros(), &[1.0; 3], Dynamics::Process);
+        let parts = Parts {
+            update,
+            ..Parts::from(Backend::default())
+        };
+        let mut f = Filter::of(Arc::new(b.finish()), Arc::new(Thrown(position)), parts, Size::same(1));
+        let (before, p) = (f.belief().x.clone(), dense(&f));
+        assert!(f.predict(Time::from_seconds(1.0), &Input::held(&[])).is_err());
+        assert!(unchanged(&f, &before, &p) && f.belief().time == Time::default());
+    }
+}
