@@ -240,7 +240,8 @@ impl<'a, P> Assembler<'a, P> {
             let built = is_moved.then(|| self.build(unit, |s, b| s.build(b))).flatten();
             let inputs = self.listen(&unit.node, &unit.block.inputs());
             if let (Some(initialiser), Some(inputs)) = (built, inputs) {
-                let name = unit.name.clone();
+                // A sensor or stage may have the same name.
+                let name = format!("initial.{}", unit.name);
                 units.push(InitialiserUnit { name, initialiser, inputs });
             }
         }

@@ -40,7 +40,7 @@ pub struct HealthSpec {
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct InnovationsSpec {
-    /// Beyond it the filter is degraded; 3 by default.
+    /// Beyond it the filter is degraded; 2.5 by default.
     pub degraded: Option<Positive<dim::Ratio>>,
     /// Beyond it the filter is lost; 10 by default.
     pub lost: Option<Positive<dim::Ratio>>,

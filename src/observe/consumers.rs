@@ -5,11 +5,11 @@ use fusion_core::filter::Verdict;
 use fusion_core::runner::{Discard, Event, Halt, Runner, StreamId};
 use serde::Serialize;
 
-/// What became of the rows of one consumer: the process, a stage or a sensor. Each row is in exactly
+/// What became of the rows of one consumer: the process, an initialiser, a stage or a sensor. Each row is in exactly
 /// one of the counts after `rows`, which add up to it.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct ConsumerCounts {
-    /// The consumer; `stage.sensor` inside a stage.
+    /// The consumer; of one with several inputs, `initial.fix (input 2)`.
     pub name: String,
     /// The stream that it reads.
     pub stream: String,
@@ -21,6 +21,8 @@ pub struct ConsumerCounts {
     pub rejected: u64,
     /// Those without a value at the estimate, or that could not be used.
     pub unusable: u64,
+    /// Of an initialiser: those for which the filter ran already.
+    pub not_needed: u64,
     /// Those before `start` under `[run]`.
     pub before_run: u64,
     /// Those after `stop` under `[run]`.
@@ -46,11 +48,12 @@ pub struct ConsumerCounts {
 impl ConsumerCounts {
     /// All counts of what became of a row, with the words for them.
     #[must_use]
-    pub const fn outcomes(&self) -> [(&'static str, u64); 13] {
+    pub const fn outcomes(&self) -> [(&'static str, u64); 14] {
         [
             ("used", self.used),
             ("rejected", self.rejected),
             ("unusable", self.unusable),
+            ("not needed", self.not_needed),
             ("before the run", self.before_run),
             ("after the run", self.after_run),
             ("before the start", self.before_start),
@@ -88,11 +91,22 @@ impl ConsumerCounts {
     }
 }
 
+/// A consumer, or one input of several.
+#[derive(Debug)]
+struct Followed {
+    consumer: String,
+    input: usize,
+    stream: StreamId,
+    counts: ConsumerCounts,
+}
+
 /// Follows the rows to the consumers of the outermost filter.
 #[derive(Debug)]
 pub struct Consumers {
-    /// Each with the number of its stream: first the process and the stages, then the sensors.
-    followed: Vec<(StreamId, ConsumerCounts)>,
+    /// First those that take rows in silence, then the initialisers, then the sensors.
+    followed: Vec<Followed>,
+    /// Where the initialisers begin.
+    first_starter: usize,
     /// Where the sensors begin, in order of their numbers.
     first_sensor: usize,
     /// Rows fed, and those outside the run: before and after; by stream.
@@ -104,41 +118,54 @@ impl Consumers {
     #[must_use]
     pub fn new(runner: &Runner) -> Self {
         let streams: Vec<&str> = runner.streams().map(|(name, _)| name).collect();
-        let follow = |(name, stream): (&str, StreamId)| {
-            let counts = ConsumerCounts {
-                name: name.to_owned(),
+        let follow = |(name, input, stream): (&str, usize, StreamId)| Followed {
+            consumer: name.to_owned(),
+            input,
+            stream,
+            counts: ConsumerCounts {
+                name: match input {
+                    0 => name.to_owned(),
+                    _ => format!("{name} (input {})", input + 1),
+                },
                 stream: streams.get(stream).copied().unwrap_or_default().to_owned(),
                 ..ConsumerCounts::default()
-            };
-            (stream, counts)
+            },
         };
-        let sensors = runner.sensors().iter().map(|s| (s.name.as_str(), s.port.stream));
+        let sensors = runner.sensors().iter().map(|s| (s.name.as_str(), 0, s.port.stream));
         let mut followed: Vec<_> = runner.takers().map(follow).collect();
+        let first_starter = followed.len();
+        followed.extend(runner.starters().map(follow));
         let first_sensor = followed.len();
         followed.extend(sensors.map(follow));
         Self {
             followed,
+            first_starter,
             first_sensor,
             fed: vec![[0; 3]; streams.len()],
         }
     }
 
-    /// What became of the rows: of the process, the stages and the sensors, in this order.
+    /// What became of the rows: of the process, the stages, the initialisers and the sensors, in this order.
     #[must_use]
     pub fn finish(self) -> Vec<ConsumerCounts> {
         let Self {
             followed,
+            first_starter,
             first_sensor,
             fed,
         } = self;
-        let finish = |(number, (stream, mut counts)): (usize, (StreamId, ConsumerCounts))| {
+        let finish = |(number, Followed { stream, mut counts, .. }): (usize, Followed)| {
             let [inside, before, after] = fed[stream];
             (counts.before_run, counts.after_run) = (before, after);
             let known = |c: &ConsumerCounts| c.outcomes().into_iter().map(|(_, n)| n).sum::<u64>();
             counts.rows = inside + before + after;
-            if number < first_sensor {
+            let others = counts.rows.saturating_sub(known(&counts));
+            if number < first_starter {
                 // A row that is taken has no event: it is one that was not discarded.
-                counts.used = counts.rows.saturating_sub(known(&counts));
+                counts.used = others;
+            } else if number < first_sensor {
+                // A row that comes when the filter runs is not shown to an initialiser.
+                counts.not_needed = others;
             } else if counts.rows == 0 {
                 // What a stage emits is not fed.
                 counts.rows = known(&counts);
@@ -155,11 +182,20 @@ impl RunObserver for Consumers {
             RunEvent::Row(row) => self.fed[row.stream][0] += 1,
             RunEvent::Outside { row, is_after } => self.fed[row.stream][1 + usize::from(*is_after)] += 1,
             RunEvent::Filter { filter, event } if filter.is_outermost() => match event {
-                Event::Updated { sensor, update, .. } => self.followed[self.first_sensor + sensor].1.judge(&update.verdict),
-                Event::Discarded { consumer, row, why, .. } => {
-                    let is_it = |(stream, counts): &&mut (StreamId, ConsumerCounts)| *stream == row.stream && counts.name == *consumer;
-                    if let Some((_, counts)) = self.followed.iter_mut().find(is_it) {
-                        counts.discard(why);
+                Event::Updated { sensor, update, .. } => self.followed[self.first_sensor + sensor].counts.judge(&update.verdict),
+                Event::Taken { initialiser, input } => {
+                    let is_it = |f: &&mut Followed| f.input == *input && f.consumer == *initialiser;
+                    let starters = &mut self.followed[self.first_starter..self.first_sensor];
+                    if let Some(followed) = starters.iter_mut().find(is_it) {
+                        followed.counts.used += 1;
+                    }
+                }
+                Event::Discarded {
+                    consumer, input, row, why, ..
+                } => {
+                    let is_it = |f: &&mut Followed| f.stream == row.stream && f.input == *input && f.consumer == *consumer;
+                    if let Some(followed) = self.followed.iter_mut().find(is_it) {
+                        followed.counts.discard(why);
                     }
                 }
                 _ => {}

@@ -217,6 +217,7 @@ mod tests {
         };
         let late = Event::Discarded {
             consumer: "height",
+            input: 0,
             time: Time::default(),
             row,
             why: Discard::NotFinite,

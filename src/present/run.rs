@@ -239,8 +239,8 @@ fn axes(state: &FinalState) -> Vec<(String, f64, f64)> {
 /// The consumers with rows that were neither used nor judged by a gate; columns and cells only of
 /// what there was.
 fn left_out(consumers: &[ConsumerCounts]) -> Table {
-    /// Used, rejected, unusable stand with the sensors.
-    const JUDGED: usize = 3;
+    /// Used, rejected, unusable stand with the sensors; what was not needed is no loss.
+    const JUDGED: usize = 4;
     let titles = ConsumerCounts::default()
         .outcomes()
         .into_iter()

@@ -113,41 +113,38 @@ fn every_row_is_in_exactly_one_count() {
     let faults = "
         [source.gnss.fault]
         wrong = { type = 'spike', channel = 'position', window = { from = 20, to = 22 }, value = [0, 500, 0] }
+        early = { type = 'not_a_number', window = { from = 5, to = 7 } }
         broken = { type = 'not_a_number', window = { from = 30, to = 33 } }
         slow = { type = 'late', by = '2.5 s', window = { from = 40, to = 40.5 } }";
     let design = w.read("design.toml").replace("[run]", "[run]\nstart = 5\nstop = 50") + faults;
     w.write("design.toml", design);
     let ran = w.fusion(&["run", "design.toml", "--out", "results"]).success();
     let summary: Value = serde_json::from_str(&w.read("results/summary.json")).unwrap();
-    let [counts] = &summary["consumers"].as_array().unwrap()[..] else {
-        panic!("{}", summary["consumers"])
-    };
-    // Of 60 fixes, one each second from 0 s: the one at 5 s starts the filter, that of 40 s comes at
-    // 42.5 s.
-    let expected = [
-        ("rows", 60),
-        ("used", 39),
-        ("rejected", 2),
-        ("before_run", 5),
-        ("after_run", 9),
-        ("before_start", 1),
-        ("late", 1),
-        ("not_finite", 3),
-    ];
-    for (count, value) in expected {
-        assert_eq!(counts[count], value, "{count} of {counts}");
+    // Of 60 fixes, one each second from 0 s: the one at 7 s is the first with numbers and starts the
+    // filter, that of 40 s comes at 42.5 s.
+    let common = [("rows", 60), ("before_run", 5), ("after_run", 9)];
+    let initialiser = [("used", 1), ("not_finite", 2), ("not_needed", 43)];
+    let sensor = [("used", 37), ("late", 1), ("rejected", 2), ("before_start", 3), ("not_finite", 3)];
+    let consumers = summary["consumers"].as_array().unwrap();
+    // The initialiser reads position and velocity.
+    assert_eq!(consumers.len(), 3, "{consumers:?}");
+    for (counts, expected) in consumers.iter().zip([&initialiser[..], &initialiser, &sensor]) {
+        for (count, value) in common.iter().chain(expected) {
+            assert_eq!(counts[count], *value, "{count} of {counts}");
+        }
+        let numbers: Vec<u64> = counts.as_object().unwrap().values().filter_map(Value::as_u64).collect();
+        assert_eq!(
+            numbers.iter().sum::<u64>(),
+            2 * 60,
+            "the rows, and all that became of them: {counts}"
+        );
     }
-    let numbers: Vec<u64> = counts.as_object().unwrap().values().filter_map(Value::as_u64).collect();
-    assert_eq!(
-        numbers.iter().sum::<u64>(),
-        2 * 60,
-        "the rows, and all that became of them: {counts}"
-    );
     shows(
         ran,
         &[
             "consumer stream rows before the run after the run before the start late not finite",
-            "gnss gnss 60 5 9 1 1 3",
+            "initial.fix gnss 60 5 9 2",
+            "gnss gnss 60 5 9 3 1 3",
         ],
     );
 }

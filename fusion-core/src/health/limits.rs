@@ -51,7 +51,7 @@ impl Limits {
     /// | limit | reason |
     /// |---|---|
     /// | 15° | sin of it is within 1 % of the angle: small enough to be linearised about |
-    /// | 3 and 10 σ | recorded logs in good health stay below 2.5 σ over 10 s |
+    /// | 2.5 and 10 σ | recorded logs in good health stay below 2.3 σ over 10 s |
     /// | 2 s of rejections | three fixes at 1 Hz; wrong fixes in a row are rarer than single ones |
     /// | 30 s to *lost* | the time after which gates re-acquire |
     /// | 30 periods | a tunnel or a street canyon; what lasts longer is a loss |
@@ -61,7 +61,7 @@ impl Limits {
     pub const DEFAULT: Self = Self {
         aligned: 15.0 * core::f64::consts::PI / 180.0,
         coasting: 0.2,
-        innovations: 3.0,
+        innovations: 2.5,
         innovations_lost: 10.0,
         window: 10.0,
         rejected: 2.0,

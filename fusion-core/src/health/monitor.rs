@@ -129,7 +129,7 @@ impl Monitor {
                 self.refused.hear(self.now, true);
                 self.now
             }
-            Event::Discarded { .. } | Event::Step(_) | Event::Health { .. } | Event::Nested { .. } => return false,
+            Event::Taken { .. } | Event::Discarded { .. } | Event::Step(_) | Event::Health { .. } | Event::Nested { .. } => return false,
         };
         self.judge(now)
     }

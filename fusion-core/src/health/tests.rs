@@ -235,10 +235,10 @@ fn a_calibration_far_from_its_initial_value_degrades_unless_it_may_have_walked_t
 #[test]
 fn innovations_are_too_large_where_their_mean_is_and_not_where_one_is() {
     let mut bench = Bench::new();
-    // 3² of 3 rows are 27.
-    bench.updates(POSITION, 1, 60, Accepted, 26.0);
+    // 2.5² of 3 rows are 18.75.
+    bench.updates(POSITION, 1, 60, Accepted, 18.0);
     assert_eq!(bench.reasons(), []);
-    bench.updates(POSITION, 61, 90, Accepted, 29.0);
+    bench.updates(POSITION, 61, 90, Accepted, 20.0);
     assert_eq!(
         bench.reasons(),
         [Reason::Innovations {

@@ -90,11 +90,20 @@ pub enum Event<'a> {
     /// A step of the estimator, for smoothers and ledgers; reported only if an observer
     /// [wants](Observer::wants_steps) steps.
     Step(&'a Step),
-    /// A row was not used by one of its consumers. Rows that a consumer takes have no event of
-    /// their own, those of a sensor but [`Event::Updated`].
+    /// An initialiser has taken a row. Rows that come when the filter runs are not shown to it.
+    Taken {
+        /// The initialiser's name.
+        initialiser: &'a str,
+        /// Which of its inputs the row was read at.
+        input: usize,
+    },
+    /// A row was not used by one of its consumers. Rows that the process or a stage takes have no
+    /// event of their own.
     Discarded {
         /// The consumer's name.
         consumer: &'a str,
+        /// Which of its inputs the row was read at; the process and a sensor have one.
+        input: usize,
         /// Its time of validity.
         time: Time,
         /// Which row it was.

@@ -124,7 +124,9 @@ fn told(runner: &mut Runner, rows: &Rows) -> Vec<String> {
             Event::Estimate { belief } => format!("Estimate {} {:?} {:?}", belief.time, belief.x, belief.covariance.to_dense()),
             // The arrival is what may differ.
             Event::Updated { update, time, row, .. } => format!("Updated {time} {:?} {}", update.residual, row.number),
-            Event::Discarded { consumer, time, row, why } => format!("Discarded {consumer} {time} {} {why:?}", row.number),
+            Event::Discarded {
+                consumer, time, row, why, ..
+            } => format!("Discarded {consumer} {time} {} {why:?}", row.number),
             other => format!("{other:?}"),
         });
     };
@@ -226,7 +228,9 @@ fn any_order_of_arrival_gives_the_same_bits_through_a_gap() {
                 ));
             }
             Event::Updated { update, time, row, .. } => events.push(format!("Updated {time} {:?} {}", update.residual, row.number)),
-            Event::Discarded { consumer, time, row, why } => events.push(format!("Discarded {consumer} {time} {} {why:?}", row.number)),
+            Event::Discarded {
+                consumer, time, row, why, ..
+            } => events.push(format!("Discarded {consumer} {time} {} {why:?}", row.number)),
             other => events.push(format!("{other:?}")),
         };
         for &i in &order {

@@ -226,12 +226,16 @@ impl Runner {
         self.lag = self.buffer.max(apart) + delay + ahead;
     }
 
-    /// Who takes rows without an event of their own, the process and the stages: name and stream of
-    /// each input.
-    pub fn takers(&self) -> impl Iterator<Item = (&str, StreamId)> {
-        let process = self.input.iter().map(|input| (PROCESS, input.port.stream));
-        let stages = self.stages.iter();
-        process.chain(stages.flat_map(|unit| unit.inputs.iter().map(|port| (unit.name.as_str(), port.stream))))
+    /// Who takes rows without an event of their own, the process and the stages: name of the consumer,
+    /// number and stream of each input.
+    pub fn takers(&self) -> impl Iterator<Item = (&str, usize, StreamId)> {
+        let process = self.input.iter().map(|input| (PROCESS, 0, input.port.stream));
+        process.chain(self.stages.iter().flat_map(|unit| ports(&unit.name, &unit.inputs)))
+    }
+
+    /// The inputs of the initialisers: name of the initialiser, number and stream of each input.
+    pub fn starters(&self) -> impl Iterator<Item = (&str, usize, StreamId)> {
+        self.initialisers.iter().flat_map(|unit| ports(&unit.name, &unit.inputs))
     }
 
     /// The sensors, in order of their numbers.
@@ -304,9 +308,10 @@ impl Runner {
     fn refuse(&mut self, held: &Held, observer: &mut dyn Observer) -> Result<(), Halt> {
         let row = held.row();
         let (now, arrival) = (self.watermark, self.watermark);
-        self.consumers().each(row.stream, |_, port, consumer| {
+        self.consumers().each(row.stream, |taker, port, consumer| {
             observer.on(&Event::Discarded {
                 consumer,
+                input: taker.input(),
                 time: row.time.shifted(-port.delay),
                 row: RowId::of(&row, arrival, &port.columns),
                 why: Discard::TimeJump { now },
@@ -350,6 +355,7 @@ impl Runner {
                 let (row, why) = (rows.get(at).id(&port.columns), Discard::Late { now: released });
                 return observer.on(&Event::Discarded {
                     consumer: name,
+                    input: consumer.input(),
                     time,
                     row,
                     why,
@@ -394,6 +400,11 @@ impl Runner {
             self.dispatch(entry, observer)?;
         }
     }
+}
+
+fn ports<'a>(name: &'a str, inputs: &'a [Port]) -> impl Iterator<Item = (&'a str, usize, StreamId)> {
+    let inputs = inputs.iter().enumerate();
+    inputs.map(move |(input, port)| (name, input, port.stream))
 }
 
 /// Who takes rows.

@@ -49,6 +49,16 @@ pub(super) enum Consumer {
     Sensor(usize, usize),
 }
 
+impl Consumer {
+    /// Which of its inputs it takes the row at.
+    pub(super) const fn input(self) -> usize {
+        match self {
+            Self::Initialiser(_, input) | Self::Stage(_, input) => input,
+            Self::Input | Self::Aim(_) | Self::Sensor(..) => 0,
+        }
+    }
+}
+
 /// An entry of the reorder queue.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry {

@@ -45,10 +45,22 @@ impl Runner {
             return Ok(());
         }
         let u = &mut self.initialisers[unit];
-        u.inputs[input].gather(&self.rows.get(row).values, &mut self.value);
-        if self.value.iter().all(|v| v.is_finite()) {
-            u.initialiser.row(input, time, &self.value);
+        let origin = self.rows.get(row);
+        u.inputs[input].gather(&origin.values, &mut self.value);
+        if !self.value.iter().all(|v| v.is_finite()) {
+            return observer.on(&Event::Discarded {
+                consumer: &u.name,
+                input,
+                time,
+                row: origin.id(&u.inputs[input].columns),
+                why: Discard::NotFinite,
+            });
         }
+        u.initialiser.row(input, time, &self.value);
+        observer.on(&Event::Taken {
+            initialiser: &u.name,
+            input,
+        })?;
         self.start_if_ready(time, observer)
     }
 
@@ -105,6 +117,7 @@ impl Runner {
         let columns = self.input.as_ref().map_or(&[][..], |input| &input.port.columns);
         observer.on(&Event::Discarded {
             consumer: PROCESS,
+            input: 0,
             time,
             row: self.rows.get(row).id(columns),
             why,
@@ -215,6 +228,7 @@ impl Runner {
         self.rows.release(row);
         observer.on(&Event::Discarded {
             consumer: &s.name,
+            input: 0,
             time,
             row: id,
             why,
@@ -243,6 +257,7 @@ impl Runner {
         if let Some(why) = why {
             return observer.on(&Event::Discarded {
                 consumer: &s.name,
+                input: 0,
                 time,
                 row: id,
                 why,
