@@ -1,0 +1,325 @@
+//! A square block-sparse map: Φ, and changes of chart.
+
+use super::padded;
+use crate::state::{Slot, Tangent};
+use nalgebra::SMatrix;
+
+/// A square block-sparse map, identity where nothing is written.
+#[derive(Clone, Debug)]
+pub struct BlockMatrix {
+    n: usize,
+    ld: usize,
+    data: Vec<f64>,
+    /// Per row, the ranges of columns that may be non-zero besides the identity.
+    rows: Vec<Vec<(u16, u16)>>,
+    /// The same for the first 64 columns, a bit each: a block known already costs one test.
+    known: Vec<u64>,
+    /// Rows that have ranges, and those that have none, in order.
+    active: Vec<u16>,
+    rest: Vec<u16>,
+    /// Columns that active rows read, in order.
+    columns: Vec<u16>,
+    /// What active rows read, row after row, and where each row ends.
+    elements: Vec<Element>,
+    ends: Vec<usize>,
+}
+
+/// An element of an active row.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Element {
+    at: u32,
+    /// Where the row of its column starts in a padded matrix.
+    pub(crate) padded: u32,
+    /// The same in a matrix of [`BlockMatrix::columns`] rows, as wide as there are active rows,
+    /// evenly.
+    pub(crate) compact: u32,
+}
+
+impl Element {
+    /// Its column, of a matrix whose padded rows are as long as those it was made for.
+    const fn column(&self, ld: usize) -> usize {
+        self.padded as usize / ld
+    }
+}
+
+impl BlockMatrix {
+    /// out ← M v.
+    pub(crate) fn apply(&self, v: &[f64], out: &mut [f64]) {
+        out.copy_from_slice(v);
+        for (&i, elements) in self.active.iter().zip(self.elements()) {
+            out[usize::from(i)] = elements.iter().map(|e| self.value(e) * v[e.column(self.ld)]).sum();
+        }
+    }
+
+    /// out ← Mᵀ v.
+    pub(super) fn apply_transposed(&self, v: &[f64], out: &mut [f64]) {
+        out.copy_from_slice(v);
+        for &k in &self.active {
+            out[usize::from(k)] = 0.0;
+        }
+        for (&k, elements) in self.active.iter().zip(self.elements()) {
+            let factor = v[usize::from(k)];
+            for element in elements {
+                out[element.column(self.ld)] += factor * self.value(element);
+            }
+        }
+    }
+
+    /// The identity on `n` dimensions.
+    #[must_use]
+    pub fn identity(n: usize) -> Self {
+        let ld = padded(n);
+        let mut m = Self {
+            n,
+            ld,
+            data: vec![0.0; n * ld],
+            rows: vec![Vec::new(); n],
+            known: vec![0; n],
+            active: Vec::new(),
+            rest: (0..n as u16).collect(),
+            columns: Vec::new(),
+            elements: Vec::new(),
+            ends: Vec::new(),
+        };
+        m.reset();
+        // Rows without ranges are never written: their ones stay.
+        (0..n).for_each(|i| m.data[i * ld + i] = 1.0);
+        m
+    }
+
+    /// Dimension.
+    #[must_use]
+    pub const fn dim(&self) -> usize {
+        self.n
+    }
+
+    /// Back to the identity, the learnt pattern kept.
+    pub fn reset(&mut self) {
+        for element in &self.elements {
+            self.data[element.at as usize] = 0.0;
+        }
+        for &i in &self.active {
+            self.data[i as usize * (self.ld + 1)] = 1.0;
+        }
+    }
+
+    /// Sets the block at (`row`, `col`), identity included: a diagonal block of I + FΔt is given
+    /// whole.
+    pub fn set<A, B, const R: usize, const C: usize>(&mut self, row: Slot<A>, col: Slot<B>, block: &SMatrix<f64, R, C>)
+    where
+        A: Tangent<R>,
+        B: Tangent<C>,
+    {
+        self.set_at(row.tangent, col.tangent, block);
+    }
+
+    /// Sets the block whose first element is at (`row`, `col`) of the tangent space.
+    pub(crate) fn set_at<const R: usize, const C: usize>(&mut self, row: usize, col: usize, block: &SMatrix<f64, R, C>) {
+        for i in 0..R {
+            self.mark(row + i, col, C);
+            let at = (row + i) * self.ld + col;
+            for (j, out) in self.data[at..at + C].iter_mut().enumerate() {
+                *out = block[(i, j)];
+            }
+        }
+    }
+
+    /// Sets a whole row.
+    pub(crate) fn set_row(&mut self, row: usize, values: &[f64]) {
+        self.mark(row, 0, values.len());
+        self.data[row * self.ld..row * self.ld + values.len()].copy_from_slice(values);
+    }
+
+    /// Sets one element.
+    pub(crate) fn set_element(&mut self, row: usize, col: usize, value: f64) {
+        self.mark(row, col, 1);
+        self.data[row * self.ld + col] = value;
+    }
+
+    #[inline]
+    fn mark(&mut self, row: usize, col: usize, len: usize) {
+        let known = col + len <= 64 && {
+            let bits = (u64::MAX >> (64 - len)) << col;
+            self.known[row] & bits == bits
+        };
+        if !known {
+            self.learn(row, col, len);
+        }
+    }
+
+    #[cold]
+    fn learn(&mut self, row: usize, col: usize, len: usize) {
+        let ranges = &mut self.rows[row];
+        let (start, end) = (col as u16, (col + len) as u16);
+        if ranges.iter().any(|&(s, e)| s <= start && end <= e) {
+            return;
+        }
+        ranges.push((start, end));
+        ranges.sort_unstable();
+        // Merge neighbours and overlaps: one pass of contiguous columns per run.
+        let mut merged: Vec<(u16, u16)> = Vec::with_capacity(ranges.len());
+        for &(s, e) in ranges.iter() {
+            match merged.last_mut() {
+                Some(last) if s <= last.1 => last.1 = last.1.max(e),
+                _ => merged.push((s, e)),
+            }
+        }
+        *ranges = merged;
+        (start..end.min(64)).for_each(|k| self.known[row] |= 1 << k);
+        let is_active = |i: &u16| !self.rows[*i as usize].is_empty();
+        (self.active, self.rest) = (0..self.n as u16).partition(is_active);
+        let lists = |i: u16, k: u16| self.rows[i as usize].iter().any(|&(s, e)| s <= k && k < e);
+        self.columns = (0..self.n as u16)
+            .filter(|&k| self.active.iter().any(|&i| i == k || lists(i, k)))
+            .collect();
+        self.elements.clear();
+        self.ends.clear();
+        let (ld, width) = (self.ld as u32, self.active.len().next_multiple_of(2));
+        for &i in &self.active {
+            let listed = self.columns.iter().enumerate().filter(|&(_, &k)| lists(i, k));
+            // The one of the identity comes last where it is not in a range.
+            let own = self.columns.iter().enumerate().filter(|&(_, &k)| k == i && !lists(i, i));
+            let element = |(place, &k): (usize, &u16)| Element {
+                at: u32::from(i) * ld + u32::from(k),
+                padded: u32::from(k) * ld,
+                compact: (place * width) as u32,
+            };
+            self.elements.extend(listed.chain(own).map(element));
+            self.ends.push(self.elements.len());
+        }
+    }
+
+    /// One element.
+    #[must_use]
+    pub fn get(&self, row: usize, col: usize) -> f64 {
+        self.data[row * self.ld + col]
+    }
+
+    /// The ranges of columns that row `i` may read besides the identity.
+    pub(super) fn ranges(&self, i: usize) -> &[(u16, u16)] {
+        &self.rows[i]
+    }
+
+    #[cfg(test)]
+    pub(crate) fn row(&self, i: usize) -> (&[f64], &[(u16, u16)]) {
+        (&self.data[i * self.ld..(i + 1) * self.ld], &self.rows[i])
+    }
+
+    /// The elements that differ from those of the identity: row, column, and by how much.
+    pub(crate) fn changes(&self) -> impl Iterator<Item = (u16, u16, f64)> {
+        let rows = self.active.iter().zip(self.elements());
+        rows.flat_map(move |(&i, elements)| {
+            elements.iter().filter_map(move |element| {
+                let column = (element.at as usize - usize::from(i) * self.ld) as u16;
+                let change = self.value(element) - f64::from(u8::from(column == i));
+                (change != 0.0).then_some((i, column, change))
+            })
+        })
+    }
+
+    /// The active rows of M x into `out`, of an `x` that is zero from `end` on.
+    pub(crate) fn active_rows(&self, x: &[f64], end: usize, out: &mut [f64]) {
+        for &i in &self.active {
+            let i = usize::from(i);
+            let (row, mut sum, mut own) = (&self.data[i * self.ld..], 0.0, x[i]);
+            for &(s, e) in &self.rows[i] {
+                let (s, e) = (usize::from(s), usize::from(e));
+                if s <= i && i < e {
+                    own = 0.0;
+                }
+                let e = e.min(end).max(s);
+                sum += dot(&row[s..e], &x[s..e]);
+            }
+            out[i] = sum + own;
+        }
+    }
+
+    /// Rows that may differ from the identity, in order.
+    pub(crate) fn active(&self) -> &[u16] {
+        &self.active
+    }
+
+    /// Rows of the identity, in order.
+    pub(crate) fn rest(&self) -> &[u16] {
+        &self.rest
+    }
+
+    /// Columns that active rows read, in order.
+    pub(crate) fn columns(&self) -> &[u16] {
+        &self.columns
+    }
+
+    /// What active rows read, row by row.
+    pub(crate) fn elements(&self) -> impl Iterator<Item = &[Element]> {
+        let mut start = 0;
+        self.ends.iter().map(move |&end| {
+            let row = &self.elements[start..end];
+            start = end;
+            row
+        })
+    }
+
+    /// The value of an element.
+    pub(crate) fn value(&self, element: &Element) -> f64 {
+        self.data[element.at as usize]
+    }
+}
+
+/// a·b, four products at a time.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
+    let mut sums = [0.0; 4];
+    for (a, b) in a.iter().zip(b) {
+        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+            *sum += a * b;
+        }
+    }
+    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Matrix1, Matrix2x3, Matrix3};
+
+    #[test]
+    fn a_reset_map_is_the_identity_and_keeps_its_pattern() {
+        let mut m = BlockMatrix::identity(6);
+        m.set_at(0, 3, &Matrix3::from_element(2.0));
+        m.set_at(3, 3, &Matrix3::from_element(5.0));
+        m.set_element(5, 0, 7.0);
+        let pattern = m.row(5).1.to_vec();
+        assert_eq!(pattern, [(0, 1), (3, 6)]);
+        m.reset();
+        for (i, j) in (0..6).flat_map(|i| (0..6).map(move |j| (i, j))) {
+            assert_eq!(m.get(i, j), f64::from(u8::from(i == j)));
+        }
+        assert_eq!(m.row(5).1, pattern);
+    }
+
+    #[test]
+    fn products_read_what_was_set_and_the_ones_of_those_rows_and_nothing_else() {
+        let mut m = BlockMatrix::identity(6);
+        m.set_at(0, 3, &Matrix2x3::from_element(2.0));
+        m.set_element(5, 0, 7.0);
+        assert_eq!((m.active(), m.columns()), (&[0, 1, 5][..], &[0, 1, 3, 4, 5][..]));
+        let place = |e: &Element| (e.at as usize / m.ld, e.at as usize % m.ld);
+        let read: Vec<Vec<_>> = m.elements().map(|row| row.iter().map(place).collect()).collect();
+        let wanted = [
+            &[(0, 3), (0, 4), (0, 5), (0, 0)][..],
+            &[(1, 3), (1, 4), (1, 5), (1, 1)],
+            &[(5, 0), (5, 5)],
+        ];
+        assert_eq!(read, wanted);
+    }
+
+    #[test]
+    fn touching_ranges_merge_into_one() {
+        let mut m = BlockMatrix::identity(8);
+        m.set_at(0, 3, &Matrix1::new(1.0));
+        m.set_at(0, 0, &Matrix1::new(1.0));
+        m.set_at(0, 1, &nalgebra::RowVector2::new(1.0, 1.0));
+        assert_eq!(m.row(0).1, [(0, 4)]);
+    }
+}

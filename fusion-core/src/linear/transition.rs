@@ -1,0 +1,139 @@
+//! The discrete transition: Φ and the process noise.
+
+use super::BlockMatrix;
+use crate::state::{Layout, Slot, Tangent};
+use nalgebra::{SMatrix, SVector};
+
+/// The discrete transition over one step: Φ and the process noise, in the canonical chart.
+#[derive(Clone, Debug)]
+pub struct Transition {
+    /// Φ = ∂(x⁺ ⊟ x̂⁺)/∂(x ⊟ x̂).
+    pub phi: BlockMatrix,
+    /// Noise added before Φ: P⁺ = Φ(P + Q_before)Φᵀ + Q_after.
+    pub(crate) before: NoiseBlocks,
+    /// Noise added after Φ.
+    pub(crate) after: NoiseBlocks,
+    /// Noise added after Φ as far as the variance stays below a bound: axis, variance, bound.
+    bounded: Vec<(u16, f64, f64)>,
+}
+
+impl Transition {
+    /// The identity without noise.
+    #[must_use]
+    pub fn new(layout: &Layout) -> Self {
+        let n = layout.dim();
+        Self {
+            phi: BlockMatrix::identity(n),
+            before: NoiseBlocks::with_room(n),
+            after: NoiseBlocks::with_room(n),
+            bounded: Vec::with_capacity(n),
+        }
+    }
+
+    /// Back to the identity without noise; the learnt pattern is kept.
+    pub fn reset(&mut self) {
+        self.phi.reset();
+        self.before.entries.clear();
+        self.after.entries.clear();
+        self.bounded.clear();
+    }
+
+    /// Sets the block ∂row/∂col of Φ (whole, with its identity on the diagonal).
+    pub fn set<A, B, const R: usize, const C: usize>(&mut self, row: Slot<A>, col: Slot<B>, block: &SMatrix<f64, R, C>)
+    where
+        A: Tangent<R>,
+        B: Tangent<C>,
+    {
+        self.phi.set(row, col, block);
+    }
+
+    /// Adds `block` to the discrete process noise at (`row`, `col`), both triangles, after Φ.
+    pub fn noise<A, B, const R: usize, const C: usize>(&mut self, row: Slot<A>, col: Slot<B>, block: &SMatrix<f64, R, C>)
+    where
+        A: Tangent<R>,
+        B: Tangent<C>,
+    {
+        self.after.add(row.tangent, col.tangent, block, 1.0);
+    }
+
+    /// Adds `variance` to the noise after Φ, per axis of `slot`, but no more than lifts the variance of
+    /// the axis to `bound`: for an error that is known not to grow for ever.
+    pub fn noise_up_to<A, const R: usize>(&mut self, slot: Slot<A>, variance: &SVector<f64, R>, bound: &SVector<f64, R>)
+    where
+        A: Tangent<R>,
+    {
+        for k in 0..R {
+            self.bounded.push(((slot.tangent + k) as u16, variance[k], bound[k]));
+        }
+    }
+
+    /// Turns the bounded noise into noise; `variance` tells that of an axis before the step.
+    pub(crate) fn settle(&mut self, variance: impl Fn(usize) -> f64) {
+        for &(axis, q, bound) in &self.bounded {
+            let room = (bound - variance(axis.into())).max(0.0);
+            self.after.entries.push((axis, axis, q.min(room)));
+        }
+        self.bounded.clear();
+    }
+
+    /// The noise added before Φ, element by element (row, column, value), both triangles; elements may
+    /// repeat and then add up.
+    pub fn noise_before(&self) -> impl Iterator<Item = (usize, usize, f64)> {
+        self.before.entries.iter().map(|&(i, j, v)| (i.into(), j.into(), v))
+    }
+
+    /// The same of the noise added after Φ.
+    pub fn noise_after(&self) -> impl Iterator<Item = (usize, usize, f64)> {
+        self.after.entries.iter().map(|&(i, j, v)| (i.into(), j.into(), v))
+    }
+
+    /// Adds half of `block` before Φ and half after it: the trapezoidal rule
+    /// Q_d = ½(ΦQΦᵀ + Q) for Q = G Q_c Gᵀ Δt (spec: ½(ΦGQ_cGᵀΦᵀ + GQ_cGᵀ)Δt).
+    pub fn noise_trapezoid<A, B, const R: usize, const C: usize>(&mut self, row: Slot<A>, col: Slot<B>, block: &SMatrix<f64, R, C>)
+    where
+        A: Tangent<R>,
+        B: Tangent<C>,
+    {
+        self.before.add(row.tangent, col.tangent, block, 0.5);
+        self.after.add(row.tangent, col.tangent, block, 0.5);
+    }
+}
+
+/// Noise as a list of elements of the symmetric Q.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct NoiseBlocks {
+    pub(crate) entries: Vec<(u16, u16, f64)>,
+}
+
+impl NoiseBlocks {
+    /// Room for a full Q of dimension `n`: which of its elements are zero changes from step to step.
+    fn with_room(n: usize) -> Self {
+        Self {
+            entries: Vec::with_capacity(n * n),
+        }
+    }
+
+    pub(crate) fn element(&mut self, row: usize, col: usize, value: f64) {
+        if value != 0.0 {
+            self.entries.push((row as u16, col as u16, value));
+        }
+    }
+
+    pub(crate) fn diagonal(&mut self, i: usize, value: f64) {
+        self.entries.push((i as u16, i as u16, value));
+    }
+
+    fn add<const R: usize, const C: usize>(&mut self, row: usize, col: usize, block: &SMatrix<f64, R, C>, scale: f64) {
+        for i in 0..R {
+            for j in 0..C {
+                let value = block[(i, j)] * scale;
+                if value != 0.0 {
+                    self.entries.push(((row + i) as u16, (col + j) as u16, value));
+                    if row != col {
+                        self.entries.push(((col + j) as u16, (row + i) as u16, value));
+                    }
+                }
+            }
+        }
+    }
+}
