@@ -15,6 +15,7 @@ pub mod geometry;
 pub mod health;
 pub mod linear;
 pub mod loss;
+pub mod memory;
 pub mod model;
 pub mod runner;
 pub mod smoother;

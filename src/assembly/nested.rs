@@ -27,8 +27,8 @@ pub struct Inside {
     pub layout: Arc<Layout>,
     /// Its process model.
     pub process: Arc<dyn Process>,
-    /// Its sensors as its runner has them, in order of their numbers.
-    pub units: Vec<Sensor>,
+    /// By sensor, in order of their numbers: its stream inside, and the columns that it reads.
+    pub reads: Vec<(StreamId, Vec<usize>)>,
     /// What is known of them besides.
     pub sensors: Vec<SensorInfo>,
     /// The filters inside it.
@@ -99,7 +99,7 @@ impl<'a, P> Assembler<'a, P> {
             backend: draft.filter.backend(),
             layout,
             process,
-            units: runner.sensors().to_vec(),
+            reads: runner.sensors().iter().map(Sensor::reads).collect(),
             sensors,
             filters,
         });

@@ -47,15 +47,14 @@ pub struct HeardSensor {
 }
 
 impl HeardSensor {
-    fn new(name: String, sensor: &Sensor, info: &SensorInfo) -> Self {
-        let columns = sensor.port.columns.iter().chain(&sensor.noise.sigma_columns);
+    fn new(name: String, reads: (StreamId, Vec<usize>), info: &SensorInfo) -> Self {
         Self {
             name,
             rows: info.rows.clone(),
             axes: info.axes,
             residual: info.model.size().residual,
             is_place: info.channel.as_ref().is_some_and(|c| c.shape == Shape::Geodetic),
-            reads: (sensor.port.stream, columns.copied().collect()),
+            reads,
         }
     }
 
@@ -91,7 +90,7 @@ impl Filters {
     #[must_use]
     pub fn of(assembly: &Assembly) -> Self {
         let mut filters = Self(Vec::new());
-        let sensors = assembly.runner.sensors();
+        let sensors = assembly.runner.sensors().iter().map(Sensor::reads);
         let number = filters.add(None, (&assembly.layout, &assembly.process), sensors, &assembly.sensors);
         filters.add_inside(number, &assembly.filters);
         filters
@@ -101,7 +100,7 @@ impl Filters {
     fn add_inside(&mut self, around: usize, inside: &[Inside]) {
         for filter in inside {
             let models = (&filter.layout, &filter.process);
-            let number = self.add(Some((around, &filter.name)), models, &filter.units, &filter.sensors);
+            let number = self.add(Some((around, &filter.name)), models, filter.reads.iter().cloned(), &filter.sensors);
             self.add_inside(number, &filter.filters);
         }
     }
@@ -111,7 +110,7 @@ impl Filters {
         &mut self,
         stage: Option<(usize, &str)>,
         (layout, process): (&Arc<Layout>, &Arc<dyn Process>),
-        sensors: &[Sensor],
+        sensors: impl Iterator<Item = (StreamId, Vec<usize>)>,
         infos: &[SensorInfo],
     ) -> usize {
         let number = self.0.len();
@@ -126,8 +125,10 @@ impl Filters {
             first_sensor: self.sensors().count(),
             inside: Vec::new(),
         };
-        let named = sensors.iter().zip(infos);
-        heard.sensors = named.map(|(s, info)| HeardSensor::new(heard.named(&info.name), s, info)).collect();
+        let named = sensors.zip(infos);
+        heard.sensors = named
+            .map(|(reads, info)| HeardSensor::new(heard.named(&info.name), reads, info))
+            .collect();
         self.0.push(heard);
         if let Some((around, name)) = stage {
             self.0[around].inside.push((name.to_owned(), number));
@@ -199,7 +200,8 @@ mod tests {
         let mut filters = Filters::of(assembly);
         for (around, stage) in [(0, "outer"), (1, "inner")] {
             let models = (&assembly.layout, &assembly.process);
-            let number = filters.add(Some((around, stage)), models, assembly.runner.sensors(), &assembly.sensors);
+            let reads = assembly.runner.sensors().iter().map(Sensor::reads);
+            let number = filters.add(Some((around, stage)), models, reads, &assembly.sensors);
             assert_eq!(number, around + 1);
         }
         let names: Vec<&str> = filters.sensors().map(|s| s.name.as_str()).collect();

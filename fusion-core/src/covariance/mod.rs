@@ -27,6 +27,7 @@ pub use square_root::SquareRoot;
 pub use udu::Udu;
 
 use crate::linear::{BlockMatrix, Jacobian, Transition};
+use crate::memory::{Memory, Tape};
 use crate::state::{Block, Slot, Tangent};
 use core::ops::Range;
 use nalgebra::SMatrix;
@@ -72,6 +73,12 @@ impl PartialEq for Covariance {
     fn eq(&self, other: &Self) -> bool {
         let same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits();
         self.n == other.n && self.form.name() == other.form.name() && self.p.iter().zip(&other.p).all(same)
+    }
+}
+
+impl Memory for Covariance {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        tape.numbers(&mut self.p);
     }
 }
 

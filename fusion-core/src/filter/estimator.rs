@@ -4,6 +4,7 @@ use super::lateness::Lateness;
 use super::step::Step;
 use crate::gate::{Gate, Mode, Outcome};
 use crate::loss::Loss;
+use crate::memory::Memory;
 use crate::model::{Input, Measurement, Undefined};
 use crate::state::{Belief, Layout, View};
 use crate::time::Time;
@@ -90,7 +91,7 @@ pub struct Observed<'a> {
 }
 
 /// The interface of every estimator, with or without a covariance.
-pub trait Estimator: core::fmt::Debug + Send {
+pub trait Estimator: Memory + core::fmt::Debug + Send {
     /// What it believes now.
     fn belief(&self) -> &Belief;
 
@@ -125,14 +126,4 @@ pub trait Estimator: core::fmt::Debug + Send {
 
     /// What the latest prediction or update consisted of, where steps are kept.
     fn steps(&self) -> &[Step];
-
-    /// Copies the estimator with all that it has learnt: the copy continues bit for bit as the
-    /// original would.
-    fn boxed_clone(&self) -> Box<dyn Estimator>;
-}
-
-impl Clone for Box<dyn Estimator> {
-    fn clone(&self) -> Self {
-        self.boxed_clone()
-    }
 }

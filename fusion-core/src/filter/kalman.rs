@@ -11,6 +11,7 @@ use crate::covariance::{Covariance, Form};
 use crate::gate::{Answer, Decision, Gate, GateInput, Mode, Outcome};
 use crate::linear::{BlockMatrix, Transition};
 use crate::loss::Loss;
+use crate::memory::{Memory, Tape};
 use crate::model::{Gap, Input, Process, SignalBuffer, Size};
 use crate::state::{Belief, Dynamics, Layout, Past, View};
 use crate::time::{Time, nanos};
@@ -55,6 +56,9 @@ pub struct Filter {
     layout: Arc<Layout>,
     process: Arc<dyn Process>,
     chart: Arc<dyn Chart>,
+    /// The chart as it was given, and the state at which the present one is anchored.
+    given: Arc<dyn Chart>,
+    anchor: Option<Vec<f64>>,
     rule: Arc<dyn UpdateRule>,
     how: Reset,
     own: Arc<[OwnDynamics]>,
@@ -88,6 +92,16 @@ enum Evaluated {
     Nothing,
     Values,
     Jacobian,
+}
+
+impl Memory for Signals {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.sample.remember(tape);
+        self.interval.remember(tape);
+        if tape.is_reading() {
+            self.forget();
+        }
+    }
 }
 
 impl Signals {
@@ -205,7 +219,9 @@ impl Filter {
             reset: BlockMatrix::identity(n),
             x_before: vec![0.0; layout.storage()],
             p_before: Covariance::zeros(n, parts.form),
-            chart: parts.chart,
+            chart: Arc::clone(&parts.chart),
+            given: parts.chart,
+            anchor: None,
             rule: parts.update,
             steps: None,
             layout,
@@ -557,6 +573,43 @@ const NOT_ASKED: Answer = Answer {
     mode: Mode::Track,
 };
 
+impl Memory for Filter {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.belief.remember(tape);
+        self.past.remember(tape);
+        self.signals.remember(tape);
+        // Sums run along the patterns that were learnt: they decide on the last bit.
+        self.transition.phi.remember(tape);
+        self.reset.remember(tape);
+        self.work.trial.by.remember(tape);
+        self.remember_anchor(tape);
+    }
+}
+
+impl Filter {
+    /// Where the chart is anchored; one that is read is anchored there.
+    fn remember_anchor(&mut self, tape: &mut Tape<'_>) {
+        let mut is_anchored = self.anchor.is_some();
+        is_anchored.remember(tape);
+        if !is_anchored {
+            if self.anchor.take().is_some() {
+                self.chart = Arc::clone(&self.given);
+            }
+            return;
+        }
+        let known = self.anchor.as_deref().unwrap_or(&self.belief.x);
+        self.x_before.copy_from_slice(known);
+        tape.numbers(&mut self.x_before);
+        if tape.is_sound() && self.anchor.as_ref() != Some(&self.x_before) {
+            self.chart = self
+                .given
+                .anchored(&self.layout, &self.x_before)
+                .unwrap_or_else(|| Arc::clone(&self.given));
+            self.anchor = Some(self.x_before.clone());
+        }
+    }
+}
+
 impl Estimator for Filter {
     fn belief(&self) -> &Belief {
         &self.belief
@@ -569,6 +622,7 @@ impl Estimator for Filter {
     fn set_belief(&mut self, belief: Belief) {
         if let Some(chart) = self.chart.anchored(&self.layout, &belief.x) {
             self.chart = chart;
+            self.anchor = Some(belief.x.clone());
         }
         let covariance = belief.covariance.stored_in(self.p_before.form());
         self.belief = Belief { covariance, ..belief };
@@ -631,9 +685,5 @@ impl Estimator for Filter {
 
     fn steps(&self) -> &[Step] {
         self.steps.as_deref().unwrap_or_default()
-    }
-
-    fn boxed_clone(&self) -> Box<dyn Estimator> {
-        Box::new(self.clone())
     }
 }

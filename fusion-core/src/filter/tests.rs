@@ -509,6 +509,7 @@ fn a_rejected_measurement_changes_nothing() {
 /// Must not be asked.
 #[derive(Clone, Debug)]
 struct Unasked;
+crate::memory!(Unasked {});
 
 impl Gate for Unasked {
     fn judge(&mut self, input: &GateInput<'_>) -> Answer {
@@ -516,9 +517,6 @@ impl Gate for Unasked {
     }
     fn power(&self, input: &GateInput<'_>, _: &mut [f64]) {
         panic!("asked about {:?}", input.residual)
-    }
-    fn boxed_clone(&self) -> Box<dyn Gate> {
-        Box::new(self.clone())
     }
 }
 
@@ -553,7 +551,7 @@ fn a_gauss_markov_block_relaxes_to_its_stationary_variance_whatever_the_steps() 
         },
     );
     let mut f = filter(b, Still, 1);
-    let mut g = f.boxed_clone();
+    let mut g = f.clone();
     for k in 1..=100 {
         f.predict(second(k), &Input::held(&[])).unwrap();
     }

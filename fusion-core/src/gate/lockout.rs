@@ -69,6 +69,10 @@ pub struct Lockout {
     times: [Time; WITNESSES],
     count: usize,
 }
+crate::memory!(Lockout {
+    mode, rejected, passed, since, last, intervals, resumed, reacquiring, witnesses, times, count;
+    recovery
+});
 
 impl Lockout {
     /// A gate memory in TRACK.

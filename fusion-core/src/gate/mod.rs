@@ -14,6 +14,7 @@ pub use nis::Nis;
 pub use only_with::OnlyWith;
 pub use two_condition::{Ellipse, Magnitude, TwoCondition, TwoConditions};
 
+use crate::memory::{Memory, Tape};
 use crate::time::Time;
 use core::fmt::Debug;
 
@@ -42,7 +43,7 @@ pub struct GateInput<'a> {
 }
 
 /// The outcome of a sensor's measurement.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Outcome {
     /// Its time of validity.
     pub time: Time,
@@ -51,6 +52,7 @@ pub struct Outcome {
     /// The mode of its gate afterwards.
     pub mode: Mode,
 }
+crate::memory!(Outcome { time, is_used, mode });
 
 /// What a gate decides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,8 +89,14 @@ pub struct Answer {
     pub mode: Mode,
 }
 
+impl Memory for Mode {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        tape.choice(self, &[Self::Track, Self::Denied]);
+    }
+}
+
 /// A gate policy.
-pub trait Gate: Debug + Send {
+pub trait Gate: Memory + Debug + Send {
     /// Judges one measurement.
     fn judge(&mut self, input: &GateInput<'_>) -> Answer;
 
@@ -108,20 +116,12 @@ pub trait Gate: Debug + Send {
     fn leader(&self) -> Option<usize> {
         None
     }
-
-    /// Copies the gate with its memory: the copy continues bit for bit as the original would.
-    fn boxed_clone(&self) -> Box<dyn Gate>;
-}
-
-impl Clone for Box<dyn Gate> {
-    fn clone(&self) -> Self {
-        self.boxed_clone()
-    }
 }
 
 /// Accepts everything and still reports the NIS.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Open;
+crate::memory!(Open {});
 
 impl Gate for Open {
     fn judge(&mut self, input: &GateInput<'_>) -> Answer {
@@ -135,9 +135,5 @@ impl Gate for Open {
 
     fn power(&self, _: &GateInput<'_>, smallest: &mut [f64]) {
         smallest.fill(f64::INFINITY);
-    }
-
-    fn boxed_clone(&self) -> Box<dyn Gate> {
-        Box::new(*self)
     }
 }

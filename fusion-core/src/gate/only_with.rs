@@ -8,7 +8,7 @@ use super::{Answer, Decision, Gate, GateInput};
 /// While it rejects, the own gate is not called, so that its memory does not count measurements
 /// that may be good. The answer then holds the NIS, an infinite threshold and the mode of the
 /// other's gate.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct OnlyWith {
     leader: usize,
     memory: f64,
@@ -16,6 +16,7 @@ pub struct OnlyWith {
     /// Whether the own gate judged the latest measurement.
     is_asked: bool,
 }
+crate::memory!(OnlyWith { own, is_asked; leader, memory });
 
 impl OnlyWith {
     /// A follower of sensor number `leader`, whose outcome counts for `memory` seconds; otherwise
@@ -60,9 +61,5 @@ impl Gate for OnlyWith {
 
     fn leader(&self) -> Option<usize> {
         Some(self.leader)
-    }
-
-    fn boxed_clone(&self) -> Box<dyn Gate> {
-        Box::new(self.clone())
     }
 }

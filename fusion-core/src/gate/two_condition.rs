@@ -98,6 +98,7 @@ pub struct TwoCondition {
     /// The latest fix, whose outcome is not known yet.
     offered: (Time, [f64; 3]),
 }
+crate::memory!(TwoCondition { lockout, used, offered; conditions, gamma, gamma_down });
 
 /// One part of a fix that is judged by itself: the horizontal one, or height.
 #[derive(Clone, Copy, Debug)]
@@ -298,10 +299,6 @@ impl Gate for TwoCondition {
             let inside = (self.gamma_down * p[2 * m + 2]).sqrt();
             smallest[2] = self.smallest(inside, self.vertical_limit(input), input);
         }
-    }
-
-    fn boxed_clone(&self) -> Box<dyn Gate> {
-        Box::new(self.clone())
     }
 }
 
@@ -512,8 +509,8 @@ mod tests {
                     magnitude,
                     ..TwoConditions::default()
                 };
-                let g = TwoCondition::new(conditions, Recovery::default());
-                crate::testing::check_gate(&g).unwrap_or_else(|e| panic!("{ellipse:?} {magnitude:?}: {e}"));
+                let make = || Box::new(TwoCondition::new(conditions, Recovery::default())) as Box<dyn crate::gate::Gate>;
+                crate::testing::check_gate(&make).unwrap_or_else(|e| panic!("{ellipse:?} {magnitude:?}: {e}"));
             }
         }
     }

@@ -84,7 +84,7 @@ pub fn divisible_cos(cos_lat: f64) -> f64 {
 }
 
 /// A geodetic position on WGS-84.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Geodetic {
     /// Geodetic latitude φ \[rad\], north positive.
     pub lat: f64,
@@ -93,6 +93,7 @@ pub struct Geodetic {
     /// Height above the ellipsoid h \[m\], up positive.
     pub height: f64,
 }
+crate::memory!(Geodetic { lat, lon, height });
 
 impl Geodetic {
     /// From latitude and longitude \[rad\] and height \[m\].

@@ -3,6 +3,7 @@
 
 use super::pulse::Held;
 use super::{Limits, Reason};
+use crate::memory::{Memory, Tape};
 use crate::state::{Belief, Block, Dynamics, Kind, Layout, Past, StateRole, own_dynamics};
 use crate::time::Time;
 use std::sync::Arc;
@@ -28,6 +29,18 @@ pub(super) struct Blocks {
     /// When that was so, and the variance of each axis then.
     followed: Time,
     known: Vec<f64>,
+}
+
+impl Memory for Blocks {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.start.remember(tape);
+        self.held.as_mut_slice().remember(tape);
+        self.past.remember(tape);
+        self.followed.remember(tape);
+        for numbers in [&mut self.initial, &mut self.variance, &mut self.left, &mut self.known] {
+            tape.numbers(numbers);
+        }
+    }
 }
 
 impl Blocks {

@@ -29,6 +29,7 @@ struct Mean {
     value: f64,
     limit: f64,
 }
+crate::memory!(Mean { value; limit });
 
 impl Mean {
     /// With the limit as a root mean square.
@@ -52,12 +53,13 @@ impl Mean {
 }
 
 /// Rejections in a row whose residuals the covariance does not explain.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Streak {
     first: Time,
     latest: Time,
     count: u32,
 }
+crate::memory!(Streak { first, latest, count });
 
 /// What the sensors from outside say together.
 #[derive(Clone, Copy, Debug, Default)]
@@ -93,6 +95,7 @@ pub(super) struct Evidence {
     reacquired: Option<(Time, u32)>,
     held: [Held; 6],
 }
+crate::memory!(Evidence { pulse, degraded, lost, streak, reacquired, held; is_outside, rows, expected });
 
 impl Evidence {
     /// Of a sensor.

@@ -23,6 +23,7 @@ mod tests;
 pub use limits::{Floor, Limits};
 pub use monitor::{Monitor, Watched};
 
+use crate::memory::{Memory, Tape};
 use crate::runner::StreamId;
 use crate::time::Time;
 use core::fmt;
@@ -60,6 +61,12 @@ impl State {
     }
 }
 
+impl Memory for State {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        tape.choice(self, &Self::ALL);
+    }
+}
+
 impl fmt::Display for State {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.word())
@@ -67,10 +74,11 @@ impl fmt::Display for State {
 }
 
 /// Why a filter is not in good health.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Reason {
     /// There is no usable input.
+    #[default]
     InputGap,
     /// The input has been missing for too long: the filter waits for its initialisers.
     Stopped,
@@ -127,6 +135,48 @@ pub enum Reason {
     },
 }
 
+impl Memory for Reason {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        let (mut kind, mut of) = match *self {
+            Self::InputGap => (0_u8, 0),
+            Self::Stopped => (1, 0),
+            Self::Refused => (2, 0),
+            Self::Unsound => (3, 0),
+            Self::Floor { block } => (4, block),
+            Self::Calibration { block } => (5, block),
+            Self::Pulled { block } => (6, block),
+            Self::Innovations { sensor, lost } => (7 + u8::from(lost), sensor),
+            Self::Rejected { sensor, lost } => (9 + u8::from(lost), sensor),
+            Self::Reacquired { sensor } => (11, sensor),
+            Self::Silent { sensor } => (12, sensor),
+            Self::StreamSilent { stream } => (13, stream),
+        };
+        kind.remember(tape);
+        of.remember(tape);
+        *self = match kind {
+            0 => Self::InputGap,
+            1 => Self::Stopped,
+            2 => Self::Refused,
+            3 => Self::Unsound,
+            4 => Self::Floor { block: of },
+            5 => Self::Calibration { block: of },
+            6 => Self::Pulled { block: of },
+            7 | 8 => Self::Innovations {
+                sensor: of,
+                lost: kind == 8,
+            },
+            9 | 10 => Self::Rejected {
+                sensor: of,
+                lost: kind == 10,
+            },
+            11 => Self::Reacquired { sensor: of },
+            12 => Self::Silent { sensor: of },
+            13 => Self::StreamSilent { stream: of },
+            _ => return tape.refuse("a reason does not exist"),
+        };
+    }
+}
+
 impl Reason {
     /// Whether it is a sensor that contradicts the belief.
     pub(crate) const fn is_contradiction(&self) -> bool {
@@ -155,6 +205,7 @@ pub struct Health {
     /// All reasons that hold; none of *good* and *aligning*.
     pub reasons: Vec<Reason>,
 }
+crate::memory!(Health { state, since, reasons });
 
 impl Health {
     /// Before the first row.

@@ -5,6 +5,7 @@ use super::evidence::{Evidence, Others};
 use super::pulse::{Held, Pulse};
 use super::{Health, Limits, Reason, State};
 use crate::filter::{Update, Verdict};
+use crate::memory::{Memory, Tape};
 use crate::runner::{Event, StreamId};
 use crate::state::{Belief, Layout};
 use crate::time::Time;
@@ -44,6 +45,26 @@ pub struct Monitor {
     health: Health,
     /// Lent to the next judgement.
     reasons: Vec<Reason>,
+}
+
+impl Memory for Monitor {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.sensors.as_mut_slice().remember(tape);
+        self.supported.remember(tape);
+        for (_, pulse, held) in &mut self.streams {
+            pulse.remember(tape);
+            held.remember(tape);
+        }
+        self.blocks.remember(tape);
+        tape.choice(&mut self.phase, &[Phase::Waiting, Phase::Stopped, Phase::Aligning, Phase::Aligned]);
+        self.now.remember(tape);
+        self.scrutinised.remember(tape);
+        self.gap.remember(tape);
+        self.contradicted.remember(tape);
+        self.refused.remember(tape);
+        self.unsound.remember(tape);
+        self.health.remember(tape);
+    }
 }
 
 /// How far a filter has come.

@@ -1,6 +1,7 @@
 //! Whether something that comes again and again still comes.
 
 use super::Limits;
+use crate::memory::{Memory, Tape};
 use crate::time::Time;
 
 /// Pauses beyond this many periods are not learnt in full: the sensor was away.
@@ -14,6 +15,7 @@ pub(super) struct Pulse {
     last: Option<Time>,
     period: f64,
 }
+crate::memory!(Pulse { last, period });
 
 impl Pulse {
     /// One came.
@@ -52,6 +54,12 @@ impl Pulse {
 /// A condition that is still told for a while after it has ceased.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Held(Option<Time>);
+
+impl Memory for Held {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.0.remember(tape);
+    }
+}
 
 impl Held {
     /// Hears whether the condition holds now.

@@ -496,14 +496,15 @@ fn a_stream_of_a_stage_that_falls_silent_degrades() {
 }
 
 #[test]
-fn a_copy_goes_on_as_the_original_would() {
+fn a_monitor_with_the_memory_of_another_goes_on_as_that_one_would() {
     let mut bench = Bench::new();
     bench.updates(POSITION, 1, 4, Rejected, 50.0);
-    let mut copy = bench.monitor.clone();
-    bench.updates(POSITION, 5, 40, Rejected, 50.0);
-    let original = core::mem::replace(&mut bench.monitor, copy.clone());
-    bench.updates(POSITION, 5, 40, Rejected, 50.0);
-    copy = bench.monitor.clone();
-    assert_eq!(original.health(), copy.health());
-    assert_eq!(copy.health().state, State::Lost);
+    let mut twin = Bench::new();
+    crate::testing::check_memory(&mut bench.monitor, &mut twin.monitor).unwrap();
+    for bench in [&mut bench, &mut twin] {
+        bench.updates(POSITION, 5, 40, Rejected, 50.0);
+    }
+    crate::testing::check_memory(&mut bench.monitor, &mut twin.monitor).unwrap();
+    assert_eq!(bench.monitor.health(), twin.monitor.health());
+    assert_eq!(twin.monitor.health().state, State::Lost);
 }

@@ -2,6 +2,7 @@
 
 use crate::covariance::Covariance;
 use crate::linear::{Jacobian, Transition};
+use crate::memory::Memory;
 use crate::state::{Layout, Manifold, Quantity, Signal, Slot, Tangent, View};
 use core::fmt::Debug;
 use core::ops::Range;
@@ -48,7 +49,7 @@ impl Gap {
 
 /// Extends the samples of the input stream by what the process needs besides, such as neighbouring
 /// samples. Unlike a process it has a memory.
-pub trait Preparation: Debug + Send {
+pub trait Preparation: Memory + Debug + Send {
     /// Takes the sample of an interval of `interval` seconds; 0 for the first of a stream or the first
     /// after a gap, which covers no time and is not run over, and before which nothing counts any
     /// more. Writes to `out` what has become of it or of those before it: every interval once, in
@@ -57,15 +58,6 @@ pub trait Preparation: Debug + Send {
 
     /// Writes what it has held back: no sample follows.
     fn finish(&mut self, out: &mut Prepared);
-
-    /// Copies it with its memory: the copy continues bit for bit as the original would.
-    fn boxed_clone(&self) -> Box<dyn Preparation>;
-}
-
-impl Clone for Box<dyn Preparation> {
-    fn clone(&self) -> Self {
-        self.boxed_clone()
-    }
 }
 
 /// Samples that a preparation has made.

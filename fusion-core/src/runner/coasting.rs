@@ -18,23 +18,26 @@ use crate::time::Time;
 impl Runner {
     /// What will be believed at `to` if no row comes: rows that are held back are used, the rest of the
     /// time is predicted or coasted through. None where the filter has not started, or would have
-    /// stopped by then. The runner stays as it is. A belief that is later than `to` is given as it is.
-    #[must_use]
-    pub fn predicted(&self, to: Time) -> Option<Belief> {
-        let mut ahead = self.clone();
+    /// stopped by then. The runner goes on as if nobody had asked. A belief that is later than `to` is
+    /// given as it is.
+    pub fn predicted(&mut self, to: Time) -> Option<Belief> {
+        self.ahead(|ahead| ahead.go_to(to))
+    }
+
+    fn go_to(&mut self, to: Time) -> Option<Belief> {
         let mut nobody = |_: &Event<'_>| {};
-        ahead.watermark = ahead.watermark.max(to);
-        ahead.drain(to, &mut nobody).ok()?;
-        ahead.serve_waiting(&mut nobody).ok()?;
-        if !ahead.started {
+        self.watermark = self.watermark.max(to);
+        self.drain(to, &mut nobody).ok()?;
+        self.serve_waiting(&mut nobody).ok()?;
+        if !self.started {
             return None;
         }
-        if ahead.input.as_ref().is_some_and(|input| input.is_coasting()) {
-            ahead.coast_estimate(to, &mut nobody).ok()?;
+        if self.input.as_ref().is_some_and(|input| input.is_coasting()) {
+            self.coast_estimate(to, &mut nobody).ok()?;
         } else {
-            ahead.hold_to(to, &mut nobody).ok()?;
+            self.hold_to(to, &mut nobody).ok()?;
         }
-        Some(ahead.belief().clone())
+        Some(self.belief().clone())
     }
 
     /// Takes the next step through a gap of the input, if it ends before `until`; whether it did.
@@ -148,7 +151,7 @@ impl Runner {
         }
         self.started = false;
         self.last = Some(self.estimator.belief().clone());
-        self.initialisers.clone_from(&self.pristine);
+        self.begin_anew();
         self.outcomes.fill(None);
         observer.on(&Event::Stopped { since, time })
     }

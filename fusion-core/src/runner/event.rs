@@ -10,7 +10,7 @@ use crate::time::Time;
 pub type Halt = Box<dyn core::error::Error + Send + Sync>;
 
 /// The row that a measurement came from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RowId {
     /// The stream.
     pub stream: StreamId,
@@ -26,6 +26,13 @@ pub struct RowId {
     /// stage emitted, any number of the row that made it emit.
     pub disturbed: bool,
 }
+crate::memory!(RowId {
+    stream,
+    number,
+    stamp,
+    arrival,
+    disturbed
+});
 
 /// Why a row was not used.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -6,6 +6,7 @@ use crate::filter::{Backend, Filter};
 use crate::gate::Open;
 use crate::linear::Transition;
 use crate::loss::Quadratic;
+use crate::memory::{Memory, Tape};
 use crate::model::{Gap, Input, Process, Size};
 use crate::state::{Belief, Block, Declaration, Dynamics, Layout, LayoutBuilder, Scalar, StateRole, View};
 use crate::time::{Time, nanos};
@@ -250,6 +251,12 @@ fn any_order_of_arrival_gives_the_same_bits_through_a_gap() {
 #[derive(Clone, Debug)]
 struct First(Option<f64>);
 
+impl Memory for First {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.0.remember(tape);
+    }
+}
+
 impl Initialiser for First {
     fn row(&mut self, _: usize, _: Time, row: &[f64]) {
         self.0.get_or_insert(row[0]);
@@ -260,9 +267,6 @@ impl Initialiser for First {
     fn write(&self, _: Time, layout: &Layout, belief: &mut Belief) {
         let block: &Block = layout.block("position").unwrap();
         belief.x[block.storage] = self.0.unwrap();
-    }
-    fn boxed_clone(&self) -> Box<dyn Initialiser> {
-        Box::new(self.clone())
     }
 }
 
@@ -464,14 +468,12 @@ fn a_prediction_to_now_grows_uncertain_and_changes_nothing() {
 /// Counts the silences it hears of, and emits a row for each.
 #[derive(Clone, Debug)]
 struct Clock;
+crate::memory!(Clock {});
 
 impl Stage for Clock {
     fn row(&mut self, _: usize, _: Time, _: &[f64], _: Option<&View<'_>>, _: &mut Emitter<'_>) {}
     fn silence(&mut self, time: Time, _: &View<'_>, out: &mut Emitter<'_>) {
         out.emit(time, &[7.0]);
-    }
-    fn boxed_clone(&self) -> Box<dyn Stage> {
-        Box::new(self.clone())
     }
 }
 

@@ -52,6 +52,7 @@ pub(super) struct Guard {
     /// Samples in a row that repeat the one before.
     repeats: u32,
 }
+crate::memory!(Guard { passed, change, changes, suspect, suspects, first, first_repeats, repeats; range });
 
 impl Guard {
     /// Judges a sample of finite numbers, of a stream with one every `interval` nanoseconds; one that

@@ -2,6 +2,7 @@
 
 use super::guard::Guard;
 use super::{Discard, InputLimits, Port};
+use crate::memory::{Memory, Tape};
 use crate::model::{Input, Preparation, Prepared, Process};
 use crate::time::{Time, nanos};
 use std::collections::VecDeque;
@@ -13,6 +14,7 @@ pub(super) struct Sample {
     pub(super) end: Time,
     values: Vec<f64>,
 }
+crate::memory!(Sample { start, end, values });
 
 impl Sample {
     pub(super) fn input(&self) -> Input<'_> {
@@ -24,7 +26,7 @@ impl Sample {
 }
 
 /// Takes the rows of the input stream and holds the samples ready that are to be run over.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(super) struct Intake {
     pub(super) port: Port,
     preparation: Option<Box<dyn Preparation>>,
@@ -42,6 +44,20 @@ pub(super) struct Intake {
     /// Samples that are ready; the first may have been run over in part.
     ready: VecDeque<Sample>,
     spare: Vec<Sample>,
+}
+
+impl Memory for Intake {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        if let Some(preparation) = &mut self.preparation {
+            preparation.remember(tape);
+        }
+        self.guard.remember(tape);
+        self.pace.remember(tape);
+        self.latest.remember(tape);
+        self.coasted.remember(tape);
+        self.intervals.remember(tape);
+        tape.pooled(&mut self.ready, &mut self.spare);
+    }
 }
 
 /// What a row of the input did.
@@ -242,6 +258,7 @@ struct Pace {
     /// The median of the latest intervals, renewed when they have all been replaced \[ns\].
     usual: i64,
 }
+crate::memory!(Pace { latest, count, usual; declared });
 
 impl Default for Pace {
     fn default() -> Self {

@@ -1,8 +1,8 @@
 //! Looking ahead: the outcome of a leader that is valid after its follower.
 //!
 //! Of one row the follower may be valid first, as a velocity that a receiver reports later than the
-//! position. Whether the position will be used is then found by a copy of the runner that goes on,
-//! without the follower, up to the position. Rows are held back long enough that everything that is
+//! position. Whether the position will be used is then found by going on, without the follower, up to
+//! the position, and back again. Rows are held back long enough that everything that is
 //! valid by then is there, so that the answer does not depend on the order of arrival.
 
 use super::Runner;
@@ -15,26 +15,32 @@ use crate::time::Time;
 impl Runner {
     /// What will become of the measurement of sensor `leader` that is made of row number `row`, if it
     /// is still to come; `during` is the sample that is being run over.
-    pub(super) fn foresee(&self, leader: usize, row: usize, during: Option<&Sample>) -> Option<Outcome> {
+    pub(super) fn foresee(&mut self, leader: usize, row: usize, during: Option<&Sample>) -> Option<Outcome> {
         if self.is_ahead {
             return None;
         }
-        let mut until = self.coming(leader, row)?;
-        let mut ahead = self.clone();
-        ahead.is_ahead = true;
+        let until = self.coming(leader, row)?;
+        self.is_ahead = true;
+        let outcome = self.ahead(|ahead| ahead.outcome_at(leader, row, until, during));
+        self.is_ahead = false;
+        outcome
+    }
+
+    /// Goes on to where `leader`, which is valid at `until` or nearby, has been served.
+    fn outcome_at(&mut self, leader: usize, row: usize, mut until: Time, during: Option<&Sample>) -> Option<Outcome> {
         let mut nobody = |_: &Event<'_>| {};
         if let Some(sample) = during {
-            ahead.advance(sample, &mut nobody).ok()?;
+            self.advance(sample, &mut nobody).ok()?;
         }
-        ahead.run_ready(&mut nobody).ok()?;
-        ahead.drain(until, &mut nobody).ok()?;
+        self.run_ready(&mut nobody).ok()?;
+        self.drain(until, &mut nobody).ok()?;
         // With an estimated offset, only now is it known when the leader is valid.
-        if let Some(time) = ahead.coming(leader, row) {
+        if let Some(time) = self.coming(leader, row) {
             until = time;
-            ahead.drain(until, &mut nobody).ok()?;
+            self.drain(until, &mut nobody).ok()?;
         }
-        ahead.serve_waiting(&mut nobody).ok()?;
-        ahead.outcomes[leader].filter(|outcome| outcome.time == until)
+        self.serve_waiting(&mut nobody).ok()?;
+        self.outcomes[leader].filter(|outcome| outcome.time == until)
     }
 
     /// When the measurement of `sensor` made of row number `row` is valid, if it has not been served.

@@ -12,6 +12,7 @@ mod coasting;
 mod event;
 mod guard;
 mod intake;
+mod keep;
 mod look_ahead;
 mod nested;
 mod offset;

@@ -49,7 +49,7 @@ impl Outlet {
 }
 
 /// A stage that is a filter.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Nested {
     runner: Runner,
     /// By input of the stage: the stream inside.
@@ -57,6 +57,7 @@ pub struct Nested {
     outlets: Vec<Outlet>,
     row: Vec<f64>,
 }
+crate::memory!(Nested { runner; streams, outlets, row });
 
 impl Nested {
     /// Hosts `runner`. Input i of the stage feeds its stream `streams[i]`; rows that it emits consist of
@@ -166,10 +167,6 @@ impl Stage for Nested {
         let mut teller = Teller { out, used: false };
         // An observer that stops is kept by the emitter.
         self.runner.finish(&mut teller).unwrap_or_default();
-    }
-
-    fn boxed_clone(&self) -> Box<dyn Stage> {
-        Box::new(self.clone())
     }
 }
 
@@ -367,13 +364,14 @@ mod tests {
     }
 
     #[test]
-    fn a_clone_of_a_runner_with_a_filter_inside_continues_bit_for_bit() {
+    fn a_runner_with_the_memory_of_a_filter_inside_continues_bit_for_bit() {
         let mut original = outside(nested(), nanos(0.25));
         let rows = rows();
         feed(&mut original, &rows[..47], &mut |_: &Event<'_>| ());
-        let mut copy = original.clone();
+        let mut twin = outside(nested(), nanos(0.25));
+        crate::testing::check_memory(&mut original, &mut twin).unwrap();
         let mut ends = [Vec::new(), Vec::new()];
-        for (runner, end) in [&mut original, &mut copy].into_iter().zip(&mut ends) {
+        for (runner, end) in [&mut original, &mut twin].into_iter().zip(&mut ends) {
             let mut observer = |e: &Event<'_>| end.push(format!("{e:?}"));
             feed(runner, &rows[47..], &mut observer);
             runner.finish(&mut observer).unwrap();

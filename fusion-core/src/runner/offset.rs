@@ -16,6 +16,7 @@ use super::intake::Taken;
 use super::rows::{Consumer, Entry};
 use super::{Runner, Sensor};
 use crate::filter::Lateness;
+use crate::memory::{Memory, Tape};
 use crate::model::Input;
 use crate::state::{Quantity, Scalar};
 use crate::time::{Time, nanos};
@@ -53,6 +54,7 @@ struct Kept {
     end: Time,
     values: Vec<f64>,
 }
+crate::memory!(Kept { start, end, values });
 
 /// The latest rows of the input, and their mean.
 #[derive(Clone, Debug, Default)]
@@ -64,6 +66,12 @@ pub(super) struct Window {
     /// The input under which the rate is taken.
     sample: Vec<f64>,
     interval: f64,
+}
+
+impl Memory for Window {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        tape.pooled(&mut self.rows, &mut self.spare);
+    }
 }
 
 impl Window {
@@ -442,13 +450,11 @@ mod tests {
     /// Emits each row of its input as it is.
     #[derive(Clone, Debug)]
     struct Echo;
+    crate::memory!(Echo {});
 
     impl Stage for Echo {
         fn row(&mut self, _: usize, time: Time, row: &[f64], _: Option<&View<'_>>, out: &mut Emitter<'_>) {
             out.emit(time, row);
-        }
-        fn boxed_clone(&self) -> Box<dyn Stage> {
-            Box::new(self.clone())
         }
     }
 

@@ -9,6 +9,7 @@ use super::{Discard, Event, Halt, InitialiserUnit, InputLimits, Observer, Port, 
 use crate::filter::Estimator;
 use crate::gate::Outcome;
 use crate::health::{Limits, Monitor};
+use crate::memory::save;
 use crate::model::Process;
 use crate::state::Belief;
 use crate::time::{Time, nanos};
@@ -25,17 +26,19 @@ pub(super) struct Stream {
 pub(super) const PROCESS: &str = "process";
 
 /// A measurement that waits for the input sample that covers it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Waiting {
     pub(super) time: Time,
     pub(super) sensor: usize,
     pub(super) row: usize,
 }
+crate::memory!(Waiting { time, sensor, row });
 
 /// Merges streams in time and drives an estimator.
 ///
-/// Cloned, it continues bit for bit as the original would.
-#[derive(Clone, Debug)]
+/// What it remembers can be saved; restored into another that is put together in the same way, it goes on
+/// bit for bit.
+#[derive(Debug)]
 pub struct Runner {
     pub(super) streams: Vec<Stream>,
     pub(super) input: Option<Intake>,
@@ -47,11 +50,11 @@ pub struct Runner {
     pub(super) outcomes: Vec<Option<Outcome>>,
     pub(super) stages: Vec<StageUnit>,
     pub(super) initialisers: Vec<InitialiserUnit>,
-    /// The initialisers as they were added, for another start.
-    pub(super) pristine: Vec<InitialiserUnit>,
+    /// What the initialisers remembered when they were added, for another start.
+    pub(super) pristine: Vec<u8>,
     /// What was believed before the filter stopped.
     pub(super) last: Option<Belief>,
-    quarantine: Quarantine,
+    pub(super) quarantine: Quarantine,
     pub(super) buffer: i64,
     pub(super) lag: i64,
     pub(super) queue: Queue,
@@ -70,8 +73,9 @@ pub struct Runner {
     /// The epoch whose estimate has not been told yet.
     pub(super) epoch: Option<Time>,
     keeps_steps: bool,
-    /// Whether this is a copy that looks ahead.
+    /// Whether it looks ahead, and what it remembered before.
     pub(super) is_ahead: bool,
+    pub(super) before: Vec<u8>,
     pub(super) value: Vec<f64>,
     pub(super) noise: Vec<f64>,
     pub(super) process: Arc<dyn Process>,
@@ -113,6 +117,7 @@ impl Runner {
             epoch: None,
             keeps_steps: false,
             is_ahead: false,
+            before: Vec::new(),
             value: Vec::new(),
             noise: Vec::new(),
             process,
@@ -182,7 +187,8 @@ impl Runner {
 
     /// Adds an initialiser; without any, the filter starts at its first row.
     pub fn add_initialiser(&mut self, unit: InitialiserUnit) {
-        self.pristine.push(unit.clone());
+        let mut unit = unit;
+        save(&mut unit.initialiser, &mut self.pristine);
         self.initialisers.push(unit);
         self.hold_back();
     }

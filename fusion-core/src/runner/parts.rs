@@ -4,6 +4,7 @@ use super::event::{Event, Halt, Observer};
 use super::{Offset, StreamId};
 use crate::gate::Gate;
 use crate::loss::Loss;
+use crate::memory::Memory;
 use crate::model::Measurement;
 use crate::state::{Belief, Layout, View};
 use crate::time::Time;
@@ -87,7 +88,7 @@ impl Noise {
 }
 
 /// One sensor: a model fed by a stream, with its noise, gate and loss as siblings.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Sensor {
     /// Unique name.
     pub name: String,
@@ -109,8 +110,17 @@ pub struct Sensor {
     pub loss: Arc<dyn Loss>,
 }
 
+impl Sensor {
+    /// Its stream, and the columns of it that it reads.
+    #[must_use]
+    pub fn reads(&self) -> (StreamId, Vec<usize>) {
+        let columns = self.port.columns.iter().chain(&self.noise.sigma_columns);
+        (self.port.stream, columns.copied().collect())
+    }
+}
+
 /// Turns streams into a stream: a detector, a clock, a filter of its own.
-pub trait Stage: Debug + Send {
+pub trait Stage: Memory + Debug + Send {
     /// Sees a row of its input number `input`; `view` is the estimate once there is one.
     fn row(&mut self, input: usize, time: Time, row: &[f64], view: Option<&View<'_>>, out: &mut Emitter<'_>);
 
@@ -129,15 +139,6 @@ pub trait Stage: Debug + Send {
     /// Hears that no row follows: the end of the log.
     fn finish(&mut self, out: &mut Emitter<'_>) {
         let _ = out;
-    }
-
-    /// Copies it with its memory: the copy continues bit for bit as the original would.
-    fn boxed_clone(&self) -> Box<dyn Stage>;
-}
-
-impl Clone for Box<dyn Stage> {
-    fn clone(&self) -> Self {
-        self.boxed_clone()
     }
 }
 
@@ -242,7 +243,7 @@ impl<'a> Emitter<'a> {
 }
 
 /// A stage with its ports and the stream it feeds.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct StageUnit {
     /// Unique name.
     pub name: String,
@@ -255,7 +256,7 @@ pub struct StageUnit {
 }
 
 /// Finds part of the initial belief from the first data.
-pub trait Initialiser: Debug + Send {
+pub trait Initialiser: Memory + Debug + Send {
     /// Sees a row of its input number `input`.
     fn row(&mut self, input: usize, time: Time, row: &[f64]);
 
@@ -264,19 +265,10 @@ pub trait Initialiser: Debug + Send {
 
     /// Writes its part of the belief at `time`; earlier initialisers have written theirs.
     fn write(&self, time: Time, layout: &Layout, belief: &mut Belief);
-
-    /// Copies it with its memory: the copy continues bit for bit as the original would.
-    fn boxed_clone(&self) -> Box<dyn Initialiser>;
-}
-
-impl Clone for Box<dyn Initialiser> {
-    fn clone(&self) -> Self {
-        self.boxed_clone()
-    }
 }
 
 /// An initialiser with its ports.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct InitialiserUnit {
     /// Unique name.
     pub name: String,

@@ -13,9 +13,10 @@ pub(super) struct Quarantine {
     usual: i64,
     held: Option<Held>,
 }
+crate::memory!(Quarantine { usual, held; longest });
 
 /// A row that is held back.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Held {
     stream: usize,
     pub(super) time: Time,
@@ -23,6 +24,13 @@ pub(super) struct Held {
     number: u64,
     disturbed: Vec<Range<usize>>,
 }
+crate::memory!(Held {
+    stream,
+    time,
+    values,
+    number,
+    disturbed
+});
 
 impl Held {
     fn of(row: &Row<'_>) -> Self {

@@ -1,6 +1,7 @@
 //! Rows in flight, and the queue that orders them.
 
 use super::StreamId;
+use crate::memory::{Memory, Tape};
 use crate::runner::RowId;
 use crate::time::Time;
 use core::ops::Range;
@@ -36,8 +37,9 @@ impl<'a> Row<'a> {
 }
 
 /// Who takes a row. Of one time of validity they are served in this order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Consumer {
+    #[default]
     Input,
     /// Unit, input.
     Initialiser(usize, usize),
@@ -59,19 +61,49 @@ impl Consumer {
     }
 }
 
+impl Memory for Consumer {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        let (mut kind, mut of, mut input) = match *self {
+            Self::Input => (0_u8, 0, 0),
+            Self::Initialiser(unit, input) => (1, unit, input),
+            Self::Stage(unit, input) => (2, unit, input),
+            Self::Aim(sensor) => (3, sensor, 0),
+            Self::Sensor(rank, sensor) => (4, sensor, rank),
+        };
+        kind.remember(tape);
+        of.remember(tape);
+        input.remember(tape);
+        *self = match kind {
+            0 => Self::Input,
+            1 => Self::Initialiser(of, input),
+            2 => Self::Stage(of, input),
+            3 => Self::Aim(of),
+            4 => Self::Sensor(input, of),
+            _ => return tape.refuse("a consumer does not exist"),
+        };
+    }
+}
+
 /// An entry of the reorder queue.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Entry {
     pub(super) time: Time,
     pub(super) consumer: Consumer,
     pub(super) row: usize,
 }
+crate::memory!(Entry { time, consumer, row });
 
 /// Entries by time of validity, then consumer, then arrival.
 ///
 /// Sorted, not a heap: rows come nearly in order, and one in order is put at the end at once.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Queue(VecDeque<Entry>);
+
+impl Memory for Queue {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.0.remember(tape);
+    }
+}
 
 impl Queue {
     pub(super) fn new() -> Self {
@@ -104,13 +136,19 @@ impl Queue {
 }
 
 /// One row in flight.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Slot {
     pub(super) values: Vec<f64>,
     disturbed: Vec<Range<usize>>,
     id: RowId,
     uses: u32,
 }
+crate::memory!(Slot {
+    uses,
+    values,
+    disturbed,
+    id
+});
 
 impl Slot {
     pub(super) const fn stamp(&self) -> Time {
@@ -153,16 +191,38 @@ pub(super) struct Rows {
     free: Vec<usize>,
 }
 
+/// Rows in flight keep their places; of free ones nothing is remembered.
+impl Memory for Rows {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        let used = self.slots.iter().rposition(|slot| slot.uses > 0).map_or(0, |last| last + 1);
+        let used = tape.length(used, 1);
+        if self.slots.len() < used {
+            self.slots.resize_with(used, Slot::default);
+        }
+        let (slots, rest) = self.slots.split_at_mut(used);
+        for slot in slots {
+            let mut is_used = slot.uses > 0;
+            is_used.remember(tape);
+            if is_used {
+                slot.remember(tape);
+            } else {
+                slot.uses = 0;
+            }
+        }
+        if tape.is_reading() {
+            rest.iter_mut().for_each(|slot| slot.uses = 0);
+            self.free.clear();
+            let is_free = |(at, slot): (usize, &Slot)| (slot.uses == 0).then_some(at);
+            self.free.extend(self.slots.iter().enumerate().rev().filter_map(is_free));
+        }
+    }
+}
+
 impl Rows {
     pub(super) fn put(&mut self, row: &Row<'_>, arrival: Time) -> usize {
         let id = RowId::of(row, arrival, &[]);
         let at = self.free.pop().unwrap_or_else(|| {
-            self.slots.push(Slot {
-                values: Vec::new(),
-                disturbed: Vec::new(),
-                id,
-                uses: 0,
-            });
+            self.slots.push(Slot::default());
             self.slots.len() - 1
         });
         let slot = &mut self.slots[at];
@@ -173,6 +233,12 @@ impl Rows {
         slot.id = id;
         slot.uses = 0;
         at
+    }
+
+    /// Whether number `at` is in flight and as wide as `width` says of its stream.
+    pub(super) fn holds(&self, at: usize, width: impl Fn(StreamId) -> Option<usize>) -> bool {
+        let slot = self.slots.get(at).filter(|slot| slot.uses > 0);
+        slot.is_some_and(|slot| width(slot.id.stream) == Some(slot.values.len()))
     }
 
     pub(super) fn get(&self, at: usize) -> &Slot {

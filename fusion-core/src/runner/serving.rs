@@ -239,9 +239,9 @@ impl Runner {
     /// `during` is the sample that is being run over.
     pub(super) fn offer(&mut self, measurement: Waiting, during: Option<&Sample>, observer: &mut dyn Observer) -> Result<(), Halt> {
         let Waiting { time, sensor, row } = measurement;
-        let id = self.gather(sensor, row);
         let leader = self.sensors[sensor].gate.leader();
         let foreseen = leader.and_then(|leader| self.foresee(leader, row, during));
+        let id = self.gather(sensor, row);
         let quality = self.sensors[sensor].quality.map(|column| self.rows.get(row).values[column]);
         let assumed = self.assumed_offset(sensor, row, time, during.map(Sample::input));
         self.rows.release(row);

@@ -346,7 +346,7 @@ fn an_observer_that_fails_stops_the_run_and_the_next_is_not_told() {
 }
 
 #[test]
-fn a_copy_of_the_runner_continues_bit_for_bit() {
+fn a_runner_with_the_memory_of_another_continues_bit_for_bit() {
     let ports = [(port(0, 0, 0.0), None, true), (port(0, 1, 0.2), Some(0), true)];
     let rows: Vec<_> = (0..40).map(|k| (0, second(k), vec![leading(k), leading(k) * 0.5])).collect();
     for cut in [1, 7, 14, 25] {
@@ -355,8 +355,9 @@ fn a_copy_of_the_runner_continues_bit_for_bit() {
         for (stream, time, row) in &rows[..cut] {
             original.feed(&Row::new(*stream, *time, row), &mut nobody).unwrap();
         }
-        let mut copy = original.clone();
-        assert_eq!(fed(&mut original, &rows[cut..]), fed(&mut copy, &rows[cut..]), "cut at {cut}");
+        let mut twin = runner(&ports, &[2], 0.5);
+        crate::testing::check_memory(&mut original, &mut twin).unwrap();
+        assert_eq!(fed(&mut original, &rows[cut..]), fed(&mut twin, &rows[cut..]), "cut at {cut}");
     }
 }
 

@@ -72,7 +72,7 @@ impl Runner {
         done
     }
 
-    fn new_monitor(&self) -> Monitor {
+    pub(super) fn new_monitor(&self) -> Monitor {
         let is_outside = |stream| self.stages.iter().all(|s| s.output != stream);
         let sensors = self.sensors.iter().map(|s| Watched {
             rows: s.model.size().residual,

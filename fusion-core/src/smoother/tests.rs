@@ -8,6 +8,7 @@ use crate::gate::{Answer, Decision, Gate, GateInput, Mode};
 use crate::geometry::so3;
 use crate::linear::{BlockMatrix, Jacobian};
 use crate::loss::{Huber, Quadratic};
+use crate::memory::{self, Memory};
 use crate::model::{Input, Measurement, Size, Undefined};
 use crate::runner::Halt;
 use crate::state::{Attitude, Belief, Dynamics, Geodetic, Layout, LayoutBuilder, Scalar, Slot, Vector, Velocity, View};
@@ -27,6 +28,12 @@ fn tape() -> Tape {
 #[derive(Clone, Debug)]
 struct Believing(u32, u32);
 
+impl Memory for Believing {
+    fn remember(&mut self, tape: &mut memory::Tape<'_>) {
+        self.1.remember(tape);
+    }
+}
+
 impl Gate for Believing {
     fn judge(&mut self, input: &GateInput<'_>) -> Answer {
         self.1 += 1;
@@ -39,9 +46,6 @@ impl Gate for Believing {
         }
     }
     fn power(&self, _: &GateInput<'_>, _: &mut [f64]) {}
-    fn boxed_clone(&self) -> Box<dyn Gate> {
-        Box::new(self.clone())
-    }
 }
 
 /// What a run consists of.

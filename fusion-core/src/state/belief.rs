@@ -2,6 +2,7 @@
 
 use super::layout::Layout;
 use crate::covariance::{Covariance, Form};
+use crate::memory::{Memory, Tape};
 use crate::time::Time;
 use std::sync::Arc;
 
@@ -14,6 +15,14 @@ pub struct Belief {
     pub x: Vec<f64>,
     /// Covariance of the error true ⊟ nominal in the canonical chart.
     pub covariance: Covariance,
+}
+
+impl Memory for Belief {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.time.remember(tape);
+        tape.numbers(&mut self.x);
+        self.covariance.remember(tape);
+    }
 }
 
 impl Belief {

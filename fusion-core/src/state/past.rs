@@ -14,6 +14,7 @@
 //! pulled by something that the filter has no model of.
 
 use super::{Belief, Block, Dynamics, Layout, StateRole};
+use crate::memory::{Memory, Tape};
 use crate::time::Time;
 use std::sync::Arc;
 
@@ -27,6 +28,14 @@ struct Snapshot {
     time: Time,
     x: Vec<f64>,
     variance: Vec<f64>,
+}
+
+impl Memory for Snapshot {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.time.remember(tape);
+        tape.numbers(&mut self.x);
+        tape.numbers(&mut self.variance);
+    }
 }
 
 impl Snapshot {
@@ -69,6 +78,7 @@ pub(crate) struct Past {
     latest: Snapshot,
     difference: Vec<f64>,
 }
+crate::memory!(Past { before, latest; layout, difference });
 
 impl Past {
     pub(crate) fn new(layout: Arc<Layout>) -> Self {

@@ -1,5 +1,6 @@
 //! Laws of gates and losses.
 
+use super::memory::check_memory;
 use super::random::Lcg;
 use crate::gate::{Answer, Decision, Gate, GateInput, Mode};
 use crate::loss::Loss;
@@ -33,17 +34,19 @@ pub fn check_loss(loss: &dyn Loss) -> Result<(), String> {
 
 /// A gate fed with residuals in units of √S, in metres of S = 2, HPHᵀ = R = 1. What it lets through
 /// is used, unless the filter is said to fail.
-struct Feed {
+struct Feed<'a> {
+    make: &'a dyn Fn() -> Box<dyn Gate>,
     gate: Box<dyn Gate>,
     time: f64,
     dim: usize,
     fails: bool,
 }
 
-impl Feed {
-    fn new(gate: &dyn Gate, dim: usize) -> Self {
+impl<'a> Feed<'a> {
+    fn new(make: &'a dyn Fn() -> Box<dyn Gate>, dim: usize) -> Self {
         Self {
-            gate: gate.boxed_clone(),
+            make,
+            gate: make(),
             time: 0.0,
             dim,
             fails: false,
@@ -87,11 +90,11 @@ impl Feed {
         to(self.gate.as_mut(), &input);
     }
 
-    fn copy(&self) -> Self {
-        Self {
-            gate: self.gate.boxed_clone(),
-            ..*self
-        }
+    /// The same with another gate, into which what this one remembers is restored.
+    fn copy(&mut self) -> Result<Self, String> {
+        let mut gate = (self.make)();
+        check_memory(self.gate.as_mut(), gate.as_mut())?;
+        Ok(Self { gate, ..*self })
     }
 }
 
@@ -108,7 +111,8 @@ const ROWS: usize = 20;
 const ZERO: [f64; ROWS] = [0.0; ROWS];
 const ABSURD: [f64; ROWS] = [1e4; ROWS];
 
-/// A gate accepts what agrees and rejects what is absurd; a copy answers as the original; what it
+/// Of gates as `make` makes them: a gate accepts what agrees and rejects what is absurd; one that is given
+/// the memory of another answers as that one would; what it
 /// says of its power is so; what contradicts itself is never believed; and whatever happened, of a
 /// fast sensor or a slow one, consistent residuals are followed again, also where the filter could
 /// not follow them the first time. A gate that reports an infinite threshold is open and may accept
@@ -116,10 +120,10 @@ const ABSURD: [f64; ROWS] = [1e4; ROWS];
 ///
 /// # Errors
 /// A sentence with the circumstances.
-pub fn check_gate(gate: &dyn Gate) -> Result<(), String> {
+pub fn check_gate(make: &dyn Fn() -> Box<dyn Gate>) -> Result<(), String> {
     for dim in [1, 2, 3, 6, ROWS] {
         let told = |law: &str| Err(format!("dimension {dim}: {law}"));
-        let mut feed = Feed::new(gate, dim);
+        let mut feed = Feed::new(make, dim);
         for _ in 0..3 {
             let answer = feed.judge(1.0, &ZERO);
             if answer.decision != Decision::Accept || answer.mode != Mode::Track {
@@ -129,8 +133,8 @@ pub fn check_gate(gate: &dyn Gate) -> Result<(), String> {
                 return told("a residual of zero has no finite statistic");
             }
         }
-        copies_agree(gate, dim)?;
-        power_is_told(&feed)?;
+        copies_agree(make, dim)?;
+        power_is_told(&mut feed)?;
         let absurd = feed.judge(1.0, &ABSURD);
         if absurd.threshold == f64::INFINITY {
             continue;
@@ -142,7 +146,7 @@ pub fn check_gate(gate: &dyn Gate) -> Result<(), String> {
             return told("a residual that is no number is not rejected");
         }
         // Interference: far out, and no two alike.
-        let mut feed = Feed::new(gate, dim);
+        let mut feed = Feed::new(make, dim);
         feed.judge(1.0, &ZERO);
         for k in 0..600_u32 {
             let far = ABSURD.map(|a| if k % 2 == 0 { a } else { -a } * (1.0 + f64::from(k)));
@@ -155,7 +159,7 @@ pub fn check_gate(gate: &dyn Gate) -> Result<(), String> {
         }
         // An estimate gone wrong: the sensor agrees with itself, however slow it is.
         for period in [0.1, 1.0, 10.0, 60.0] {
-            let mut feed = Feed::new(gate, dim);
+            let mut feed = Feed::new(make, dim);
             feed.judge(1.0, &ZERO);
             if (0..3600).all(|_| feed.judge(period, &ABSURD).decision == Decision::Reject) {
                 return Err(format!(
@@ -163,7 +167,7 @@ pub fn check_gate(gate: &dyn Gate) -> Result<(), String> {
                 ));
             }
         }
-        let mut feed = Feed::new(gate, dim);
+        let mut feed = Feed::new(make, dim);
         feed.judge(1.0, &ZERO);
         feed.fails = true;
         if (0..3600).all(|_| feed.judge(1.0, &ABSURD).decision == Decision::Reject) {
@@ -172,7 +176,7 @@ pub fn check_gate(gate: &dyn Gate) -> Result<(), String> {
         if feed.judge(1.0, &ABSURD).decision != Decision::Reacquire {
             return told("a sensor that the filter could not re-acquire is not offered again at once");
         }
-        let mut feed = Feed::new(gate, dim);
+        let mut feed = Feed::new(make, dim);
         feed.judge(1.0, &ZERO);
         feed.judge(3600.0, &ABSURD);
         if (0..30).all(|_| feed.judge(1.0, &ABSURD).decision == Decision::Reject) {
@@ -182,16 +186,16 @@ pub fn check_gate(gate: &dyn Gate) -> Result<(), String> {
     Ok(())
 }
 
-fn copies_agree(gate: &dyn Gate, dim: usize) -> Result<(), String> {
+fn copies_agree(make: &dyn Fn() -> Box<dyn Gate>, dim: usize) -> Result<(), String> {
     let mut random = Lcg::new(dim as u64);
-    let mut original = Feed::new(gate, dim);
+    let mut original = Feed::new(make, dim);
     for _ in 0..200 {
         let sigmas = ZERO.map(|_| 6.0 * random.signed());
-        let mut copy = original.copy();
+        let mut copy = original.copy()?;
         let (a, b) = (original.judge(1.0, &sigmas), copy.judge(1.0, &sigmas));
         if a != b {
             return Err(format!(
-                "dimension {dim}: a copy of the gate answers {b:?} where the gate answers {a:?}"
+                "dimension {dim}: one with the memory of the gate answers {b:?} where the gate answers {a:?}"
             ));
         }
     }
@@ -200,17 +204,17 @@ fn copies_agree(gate: &dyn Gate, dim: usize) -> Result<(), String> {
 
 /// Of each row, an error of 1.001 of the power is refused and one of 0.999 is not; where it is
 /// infinite, an absurd one is not.
-fn power_is_told(feed: &Feed) -> Result<(), String> {
-    for (i, smallest) in feed.copy().power(1.0).into_iter().enumerate() {
-        let decide = |sigmas: f64| {
+fn power_is_told(feed: &mut Feed<'_>) -> Result<(), String> {
+    for (i, smallest) in feed.copy()?.power(1.0).into_iter().enumerate() {
+        let mut decide = |sigmas: f64| {
             let mut residual = ZERO;
             residual[i] = sigmas;
-            feed.copy().judge(1.0, &residual).decision
+            Ok::<_, String>(feed.copy()?.judge(1.0, &residual).decision)
         };
         let is_told = if smallest == f64::INFINITY {
-            decide(ABSURD[0]) == Decision::Accept
+            decide(ABSURD[0])? == Decision::Accept
         } else {
-            decide(1.001 * smallest) == Decision::Reject && decide(0.999 * smallest) == Decision::Accept
+            decide(1.001 * smallest)? == Decision::Reject && decide(0.999 * smallest)? == Decision::Accept
         };
         if !is_told {
             return Err(format!(

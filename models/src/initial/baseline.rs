@@ -8,6 +8,7 @@ use crate::block::{Build, BuildError, InitialiserSpec, Listen};
 use crate::units::{NonNegative, Positive, dim};
 use crate::vocabulary::{channel, state};
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::memory;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Belief, Layout, Manifold};
 use fusion_core::time::Time;
@@ -73,6 +74,7 @@ struct Baseline {
     fixes: VecDeque<(Time, Geodetic)>,
     yaw: Option<f64>,
 }
+memory!(Baseline { fixes, yaw; min_distance, max_age, sigma });
 
 impl Initialiser for Baseline {
     fn row(&mut self, _: usize, time: Time, row: &[f64]) {
@@ -97,10 +99,6 @@ impl Initialiser for Baseline {
         if let Some(yaw) = self.yaw {
             write_yaw(layout, belief, yaw, self.sigma);
         }
-    }
-
-    fn boxed_clone(&self) -> Box<dyn Initialiser> {
-        Box::new(self.clone())
     }
 }
 

@@ -7,6 +7,7 @@ use super::write_yaw;
 use crate::block::{Build, BuildError, InitialiserSpec, Listen};
 use crate::units::{self, NonNegative, Positive, dim};
 use crate::vocabulary::{channel, state};
+use fusion_core::memory;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Belief, Layout, wrap};
 use fusion_core::time::Time;
@@ -79,6 +80,7 @@ struct Compass {
     since: Option<Time>,
     headings: VecDeque<(Time, f64)>,
 }
+memory!(Compass { since, headings; sigma, declination, duration });
 
 impl Compass {
     fn heading(&self) -> f64 {
@@ -115,10 +117,6 @@ impl Initialiser for Compass {
         if !self.headings.is_empty() {
             write_yaw(layout, belief, self.heading(), self.sigma);
         }
-    }
-
-    fn boxed_clone(&self) -> Box<dyn Initialiser> {
-        Box::new(self.clone())
     }
 }
 

@@ -7,6 +7,7 @@ use super::write_yaw;
 use crate::block::{Build, BuildError, InitialiserSpec, Listen};
 use crate::units::{Angle, NonNegative, Positive, dim};
 use crate::vocabulary::{channel, state};
+use fusion_core::memory;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Belief, Layout, wrap};
 use fusion_core::time::Time;
@@ -72,6 +73,7 @@ struct Course {
     mounting_yaw: f64,
     yaw: Option<f64>,
 }
+memory!(Course { yaw; min_speed, sigma, mounting_yaw });
 
 impl Initialiser for Course {
     fn row(&mut self, _: usize, _: Time, row: &[f64]) {
@@ -90,9 +92,5 @@ impl Initialiser for Course {
         if let Some(yaw) = self.yaw {
             write_yaw(layout, belief, yaw, self.sigma);
         }
-    }
-
-    fn boxed_clone(&self) -> Box<dyn Initialiser> {
-        Box::new(self.clone())
     }
 }

@@ -6,6 +6,7 @@ use crate::param::Rpy;
 use crate::units::{Angle, Axes, NonNegative, Place, Vec3Of, dim, range};
 use crate::vocabulary::state;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::memory;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Belief, Layout};
 use fusion_core::time::Time;
@@ -113,6 +114,7 @@ struct Explicit {
     attitude: Option<(Rpy, [f64; 3])>,
     heading: Option<(f64, f64)>,
 }
+memory!(Explicit { ; origin, place, velocity, attitude, heading });
 
 impl Initialiser for Explicit {
     fn row(&mut self, _: usize, _: Time, _: &[f64]) {}
@@ -134,10 +136,6 @@ impl Initialiser for Explicit {
         if let Some((yaw, sigma)) = self.heading {
             write_yaw(layout, belief, yaw, sigma);
         }
-    }
-
-    fn boxed_clone(&self) -> Box<dyn Initialiser> {
-        Box::new(self.clone())
     }
 }
 

@@ -10,6 +10,7 @@ use crate::block::{Build, BuildError, InitialiserSpec, Listen};
 use crate::units::{Axes, Vec3Of, dim, range};
 use crate::vocabulary::{channel, state};
 use fusion_core::geometry::{so3, wgs84::Geodetic};
+use fusion_core::memory;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Belief, Layout, Manifold};
 use fusion_core::time::Time;
@@ -101,6 +102,7 @@ struct FirstFix {
     fixes: VecDeque<Geodetic>,
     velocity: Option<Vector3<f64>>,
 }
+memory!(FirstFix { fixes, velocity; origin, position_sigma, velocity_sigma, lever_arm, median_of });
 
 impl FirstFix {
     /// From the body to the antenna, in navigation axes, and the variance of what is open of it.
@@ -160,10 +162,6 @@ impl Initialiser for FirstFix {
         if let (Some(v), Some(sigma)) = (&self.velocity, &self.velocity_sigma) {
             write_velocity(layout, belief, v, sigma);
         }
-    }
-
-    fn boxed_clone(&self) -> Box<dyn Initialiser> {
-        Box::new(self.clone())
     }
 }
 

@@ -17,6 +17,8 @@ use crate::stage::still::{StillSpec, StillTest};
 use crate::units::{Axes, NonNegative, Positive, dim, range};
 use crate::vocabulary::state;
 use fusion_core::geometry::{so3, wgs84};
+use fusion_core::memory;
+use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Belief, Layout, Manifold, Vector};
 use fusion_core::time::Time;
@@ -175,6 +177,7 @@ struct Rest {
     f: Vector3<f64>,
     parts: Parts,
 }
+memory!(Rest { since, count, w, f, parts });
 
 impl Rest {
     fn add(&mut self, w: &Vector3<f64>, f: &Vector3<f64>, share: f64) {
@@ -196,6 +199,13 @@ struct Parts {
     mean: Vector3<f64>,
     squares: Matrix3<f64>,
 }
+memory!(Parts {
+    count,
+    sum,
+    complete,
+    mean,
+    squares
+});
 
 impl Parts {
     /// Adds a force when `share` of the spell has passed.
@@ -233,6 +243,18 @@ struct Levelling {
     /// 1σ of tilt \[rad\] by which the force wandered over the rest that was found.
     wander: f64,
     last: Option<Time>,
+}
+
+impl Memory for Levelling {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        if let Some(test) = &mut self.test {
+            test.remember(tape);
+        }
+        self.rest.remember(tape);
+        self.found.remember(tape);
+        self.wander.remember(tape);
+        self.last.remember(tape);
+    }
 }
 
 impl Levelling {
@@ -301,10 +323,6 @@ impl Initialiser for Levelling {
             Vector::<3>::write(bias, &mut belief.x[b.storage_range()]);
             belief.covariance.set_sigmas(b, sigma);
         }
-    }
-
-    fn boxed_clone(&self) -> Box<dyn Initialiser> {
-        Box::new(self.clone())
     }
 }
 

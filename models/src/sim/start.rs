@@ -12,6 +12,7 @@ use super::world::OpenLoop;
 use crate::block::BuildError;
 use crate::earth::{Gravity, LocalFrame};
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::memory;
 use fusion_core::runner::Initialiser;
 use fusion_core::state::{Belief, Block, Layout, StateRole};
 use fusion_core::time::Time;
@@ -27,6 +28,7 @@ pub struct DrawnStart {
     blocks: Vec<(Block, Known)>,
     seed: u64,
 }
+memory!(DrawnStart { ; world, frame, gravity, blocks, seed });
 
 impl DrawnStart {
     /// For a filter with the state `layout` in the world of `spec`; the blocks that initialisers `found`
@@ -79,9 +81,5 @@ impl Initialiser for DrawnStart {
             let delta: DVector<f64> = spread.eigenvectors * along;
             block.kind.plus(&mut belief.x[block.storage_range()], delta.as_slice());
         }
-    }
-
-    fn boxed_clone(&self) -> Box<dyn Initialiser> {
-        Box::new(self.clone())
     }
 }

@@ -21,6 +21,7 @@ use crate::units::{self, Dimensional, NonNegative, Positive, Quantity as Unit, V
 use crate::vocabulary::{channel, state};
 use field_gate::{FieldGate, FieldGateSpec};
 use fusion_core::geometry::so3;
+use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Attitude, Quantity, View, wrap};
 use fusion_core::time::{Time, nanos};
@@ -154,6 +155,16 @@ struct CompassStage {
     next: Time,
 }
 
+impl Memory for CompassStage {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        if let Some(gate) = &mut self.gate {
+            gate.remember(tape);
+        }
+        self.force.remember(tape);
+        self.next.remember(tape);
+    }
+}
+
 impl Stage for CompassStage {
     fn row(&mut self, input: usize, time: Time, row: &[f64], view: Option<&View<'_>>, out: &mut Emitter) {
         let read = Vector3::new(row[0], row[1], row[2]);
@@ -184,10 +195,6 @@ impl Stage for CompassStage {
             let row = [heading, q.w, q.i, q.j, q.k, m.x, m.y, m.z, sigma, sigma, sigma];
             out.emit(time, &row[..if self.noise.is_some() { 11 } else { 8 }]);
         }
-    }
-
-    fn boxed_clone(&self) -> Box<dyn Stage> {
-        Box::new(self.clone())
     }
 }
 

@@ -19,6 +19,7 @@ use crate::earth::LocalEarth;
 use crate::units::{Dimensional, NonNegative, Positive, Quantity as Unit, Range, STANDARD_GRAVITY, dim};
 use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3;
+use fusion_core::memory;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Attitude, Quantity, Vector, View};
 use fusion_core::time::Time;
@@ -191,6 +192,7 @@ struct GravityGradient {
     gravity: f64,
     last: Option<Time>,
 }
+memory!(GravityGradient { last; attitude, gyro_bias, gain, floor, from, sigma, adaptive, band, gravity });
 
 impl Stage for GravityGradient {
     fn row(&mut self, _: usize, time: Time, row: &[f64], view: Option<&View<'_>>, out: &mut Emitter<'_>) {
@@ -215,10 +217,6 @@ impl Stage for GravityGradient {
             let sigma = self.sigma * (1.0 + self.adaptive * excess * excess).sqrt();
             out.emit(time, &[q.w, q.i, q.j, q.k, sigma, sigma, sigma, sigma, sigma]);
         }
-    }
-
-    fn boxed_clone(&self) -> Box<dyn Stage> {
-        Box::new(self.clone())
     }
 }
 

@@ -8,6 +8,7 @@
 use crate::block::{Build, BuildError, Channel, Listen, StageSpec};
 use crate::units::{NonNegative, Positive, dim};
 use crate::vocabulary::state;
+use fusion_core::memory;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Quantity, Velocity, View};
 use fusion_core::time::{Time, nanos};
@@ -70,6 +71,7 @@ struct Periodic {
     min_speed: Option<(Quantity<Velocity>, f64)>,
     next: Time,
 }
+memory!(Periodic { next; period, min_speed });
 
 impl Periodic {
     fn tick(&mut self, time: Time, view: Option<&View<'_>>, out: &mut Emitter<'_>) {
@@ -97,10 +99,6 @@ impl Stage for Periodic {
 
     fn silence(&mut self, time: Time, view: &View<'_>, out: &mut Emitter<'_>) {
         self.tick(time, Some(view), out);
-    }
-
-    fn boxed_clone(&self) -> Box<dyn Stage> {
-        Box::new(self.clone())
     }
 }
 

@@ -13,6 +13,7 @@ use super::still::{StillSpec, StillTest};
 use crate::block::{Build, BuildError, Channel, Listen, StageSpec, imu_channels};
 use crate::units::{Positive, dim};
 use crate::vocabulary::{channel, state};
+use fusion_core::memory;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Attitude, Quantity, Vector, Velocity, View};
 use fusion_core::time::{Time, nanos};
@@ -146,6 +147,10 @@ struct Stationarity {
     next_test: Time,
     next_row: Time,
 }
+memory!(Stationarity {
+    test, reported, passed, next_test, next_row;
+    gyro_bias, lift, filter_speed, witness, persist, test_period, period
+});
 
 impl Stationarity {
     fn is_still(&self, time: Time, view: &View<'_>) -> bool {
@@ -194,9 +199,5 @@ impl Stage for Stationarity {
         self.next_row = time.shifted(self.period);
         let [w, f] = self.test.means();
         out.emit(time, &[w.x, w.y, w.z, f.x, f.y, f.z]);
-    }
-
-    fn boxed_clone(&self) -> Box<dyn Stage> {
-        Box::new(self.clone())
     }
 }

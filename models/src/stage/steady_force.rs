@@ -13,6 +13,7 @@ use crate::earth::LocalEarth;
 use crate::units::{Positive, STANDARD_GRAVITY, dim};
 use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3;
+use fusion_core::memory;
 use fusion_core::runner::{Emitter, Stage};
 use fusion_core::state::{Quantity, Vector, View};
 use fusion_core::time::{Time, nanos};
@@ -96,6 +97,7 @@ struct SteadyForce {
     last: Option<(Time, Vector3<f64>)>,
     next: Time,
 }
+memory!(SteadyForce { last, next; gyro_bias, time_constant, period, band, gravity });
 
 impl Stage for SteadyForce {
     fn row(&mut self, _: usize, time: Time, row: &[f64], view: Option<&View<'_>>, out: &mut Emitter) {
@@ -115,10 +117,6 @@ impl Stage for SteadyForce {
             self.next = time.shifted(self.period);
             out.emit(time, steady.as_slice());
         }
-    }
-
-    fn boxed_clone(&self) -> Box<dyn Stage> {
-        Box::new(self.clone())
     }
 }
 

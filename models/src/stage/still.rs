@@ -48,6 +48,7 @@ pub struct StillTest {
     squares: [Vector3<f64>; 2],
     origin: Option<[Vector3<f64>; 2]>,
 }
+fusion_core::memory!(StillTest { samples, sum, squares, origin; window, accel_std, gyro_std, mean_rate });
 
 impl StillTest {
     /// From its declared bounds.

@@ -1,4 +1,5 @@
-//! The law of copies: a filter and a runner that have run for a while, copied, continue bit for bit.
+//! The law of memories: a filter and a runner that are given the memory of others, which have run for a
+//! while, continue bit for bit as those.
 
 use super::{Bench, build, spec, state, steady};
 use crate::block::SensorSpec;
@@ -6,14 +7,15 @@ use crate::registry::{self, Role};
 use fusion_core::filter::{Backend, Estimator, Filter, Observed, Verdict};
 use fusion_core::gate::{Gate, Nis, Recovery};
 use fusion_core::loss::Quadratic;
+use fusion_core::memory::{Memory, Tape};
 use fusion_core::model::{Input, Measurement, Process, SignalBuffer, Size};
 use fusion_core::runner::{Event, Noise, Port, Row, Runner, Sensor};
 use fusion_core::state::{Belief, Layout};
-use fusion_core::testing::Lcg;
+use fusion_core::testing::{Lcg, check_memory};
 use fusion_core::time::Time;
 use std::sync::Arc;
 
-/// Samples of a drive, 100 a second; the copy is made after half of them, an odd number, so that a
+/// Samples of a drive, 100 a second; the memory is given after half of them, an odd number, so that a
 /// preparation that works in pairs holds one back.
 const SAMPLES: i64 = 202;
 /// Samples between two measurements.
@@ -137,25 +139,38 @@ struct Instant<'a> {
 pub(super) fn check(bench: impl Fn() -> Result<Bench, String>) -> Result<(), String> {
     for backend in [Backend::ERROR_STATE, Backend::EKF] {
         let drive = Drive::new(bench()?, backend)?;
-        let gates = vec![gate(); drive.sensors.len()];
-        halves(&drive, (drive.filter(backend), gates), |(filter, _)| filter.belief(), filtered).map_err(|e| format!("its filter: {e}"))?;
-        halves(&drive, drive.runner(backend), Runner::belief, fed).map_err(|e| format!("its runner: {e}"))?;
+        let gates = || drive.sensors.iter().map(|_| gate()).collect();
+        let filter = || Gated(drive.filter(backend), gates());
+        halves(&drive, filter, |Gated(filter, _)| filter.belief(), filtered).map_err(|e| format!("its filter: {e}"))?;
+        halves(&drive, || drive.runner(backend), Runner::belief, fed).map_err(|e| format!("its runner: {e}"))?;
     }
     Ok(())
 }
 
-/// Takes `original` through the drive by `step`, which tells how many measurements were accepted;
-/// a copy made half-way has the same belief, bit for bit, from there to the end.
-fn halves<T: Clone>(
+/// A filter with a gate per sensor.
+struct Gated(Filter, Vec<Box<dyn Gate>>);
+
+impl Memory for Gated {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.0.remember(tape);
+        self.1.as_mut_slice().remember(tape);
+    }
+}
+
+/// Takes one that `made` makes through the drive by `step`, which tells how many measurements were
+/// accepted; another that is given its memory half-way has the same belief, bit for bit, from there to
+/// the end.
+fn halves<T: Memory>(
     drive: &Drive,
-    mut original: T,
+    made: impl Fn() -> T,
     belief: impl Fn(&T) -> &Belief,
     step: impl Fn(&Drive, &mut T, &Instant<'_>) -> Result<usize, String>,
 ) -> Result<(), String> {
-    let (mut random, mut copy, mut accepted) = (Lcg::new(22), None, 0);
+    let (mut original, mut twin) = (made(), made());
+    let (mut random, mut accepted) = (Lcg::new(22), 0);
     for (k, sample) in (0..).zip(&drive.samples) {
         if k == SAMPLES / 2 {
-            copy = Some(original.clone());
+            check_memory(&mut original, &mut twin)?;
         }
         let mut measured = vec![None; drive.sensors.len()];
         if k % EVERY == 0 {
@@ -169,10 +184,12 @@ fn halves<T: Clone>(
         };
         let before = accepted;
         accepted += step(drive, &mut original, &instant)?;
-        let Some(copy) = &mut copy else { continue };
-        let of_the_copy = step(drive, copy, &instant)?;
-        if of_the_copy != accepted - before || bits(belief(copy)) != bits(belief(&original)) {
-            return Err(format!("a copy made half-way differs {} samples later", k - SAMPLES / 2));
+        if k < SAMPLES / 2 {
+            continue;
+        }
+        let of_the_twin = step(drive, &mut twin, &instant)?;
+        if of_the_twin != accepted - before || bits(belief(&twin)) != bits(belief(&original)) {
+            return Err(format!("one with the memory of another differs {} samples later", k - SAMPLES / 2));
         }
     }
     match accepted {
@@ -187,7 +204,7 @@ fn bits(belief: &Belief) -> Vec<u64> {
     belief.x.iter().chain(&covariance).map(|v| v.to_bits()).collect()
 }
 
-fn filtered(drive: &Drive, (filter, gates): &mut (Filter, Vec<Box<dyn Gate>>), at: &Instant<'_>) -> Result<usize, String> {
+fn filtered(drive: &Drive, Gated(filter, gates): &mut Gated, at: &Instant<'_>) -> Result<usize, String> {
     let input = Input {
         sample: &steady(drive.process.as_ref(), at.sample),
         interval: 1e-9 * STEP as f64,

@@ -6,26 +6,27 @@ use crate::block::InitialiserSpec;
 use crate::registry::{self, Registration, Role};
 use crate::vocabulary::state;
 use fusion_core::covariance::FormKind;
-use fusion_core::runner::Initialiser;
 use fusion_core::state::{Belief, Layout};
-use fusion_core::testing::Lcg;
+use fusion_core::testing::{Lcg, check_memory};
 use fusion_core::time::Time;
 
 /// Rows on each input, 100 a second, after which it must have found what it looks for.
 const ROWS: i32 = 12_000;
+/// Rows up to which the memory is given, again and again.
+const LAST_GIVEN: i32 = 1000;
 
 /// An initialiser is ready at some time, writes a sound belief into the blocks that it declares and
-/// no others, and a copy made on the way writes the same bits.
+/// no others, and another that was given its memory on the way writes the same bits.
 pub(super) fn check(r: &Registration) -> Result<(), String> {
     let (mut refusals, mut accepted, mut written) = (String::new(), 0, 0);
     for p in registry::all().into_iter().filter(|p| p.role == Role::Process) {
         let mut bench = Bench::new(p).map_err(|e| format!("process `{}`: {e}", p.name))?;
         let spec: Box<dyn InitialiserSpec> = spec(r)?;
         match spec.build(&mut build(r.name, &mut bench.layout)) {
-            Ok(initialiser) => {
+            Ok(_) => {
                 accepted += 1;
                 for motion in Motion::ALL {
-                    let blocks = feed(spec.as_ref(), initialiser.clone(), bench.layout.so_far(), motion);
+                    let blocks = feed(r.name, spec.as_ref(), &mut bench, motion);
                     written += blocks.map_err(|e| format!("on process `{}`, {motion:?}: {e}", p.name))?;
                 }
             }
@@ -40,38 +41,42 @@ pub(super) fn check(r: &Registration) -> Result<(), String> {
 }
 
 /// How many blocks it writes; none where it is never ready.
-fn feed(spec: &dyn InitialiserSpec, mut initialiser: Box<dyn Initialiser>, layout: &Layout, motion: Motion) -> Result<usize, String> {
+fn feed(name: &str, spec: &dyn InitialiserSpec, bench: &mut Bench, motion: Motion) -> Result<usize, String> {
+    let mut made = || spec.build(&mut build(name, &mut bench.layout)).map_err(|e| e.to_string());
+    let (mut initialiser, mut twin) = (made()?, made()?);
+    let layout = bench.layout.so_far();
     let inputs = spec.inputs();
     if inputs.is_empty() && initialiser.waits_for().is_some() {
         return Err("it listens to nothing and waits all the same".to_owned());
     }
-    let (mut random, mut copy, mut time) = (Lcg::new(12), initialiser.clone(), Time::default());
+    let (mut random, mut time) = (Lcg::new(12), Time::default());
     for k in 0..ROWS {
         if initialiser.waits_for().is_none() {
             break;
         }
         time = Time::from_seconds(0.01 * f64::from(k));
-        if k % 7 == 0 {
-            copy = initialiser.clone();
+        // From then on it sees the same rows.
+        if k % 97 == 0 && k < LAST_GIVEN {
+            check_memory(initialiser.as_mut(), twin.as_mut()).map_err(|e| format!("before row {k}: {e}"))?;
         }
         for (input, listen) in inputs.iter().enumerate() {
             let row = motion.row(&listen.channels, time.seconds(), &mut random);
             initialiser.row(input, time, &row);
-            copy.row(input, time, &row);
+            twin.row(input, time, &row);
         }
     }
-    if initialiser.waits_for() != copy.waits_for() {
-        return Err("a copy waits for something else".to_owned());
+    if initialiser.waits_for() != twin.waits_for() {
+        return Err("one with its memory waits for something else".to_owned());
     }
     if initialiser.waits_for().is_some() {
         return Ok(0);
     }
     let before = Belief::initial(layout, &FormKind::default().form(), time);
-    let (mut after, mut of_the_copy) = (before.clone(), before.clone());
+    let (mut after, mut of_the_twin) = (before.clone(), before.clone());
     initialiser.write(time, layout, &mut after);
-    copy.write(time, layout, &mut of_the_copy);
-    if after.x != of_the_copy.x || covariance(&after) != covariance(&of_the_copy) {
-        return Err("a copy writes another belief".to_owned());
+    twin.write(time, layout, &mut of_the_twin);
+    if after.x != of_the_twin.x || covariance(&after) != covariance(&of_the_twin) {
+        return Err("one with its memory writes another belief".to_owned());
     }
     sound(&after)?;
     only_declared(spec, layout, &before, &after)

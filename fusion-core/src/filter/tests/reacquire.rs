@@ -6,6 +6,7 @@ use crate::gate::Outcome;
 /// Believes everything against the estimate.
 #[derive(Clone, Debug)]
 struct Credulous;
+crate::memory!(Credulous {});
 
 impl Gate for Credulous {
     fn judge(&mut self, input: &GateInput<'_>) -> Answer {
@@ -17,9 +18,6 @@ impl Gate for Credulous {
         }
     }
     fn power(&self, _: &GateInput<'_>, _: &mut [f64]) {}
-    fn boxed_clone(&self) -> Box<dyn Gate> {
-        Box::new(self.clone())
-    }
 }
 
 #[test]

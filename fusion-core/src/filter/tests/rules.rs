@@ -268,6 +268,7 @@ fn an_axis_that_is_known_exactly_has_no_sigma_points_and_does_no_harm() {
 fn a_belief_that_grew_before_a_measurement_was_believed_has_new_sigma_points() {
     #[derive(Clone, Debug)]
     struct Believe;
+    crate::memory!(Believe {});
     impl Gate for Believe {
         fn judge(&mut self, _: &GateInput<'_>) -> Answer {
             Answer {
@@ -278,9 +279,6 @@ fn a_belief_that_grew_before_a_measurement_was_believed_has_new_sigma_points() {
             }
         }
         fn power(&self, _: &GateInput<'_>, _: &mut [f64]) {}
-        fn boxed_clone(&self) -> Box<dyn Gate> {
-            Box::new(self.clone())
-        }
     }
     let ended = |update: Arc<dyn UpdateRule>| {
         let (mut f, x) = two(update, [0.0, 0.0], [0.1, 0.1]);

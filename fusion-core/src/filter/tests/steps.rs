@@ -31,15 +31,16 @@ fn tracked() -> (Filter, (Slot<Scalar>, Slot<Scalar>)) {
 }
 
 #[test]
-fn a_copy_continues_bit_for_bit_and_has_learnt_what_the_original_has() {
+fn a_filter_with_the_memory_of_another_continues_bit_for_bit() {
     let (mut f, slots) = tracked();
     drive(&mut f, slots, 1..20);
-    let mut copy = f.boxed_clone();
+    let (mut twin, _) = tracked();
+    crate::testing::check_memory(&mut f, &mut twin).unwrap();
     drive(&mut f, slots, 20..40);
-    drive(copy.as_mut(), slots, 20..40);
+    drive(&mut twin, slots, 20..40);
     assert_eq!(
         (&f.belief().x, &f.belief().covariance),
-        (&copy.belief().x, &copy.belief().covariance)
+        (&twin.belief().x, &twin.belief().covariance)
     );
 }
 

@@ -7,6 +7,7 @@
 //!            *pairs*: samples 1 and 2 are each other's neighbours, then 3 and 4, and so on; the first
 //!            of a pair waits for the second. A last one without partner gets the sample before
 
+use fusion_core::memory;
 use fusion_core::model::{Input, Preparation, Prepared};
 
 /// Which neighbour a sample gets.
@@ -49,6 +50,7 @@ struct Timed {
     sample: Vec<f64>,
     interval: f64,
 }
+memory!(Timed { sample, interval });
 
 impl Timed {
     fn hold(&mut self, interval: f64, sample: &[f64]) {
@@ -67,6 +69,7 @@ pub struct Pairing {
     first: Timed,
     has_first: bool,
 }
+memory!(Pairing { previous, first, has_first; mode });
 
 impl Pairing {
     /// One that has seen nothing yet.
@@ -105,10 +108,6 @@ impl Preparation for Pairing {
             out.push(&self.first.sample, &[&self.previous.sample, &[self.previous.interval]]);
             core::mem::swap(&mut self.previous, &mut self.first);
         }
-    }
-
-    fn boxed_clone(&self) -> Box<dyn Preparation> {
-        Box::new(self.clone())
     }
 }
 

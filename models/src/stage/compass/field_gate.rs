@@ -9,6 +9,7 @@
 
 use super::field::Field;
 use crate::units::{self, NonNegative, Positive, Quantity, dim};
+use fusion_core::memory;
 use fusion_core::time::Time;
 use nalgebra::Vector2;
 use schemars::JsonSchema;
@@ -87,11 +88,12 @@ impl FieldGateSpec {
 }
 
 /// What of a field no turn about the vertical changes.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Shape {
     magnitude: f64,
     dip: f64,
 }
+memory!(Shape { magnitude, dip });
 
 impl Shape {
     /// Horizontal and downward parts.
@@ -130,6 +132,10 @@ pub struct FieldGate {
     /// When the field was last out of bounds.
     wrong_at: Option<Time>,
 }
+memory!(FieldGate {
+    reference, learning, smooth, other, wrong_at;
+    enabled, magnitude, dip, smooth_over, hold_off, adopt_after, learn_for
+});
 
 impl FieldGate {
     /// The difference \[T\] from the undisturbed field of one that passes: that looks as it does
