@@ -69,6 +69,9 @@ mod schema;
 /// Smoothed estimates: recorded logs, a lag, files and memory.
 #[path = "suite/smoothing.rs"]
 mod smoothing;
+/// Vehicles that are steered by the estimate of their own filter.
+#[path = "suite/steered.rs"]
+mod steered;
 /// A design under its catalogue of faults: does it survive, and does it say so.
 #[path = "suite/stress.rs"]
 mod stress;

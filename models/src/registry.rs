@@ -26,11 +26,17 @@ pub enum Role {
     Fault,
     /// A piece of a simulated trajectory.
     Segment,
+    /// A simulated vehicle.
+    Vehicle,
+    /// Its controller.
+    Control,
+    /// What it does.
+    Task,
 }
 
 impl Role {
     /// Every role, in the order a reader wants them.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 12] = [
         Self::Process,
         Self::Sensor,
         Self::Stage,
@@ -40,6 +46,9 @@ impl Role {
         Self::Source,
         Self::Fault,
         Self::Segment,
+        Self::Vehicle,
+        Self::Control,
+        Self::Task,
     ];
 
     /// The word used in messages and in the schema.
@@ -55,6 +64,9 @@ impl Role {
             Self::Source => "source",
             Self::Fault => "fault",
             Self::Segment => "segment",
+            Self::Vehicle => "vehicle",
+            Self::Control => "control",
+            Self::Task => "task",
         }
     }
 }

@@ -7,9 +7,11 @@
 mod drive;
 mod fault;
 mod initialiser;
+mod mission;
 mod rows;
 mod segment;
 mod stage;
+mod vehicle;
 
 use crate::block::{Build, GateSpec, LossSpec, ProcessSpec, Reading, SensorSpec};
 use crate::earth::Gravity;
@@ -48,6 +50,9 @@ pub fn check(r: &Registration) -> Result<(), String> {
         Role::Initialiser => initialiser::check(r),
         Role::Fault => fault::check(r),
         Role::Segment => segment::check(r),
+        Role::Vehicle => vehicle::check(r),
+        Role::Control => mission::control(r),
+        Role::Task => mission::task(r),
         // The crate that reads files has their laws: they need files.
         Role::Source => Ok(()),
     }

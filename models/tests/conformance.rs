@@ -44,6 +44,11 @@ fn every_segment_obeys_the_laws_of_segments() {
 }
 
 #[test]
+fn every_vehicle_controller_and_task_obeys_its_laws() {
+    [Role::Vehicle, Role::Control, Role::Task].into_iter().for_each(all_obey);
+}
+
+#[test]
 fn every_process_obeys_the_laws_of_processes() {
     all_obey(Role::Process);
 }

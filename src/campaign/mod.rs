@@ -7,6 +7,7 @@ use crate::design::Design;
 use crate::observe::SensorStatistics;
 use crate::run::{Options, Smoothing, Summary, run};
 use crate::score::{Axes, BlockScore, Consistency, Convergence, median};
+use fusion_models::sim::Record;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -39,6 +40,8 @@ pub struct RunRow {
     pub blocks: Vec<BlockScore>,
     /// What became of the measurements of each sensor.
     pub sensors: Vec<SensorStatistics>,
+    /// How well a controlled vehicle did what it was to do; none where nothing is steered.
+    pub control: Option<Record>,
 }
 
 impl RunRow {
@@ -59,6 +62,7 @@ impl RunRow {
             convergence: score.convergence,
             blocks: score.blocks,
             sensors: summary.sensors.clone(),
+            control: summary.control.clone(),
         }
     }
 }

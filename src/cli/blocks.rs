@@ -66,6 +66,8 @@ fn place(role: Role, name: &str) -> String {
         Role::Loss => "[sensor.NAME] as `loss`".to_owned(),
         Role::Fault => format!("[source.SOURCE.fault.{name}], or fault.{name} of a simulated sensor or unit"),
         Role::Segment => "[simulation] in the array `trajectory`".to_owned(),
+        Role::Vehicle | Role::Control => format!("[simulation.{}]", role.name()),
+        Role::Task => "[simulation] in the array `mission`".to_owned(),
     }
 }
 
@@ -251,16 +253,20 @@ fn example(r: &Registration) -> String {
                 inline()
             )
         }
-        Role::Segment => format!(
-            "  [simulation]\n  trajectory = [\n    {{ type = {:?}{comma}{} }},\n  ]\n",
-            r.name,
-            inline()
-        ),
+        Role::Segment | Role::Task => {
+            let array = if r.role == Role::Task { "mission" } else { "trajectory" };
+            format!(
+                "  [simulation]\n  {array} = [\n    {{ type = {:?}{comma}{} }},\n  ]\n",
+                r.name,
+                inline()
+            )
+        }
         role => {
             let header = match role {
                 Role::Process => "process".to_owned(),
                 Role::Fault => "source.gnss.fault.example".to_owned(),
                 Role::Initialiser => "initial.example".to_owned(),
+                Role::Vehicle | Role::Control => format!("simulation.{}", role.name()),
                 _ => format!("{}.example", role.name()),
             };
             let siblings = match role {

@@ -14,8 +14,8 @@ pub(super) struct Progress {
 impl Progress {
     /// A bar where the end is known, the time of the log where it is not.
     pub(super) fn new(design: &Design) -> Self {
-        let simulated = design.simulation.as_ref().and_then(|s| s.block.world.trajectory().ok());
-        let stop = design.run.stop.map(|t| t.si()).or(simulated.map(|t| t.duration()));
+        let simulated = design.simulation.as_ref().and_then(|s| s.block.world.duration().ok());
+        let stop = design.run.stop.map(|t| t.si()).or(simulated);
         let bar = match stop {
             _ if !std::io::stderr().is_terminal() => ProgressBar::hidden(),
             Some(stop) => {

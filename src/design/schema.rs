@@ -235,18 +235,30 @@ impl Builder {
         json!({ "description": description, "type": "object", "additionalProperties": { "oneOf": choices } })
     }
 
-    /// The simulated world: segments are blocks, and its units and sensors have faults.
+    /// The simulated world: segments, vehicle, controller and tasks are blocks, and its units and sensors have faults.
     fn simulation(&mut self) -> Value {
         let mut schema = self.of::<SimulationSpec>("simulation");
-        let segments: Vec<Value> = registry::names(Role::Segment)
-            .iter()
-            .map(|name| reference(&definition(Role::Segment, name)))
-            .collect();
-        let items = json!({ "oneOf": segments });
+        let one_of = |role| {
+            let blocks: Vec<Value> = registry::names(role)
+                .iter()
+                .map(|name| reference(&definition(role, name)))
+                .collect();
+            json!({ "oneOf": blocks })
+        };
         let faults = self.named(Role::Fault, "Faults of the rows, by name, applied in order.");
         let properties = &mut schema["properties"];
-        if let Some(trajectory) = properties.get_mut("trajectory").and_then(Value::as_object_mut) {
-            trajectory.insert("items".to_owned(), items);
+        for (array, role) in [("trajectory", Role::Segment), ("mission", Role::Task)] {
+            if let Some(array) = properties.get_mut(array).and_then(Value::as_object_mut) {
+                array.insert("items".to_owned(), one_of(role));
+            }
+        }
+        for (field, role) in [("vehicle", Role::Vehicle), ("control", Role::Control)] {
+            // A single block stands there without a choice.
+            if let Some(field) = properties.get_mut(field) {
+                let description = field["description"].take();
+                *field = one_of(role);
+                field["description"] = description;
+            }
         }
         for path in ["/imu", "/odometry", "/sensor/additionalProperties"] {
             let name = properties

@@ -8,6 +8,7 @@ use crate::assembly::{Assembly, StreamLayout, assemble, declared_streams};
 use crate::config::{Diagnostics, Document, Files};
 use crate::health::{Health, NamedReason, Names};
 use crate::observe::Filters;
+use crate::rows::Aboard;
 use crate::run::examine::build;
 use crate::solution::{Solution, SolutionReader};
 use fusion_core::runner::{Event, Observer, Row, RunError, StreamId};
@@ -271,6 +272,13 @@ impl Navigator {
     #[must_use]
     pub const fn assembly(&self) -> &Assembly {
         &self.assembly
+    }
+}
+
+/// Carried by a vehicle of a simulated world, which it steers.
+impl Aboard for Navigator {
+    fn solution(&mut self, now: Time) -> Option<Solution> {
+        self.solution_at(now.seconds())
     }
 }
 

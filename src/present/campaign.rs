@@ -1,5 +1,6 @@
 //! The result of a Monte Carlo campaign.
 
+use super::control;
 use super::judged::{NEES, axis_name, consistency, is_judged_as_block};
 use super::run::{NED, RPY};
 use super::sensors::{count_columns, counts, residual_rows, row_name, sum};
@@ -48,17 +49,19 @@ impl Campaign {
         Page {
             title: format!("{} runs", self.rows.len()),
             warnings: self.warnings(),
-            sections: vec![
-                pooled(&[("all runs", self)]),
-                Section::new("Errors over the runs", [self.errors()]),
-                Section::new(
-                    "Estimated parameters against the truth, at the end of the runs",
-                    [self.parameters()],
-                ),
-                self.consistency(),
-                Section::new("Sensors, counts over all runs", [self.gates()]),
-                Section::new("Innovations of accepted measurements, over the runs", [self.innovations()]),
-            ],
+            sections: [pooled(&[("all runs", self)]), Section::new("Errors over the runs", [self.errors()])]
+                .into_iter()
+                .chain(control::spread(self))
+                .chain([
+                    Section::new(
+                        "Estimated parameters against the truth, at the end of the runs",
+                        [self.parameters()],
+                    ),
+                    self.consistency(),
+                    Section::new("Sensors, counts over all runs", [self.gates()]),
+                    Section::new("Innovations of accepted measurements, over the runs", [self.innovations()]),
+                ])
+                .collect(),
         }
     }
 

@@ -10,6 +10,7 @@
 
 pub mod campaign;
 pub mod comparison;
+mod control;
 pub mod health;
 pub mod html;
 pub mod json;

@@ -1,5 +1,6 @@
 //! The result of one run.
 
+use super::control;
 use super::health;
 use super::judged::{NEES, axis_name, consistency, is_judged_as_block};
 use super::sensors::{count_columns, counts, residual_rows, row_name};
@@ -38,6 +39,7 @@ impl Summary {
             sections: [self.facts(), health::section(&self.health), self.data()]
                 .into_iter()
                 .chain(self.measurements())
+                .chain(control::section(self.control.as_ref()))
                 .chain(self.errors())
                 .chain([self.estimated()])
                 .collect(),

@@ -2,17 +2,42 @@
 
 use super::{Row, SourceReport};
 use crate::config::Diagnostics;
+use crate::solution::Solution;
 use core::fmt::Debug;
 use core::ops::Range;
+use fusion_core::time::Time;
+use fusion_models::sim::Record;
 use serde::Serialize;
+
+/// The filter that is fed, as a world sees it that is steered by what its vehicle knows.
+pub trait Aboard {
+    /// What the vehicle knows of itself `now`, from all rows that have been fed: what is held back is
+    /// used, the rest predicted. None while there is no estimate.
+    fn solution(&mut self, now: Time) -> Option<Solution>;
+}
+
+/// No filter: a vehicle that it is to steer stands still.
+#[derive(Clone, Copy, Debug)]
+pub struct Nobody;
+
+impl Aboard for Nobody {
+    fn solution(&mut self, _: Time) -> Option<Solution> {
+        None
+    }
+}
 
 /// The rows of all streams of an assembly in order of their stamps, recorded or simulated.
 pub trait Feed: Debug {
-    /// The next row, of a stream of the assembly.
+    /// The next row, of a stream of the assembly; all rows before it have been fed to the filter `aboard`.
     ///
     /// # Errors
     /// What is wrong with the data.
-    fn next(&mut self) -> Result<Option<Row<'_>>, Diagnostics>;
+    fn next(&mut self, aboard: &mut dyn Aboard) -> Result<Option<Row<'_>>, Diagnostics>;
+
+    /// How well a vehicle was steered, where there is one.
+    fn record(&self) -> Option<Record> {
+        None
+    }
 
     /// The true state at the last row of the reference, in the layout of the filter; only a simulated
     /// world knows it.

@@ -1,5 +1,6 @@
 //! Running a design over its data.
 
+mod aboard;
 pub mod examine;
 mod files;
 mod recorded;
@@ -19,7 +20,9 @@ use crate::health::HealthRecord;
 use crate::observe::{Consumers, Counters, FilterScore, Filters, Finals, Heard, Hub, RunObserver, Smoother, Statistics, Timing};
 use crate::rows::{Feed, outages as silences};
 use crate::score::Outage;
+use crate::solution::SolutionReader;
 use crate::world::{SimulatedRows, drawn_start};
+use aboard::Carried;
 use files::Files;
 use fusion_core::runner::Runner;
 use fusion_core::time::Time;
@@ -165,7 +168,14 @@ impl<'a> Run<'a> {
         files.updates.iter_mut().for_each(|file| hub.add(file));
         smoother.iter_mut().for_each(|smoother| hub.add(smoother));
         further.iter_mut().for_each(|observer| hub.add(*observer));
-        let timing = feed(self.design, &mut self.assembly.runner, &mut self.data, &mut hub, progress)?;
+        let mut reader = SolutionReader::new(&self.assembly.layout, self.assembly.process.clone());
+        let timing = feed(
+            self.design,
+            (&mut self.assembly.runner, &mut reader),
+            &mut self.data,
+            &mut hub,
+            progress,
+        )?;
         let smoothed = smoother.map(Smoother::finish).transpose().map_err(stopped)?;
         let files = files.finish()?;
         let runner = &self.assembly.runner;
@@ -197,6 +207,7 @@ impl<'a> Run<'a> {
                 })
                 .collect(),
             sensors: statistics.finish(last.time),
+            control: self.data.rows.record(),
             sources: self.data.rows.statistics(),
             parameters,
             consumers: consumers.finish(),
@@ -210,10 +221,10 @@ impl<'a> Run<'a> {
     }
 }
 
-/// Feeds the rows of the time that is run, and tells of them.
+/// Feeds the rows of the time that is run, and tells of them; `reader` reads what a world is steered by.
 fn feed(
     design: &Design,
-    runner: &mut Runner,
+    (runner, reader): (&mut Runner, &mut SolutionReader),
     data: &mut RunData,
     hub: &mut Hub<'_>,
     progress: &mut dyn FnMut(Time),
@@ -221,7 +232,7 @@ fn feed(
     let start = design.run.start.map_or(Time::MIN, |t| Time::from_seconds(t.si()));
     let stop = design.run.stop.map_or(Time::MAX, |t| Time::from_seconds(t.si()));
     let (mut timing, mut count) = (Timing::default(), 0_u32);
-    while let Some(row) = data.rows.next()? {
+    while let Some(row) = data.rows.next(&mut Carried { runner, reader })? {
         if row.time < start || row.time > stop {
             hub.outside(&row, row.time > stop).map_err(stopped)?;
             continue;

@@ -5,7 +5,7 @@ use super::{Options, RunData, data_dir, unknown_reference};
 use crate::assembly::Assembly;
 use crate::config::{Diagnostic, Diagnostics, Node};
 use crate::design::{Design, Named, SourceDesign};
-use crate::rows::{Faulted, Feed, Merged, Row, RowStream, SourceError, SourceStatistics};
+use crate::rows::{Aboard, Faulted, Feed, Merged, Row, RowStream, SourceError, SourceStatistics};
 use crate::source::OpenContext;
 use core::ops::Range;
 use fusion_core::runner::StreamId;
@@ -99,7 +99,7 @@ pub fn open_one(source: &SourceDesign, context: &OpenContext) -> Result<Box<dyn 
 }
 
 impl Feed for Recorded {
-    fn next(&mut self) -> Result<Option<Row<'_>>, Diagnostics> {
+    fn next(&mut self, _: &mut dyn Aboard) -> Result<Option<Row<'_>>, Diagnostics> {
         match self.merged.next() {
             Ok(next) => Ok(next.map(|row| Row {
                 stream: self.origins[row.stream].stream,

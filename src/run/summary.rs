@@ -5,6 +5,7 @@ use crate::observe::{ConsumerCounts, SensorStatistics};
 use crate::rows::SourceStatistics;
 use crate::score::Score;
 use fusion_core::state::{Belief, Kind, Layout, StateRole};
+use fusion_models::sim::Record;
 use serde::Serialize;
 
 /// The state of one parameter at the end of a run.
@@ -68,6 +69,8 @@ pub struct Summary {
     pub smoothed: Option<Smoothed>,
     /// Scores of the filters inside stages.
     pub inside: Vec<InsideScore>,
+    /// How well a controlled vehicle did what it was to do; none where nothing is steered.
+    pub control: Option<Record>,
     /// Per sensor.
     pub sensors: Vec<SensorStatistics>,
     /// Per source.

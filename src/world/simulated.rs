@@ -2,14 +2,19 @@
 
 use super::check::{faults, no_origin};
 use crate::assembly::{Assembly, stream_of};
-use crate::config::Diagnostics;
+use crate::config::{Diagnostic, Diagnostics};
 use crate::design::{Design, Named, SimulationDesign};
-use crate::rows::{FaultChain, Feed, Row, SourceReport, SourceStatistics, Stamp};
+use crate::rows::{Aboard, FaultChain, Feed, Row, SourceReport, SourceStatistics, Stamp};
+use crate::solution::Solution;
 use core::ops::Range;
+use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::runner::{InitialiserUnit, StreamId};
 use fusion_core::time::Time;
-use fusion_models::sim::{DrawnStart, Setup, SimulatedSensor, SimulatedStream, SimulationSpec, Simulator};
+use fusion_models::earth::LocalFrame;
+use fusion_models::sim::{DrawnStart, Next, Record, Seen, Setup, SimulatedSensor, SimulatedStream, SimulationSpec, Simulator};
+use fusion_models::vocabulary::state;
+use nalgebra::Vector2;
 
 /// Rows of a simulated world.
 #[derive(Debug)]
@@ -18,6 +23,9 @@ pub struct SimulatedRows {
     /// Of each stream of the simulator.
     outlets: Vec<Outlet>,
     values: Vec<f64>,
+    frame: LocalFrame,
+    /// The instant at which the world is steered next, once it has come as far.
+    steers: Option<Time>,
 }
 
 /// Where the rows of a simulated stream go, and through what.
@@ -38,7 +46,13 @@ impl SimulatedRows {
     pub fn new(design: &Design, simulation: &Named<SimulationDesign>, assembly: &Assembly, seed: Option<u64>) -> Result<Self, Diagnostics> {
         let SimulationDesign { world, .. } = &simulation.block;
         let seed = seed_of(design, world, seed);
+        let Some(origin) = design.run.origin else {
+            return Err(no_origin(simulation).into());
+        };
         let simulator = simulator(design, simulation, assembly, seed)?;
+        if world.vehicle.is_some() {
+            check_estimate(simulation, assembly)?;
+        }
         let (mut d, mut outlets) = (Diagnostics::new(), Vec::new());
         for SimulatedStream { name, channels } in simulator.streams() {
             let read_as = stream_of(design, name);
@@ -55,14 +69,15 @@ impl SimulatedRows {
             simulator,
             outlets,
             values: Vec::new(),
+            frame: LocalFrame::new(origin.into()),
+            steers: None,
         })
     }
 
-    /// The next row, of a stream of the assembly.
-    #[expect(clippy::should_implement_trait, reason = "a row is lent, which an iterator cannot do")]
-    pub fn next(&mut self) -> Option<Row<'_>> {
+    /// The next row, of a stream of the assembly; a vehicle is steered by the filter `aboard`.
+    pub fn next(&mut self, aboard: &mut dyn Aboard) -> Option<Row<'_>> {
         loop {
-            let (from, stamp) = self.advance()?;
+            let (from, stamp) = self.advance(aboard)?;
             if let Some(stream) = self.outlets[from].stream {
                 return Some(Row {
                     stream,
@@ -76,7 +91,7 @@ impl SimulatedRows {
     }
 
     /// The outlet and the stamp of the next row that arrives; its numbers are in `values`.
-    fn advance(&mut self) -> Option<(usize, Stamp)> {
+    fn advance(&mut self, aboard: &mut dyn Aboard) -> Option<(usize, Stamp)> {
         loop {
             let outlets = self.outlets.iter().enumerate();
             let due = outlets.filter_map(|(i, outlet)| Some((outlet.faults.due()?, i))).min();
@@ -84,13 +99,24 @@ impl SimulatedRows {
                 let stamp = self.outlets[from].faults.deliver(&mut self.values)?;
                 return Some((from, stamp));
             }
-            let Some((from, time)) = self.simulator.next_row(&mut self.values) else {
-                // After the end of the log what is still on its way arrives.
-                if self.outlets.iter().all(|outlet| outlet.faults.is_idle()) {
-                    return None;
+            if let Some(now) = self.steers.take() {
+                let seen = aboard.solution(now).and_then(|solution| self.seen(now, &solution));
+                self.simulator.steer(now, seen.as_ref());
+            }
+            let (from, time) = match self.simulator.next_row(&mut self.values) {
+                Some(Next::Row(from, time)) => (from, time),
+                Some(Next::Control(now)) => {
+                    // What arrives by then comes first.
+                    self.outlets.iter_mut().for_each(|outlet| outlet.faults.reach(now));
+                    self.steers = Some(now);
+                    continue;
                 }
-                self.outlets.iter_mut().for_each(|outlet| outlet.faults.reach(Time::MAX));
-                continue;
+                // After the end of the log what is still on its way arrives.
+                None if self.outlets.iter().all(|outlet| outlet.faults.is_idle()) => return None,
+                None => {
+                    self.outlets.iter_mut().for_each(|outlet| outlet.faults.reach(Time::MAX));
+                    continue;
+                }
             };
             self.outlets.iter_mut().for_each(|outlet| outlet.faults.reach(time));
             let queues = self.outlets.iter().any(|outlet| outlet.faults.due().is_some());
@@ -102,11 +128,42 @@ impl SimulatedRows {
             }
         }
     }
+
+    /// The part of a solution that steers.
+    fn seen(&self, now: Time, solution: &Solution) -> Option<Seen> {
+        let ((place, _), (attitude, _)) = solution.position.zip(solution.attitude)?;
+        let position = self.frame.to_ned(&place);
+        Some(Seen {
+            time: now,
+            position: Vector2::new(position.x, position.y),
+            heading: so3::to_rpy(&attitude).z,
+        })
+    }
+}
+
+/// A vehicle is steered by an estimate that knows where it is and where it heads.
+fn check_estimate(simulation: &Named<SimulationDesign>, assembly: &Assembly) -> Result<(), Diagnostics> {
+    let layout = &assembly.layout;
+    let missing = if layout.quantity(state::POSITION).is_err() {
+        state::POSITION.as_str()
+    } else if layout.quantity(state::ATTITUDE).is_err() {
+        state::ATTITUDE.as_str()
+    } else {
+        return Ok(());
+    };
+    let message = format!("the vehicle is steered by the filter's own estimate, which has no `{missing}`");
+    let help = "choose a process with position and attitude, or replace the vehicle by a `trajectory`";
+    let place = simulation.node.place_of("vehicle");
+    Err(Diagnostic::error(message).at(place).help(help).into())
 }
 
 impl Feed for SimulatedRows {
-    fn next(&mut self) -> Result<Option<Row<'_>>, Diagnostics> {
-        Ok(Self::next(self))
+    fn next(&mut self, aboard: &mut dyn Aboard) -> Result<Option<Row<'_>>, Diagnostics> {
+        Ok(Self::next(self, aboard))
+    }
+
+    fn record(&self) -> Option<Record> {
+        self.simulator.record()
     }
 
     fn truth(&self) -> Option<&[f64]> {

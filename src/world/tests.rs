@@ -4,7 +4,7 @@ use super::*;
 use crate::assembly::{assemble, declared_streams};
 use crate::config::Document;
 use crate::design::Design;
-use crate::rows::{ProvidedChannel, Row};
+use crate::rows::{Nobody, ProvidedChannel, Row};
 use fusion_core::time::Time;
 use fusion_models::block::imu_channels;
 use fusion_models::fault::Outcome;
@@ -48,7 +48,7 @@ fn rows(design: &Design, stream: &str) -> Vec<(Time, Vec<f64>)> {
     let mut found = Vec::new();
     while let Some(Row {
         stream: id, time, values, ..
-    }) = world.next()
+    }) = world.next(&mut Nobody)
     {
         assert_eq!(values.len(), assembly.streams[id].width(), "{}", assembly.streams[id].name);
         if assembly.streams[id].name == stream {

@@ -240,3 +240,12 @@ fn an_estimate_that_runs_away_is_caught_within_45_seconds() {
     assert!(left.max < 3.6, "{left:?}");
     never_locked_out(&c);
 }
+
+#[test]
+fn the_square_of_the_tracked_vehicle_is_driven_in_each_of_fifty_runs() {
+    let design = crate::steered::design("utv-square.toml", &[], &[]);
+    let c = monte_carlo(&design, &Options::default(), 50, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"));
+    let records: Vec<_> = c.rows.iter().filter_map(|row| row.control.as_ref()).collect();
+    assert_eq!(records.len(), 50);
+    records.into_iter().for_each(crate::steered::check_square);
+}

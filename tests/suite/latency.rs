@@ -4,6 +4,7 @@ use crate::real::real;
 use fusion::assembly::{assemble, declared_streams};
 use fusion::config::Document;
 use fusion::design::Design;
+use fusion::rows::Nobody;
 use fusion::run::{Options, Summary, run};
 use fusion::world::SimulatedRows;
 
@@ -127,7 +128,7 @@ fn truth(design: &Design, seed: u64) -> f64 {
     let velocity = assembly.streams.iter().position(|s| s.name == "velocity").unwrap();
     let mut world = SimulatedRows::new(design, design.simulation.as_ref().unwrap(), &assembly, Some(seed)).unwrap();
     loop {
-        let row = world.next().unwrap();
+        let row = world.next(&mut Nobody).unwrap();
         if row.stream == velocity {
             return row.time.seconds();
         }

@@ -16,6 +16,7 @@ use fusion::core::state::{Belief, wrap};
 use fusion::core::time::Time;
 use fusion::design::Design;
 use fusion::models::earth::{Gravity, LocalEarth};
+use fusion::rows::Nobody;
 use fusion::solution::Solution;
 use fusion::world::SimulatedRows;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -273,7 +274,7 @@ fn simulated(text: &str, seed: u64) -> Flown {
             }
         }
     };
-    while let Some(row) = world.next() {
+    while let Some(row) = world.next(&mut Nobody) {
         nav.feed_stream(row.stream, row.time, row.values, &mut count).unwrap();
     }
     nav.finish(&mut count).unwrap();

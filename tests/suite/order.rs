@@ -8,6 +8,7 @@ use fusion::core::runner::{Discard, Event};
 use fusion::core::state::Belief;
 use fusion::core::time::{Time, nanos};
 use fusion::design::Design;
+use fusion::rows::Nobody;
 use fusion::world::SimulatedRows;
 
 /// A minute of the built-in design, started by levelling and the first fixes, with a GNSS that is
@@ -95,7 +96,7 @@ fn rows() -> Vec<(usize, Time, Vec<f64>)> {
     let assembly = assemble(&design, declared_streams(&design).unwrap()).unwrap();
     let mut world = SimulatedRows::new(&design, design.simulation.as_ref().unwrap(), &assembly, Some(7)).unwrap();
     let mut rows = Vec::new();
-    while let Some(row) = world.next() {
+    while let Some(row) = world.next(&mut Nobody) {
         rows.push((row.stream, row.time, row.values.to_vec()));
     }
     rows

@@ -61,6 +61,8 @@ fn every_example_is_valid() {
                 design["simulation"] = json!({ "trajectory": trajectory, "imu": rows, "sensor": { "gnss": rows } });
             }
             Role::Segment => design["simulation"] = json!({ "trajectory": [block] }),
+            Role::Task => design["simulation"] = json!({ "mission": [block] }),
+            Role::Vehicle | Role::Control => design["simulation"] = json!({ r.role.name(): block }),
         }
         assert_eq!(against_schema(&design), [] as [&str; 0], "{} `{}`", r.role.name(), r.name);
     }

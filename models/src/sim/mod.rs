@@ -1,7 +1,7 @@
 //! Simulated worlds: truth, perfect inertial sensors, their errors, and every other sensor.
 //!
 //! Truth is a [`World`], advanced step by step; an open-loop [`Trajectory`] of timed segments is
-//! its simplest case. [`inverse`] finds what perfect inertial sensors read along it, [`ImuError`]
+//! its simplest case, and in a [`ClosedLoop`] a [`Vehicle`] is steered by the filter's own estimate. [`inverse`] finds what perfect inertial sensors read along it, [`ImuError`]
 //! spoils that, and each sensor's own h(x) plus a [`SensorError`] gives its rows: the model that
 //! the filter linearises is the model that is simulated. [`Simulator`] merges all of it into rows
 //! in order of their stamps.
@@ -9,27 +9,37 @@
 //! What is absent here: no estimator, no file, no global generator. A run is a function of its
 //! declaration and one seed.
 
+mod closed_loop;
+mod control;
 mod imu_error;
 pub mod inverse;
 mod noise;
 mod odometry;
 mod profile;
 mod random;
+mod record;
 mod segment;
 mod simulator;
 mod spec;
 mod start;
+mod task;
 mod trajectory;
+mod vehicle;
 mod world;
 
+pub use closed_loop::{ClosedLoop, Crew};
+pub use control::{Control, ControlSpec, Goal, Seen};
 pub use imu_error::{AccelerometerErrorSpec, GyroErrorSpec, ImuError, ImuErrorSpec, ImuPreset};
 pub use noise::{SensorError, SensorErrorSpec};
 pub use odometry::OdometryErrorSpec;
+pub use record::{Errors, HeadingErrors, Leg, Record};
 pub use segment::{Junction, Motion, Segment, SegmentSpec};
 pub use simulator::{
-    IMU, ODOMETRY, REFERENCE, Setup, SimulatedSensor, SimulatedStream, Simulator, UNITS, odometry_channels, reference_channels,
+    IMU, Next, ODOMETRY, REFERENCE, Setup, SimulatedSensor, SimulatedStream, Simulator, UNITS, odometry_channels, reference_channels,
 };
 pub use spec::{SimulationSpec, StartSpec};
 pub use start::DrawnStart;
+pub use task::{Task, TaskSpec};
 pub use trajectory::Trajectory;
-pub use world::{OpenLoop, Truth, World};
+pub use vehicle::{Command, Vehicle, VehicleSpec};
+pub use world::{OpenLoop, Plane, Truth, World};

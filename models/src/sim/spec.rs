@@ -1,20 +1,28 @@
 //! What `[simulation]` says.
 
+use super::closed_loop::{ClosedLoop, Crew};
+use super::control::ControlSpec;
 use super::imu_error::ImuErrorSpec;
 use super::noise::SensorErrorSpec;
 use super::odometry::OdometryErrorSpec;
 use super::segment::{Junction, SegmentSpec};
+use super::task::TaskSpec;
 use super::trajectory::Trajectory;
-use crate::block::{BuildError, Channel};
+use super::vehicle::VehicleSpec;
+use super::world::{OpenLoop, Plane, World};
+use crate::block::{BuildError, Channel, Nested};
+use crate::earth::Gravity;
 use crate::registry::{self, Role};
 use crate::units::{NonNegative, Positive, Quantity, Vec3Of, dim};
 use crate::vocabulary::channel;
+use fusion_core::geometry::wgs84::Geodetic;
 use nalgebra::Vector3;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
-/// A simulated run: a trajectory, an inertial measurement unit, and the errors of each sensor.
+/// A simulated run: a trajectory or a controlled vehicle, an inertial measurement unit, and the errors of
+/// each sensor.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SimulationSpec {
@@ -37,13 +45,27 @@ pub struct SimulationSpec {
     /// Otherwise it starts at the values declared.
     #[serde(default)]
     pub draw_start: bool,
-    /// Where the trajectory starts.
+    /// Where the trajectory or the vehicle starts.
     #[serde(default)]
     pub start: StartSpec,
-    /// The segments of the trajectory, in order.
+    /// The segments of the trajectory, in order; a world without a vehicle needs one.
     #[schemars(schema_with = "segments_schema")]
-    #[serde(deserialize_with = "crate::block::nested")]
+    #[serde(default, deserialize_with = "crate::block::nested")]
     pub trajectory: Vec<Box<dyn SegmentSpec>>,
+    /// A vehicle that is controlled by the filter's own estimate, in place of a trajectory.
+    #[schemars(schema_with = "vehicle_schema")]
+    #[serde(default)]
+    pub vehicle: Option<Nested<dyn VehicleSpec>>,
+    /// Its controller.
+    #[schemars(schema_with = "control_schema")]
+    #[serde(default)]
+    pub control: Option<Nested<dyn ControlSpec>>,
+    /// What it does, in order; the run ends with the last of these tasks.
+    #[schemars(schema_with = "mission_schema")]
+    #[serde(default, deserialize_with = "crate::block::nested")]
+    pub mission: Vec<Box<dyn TaskSpec>>,
+    /// When a run with a mission ends at the latest, done or not.
+    pub longest: Option<Positive<dim::Duration>>,
     /// How each sensor is simulated, by its name; a sensor without an entry is not simulated.
     #[serde(default)]
     pub sensor: BTreeMap<String, SensorErrorSpec>,
@@ -64,28 +86,97 @@ pub struct StartSpec {
     speed: NonNegative<dim::Speed>,
 }
 
+impl StartSpec {
+    fn junction(&self) -> Junction {
+        Junction {
+            position: Vector3::from(self.position.si()),
+            heading: self.heading.si(),
+            speed: self.speed.si(),
+        }
+    }
+}
+
 impl SimulationSpec {
     /// The trajectory in local north-east-down.
     ///
     /// # Errors
     /// [`BuildError`] whose field is `trajectory.i.…`.
     pub fn trajectory(&self) -> Result<Trajectory, BuildError> {
-        let position = Vector3::from(self.start.position.si());
-        Trajectory::new(
-            Junction {
-                position,
-                heading: self.start.heading.si(),
-                speed: self.start.speed.si(),
-            },
-            &self.trajectory,
-        )
+        Trajectory::new(self.start.junction(), &self.trajectory)
+    }
+
+    /// The vehicle and its mission; `seed` is that of the run.
+    pub(super) fn crew(&self, vehicle: &dyn VehicleSpec, seed: u64) -> Result<Crew, BuildError> {
+        if !self.trajectory.is_empty() {
+            let help = "remove `trajectory`; what the vehicle does is said by `mission`";
+            return Err(BuildError::at("trajectory", "a vehicle follows no trajectory").help(help));
+        }
+        if self.start.speed.si() > 0.0 {
+            return Err(BuildError::at("start.speed", "a vehicle starts at rest"));
+        }
+        let missing = |what: &str, help: &str| BuildError::new(format!("a vehicle needs `{what}`")).help(help);
+        let control = self
+            .control
+            .as_ref()
+            .ok_or_else(|| missing("control", "add `[simulation.control]`: `fusion blocks autopilot` shows one"))?;
+        let longest = self
+            .longest
+            .ok_or_else(|| missing("longest", "add `longest = \"10 min\"`: when the run ends at the latest"))?;
+        if self.mission.is_empty() {
+            return Err(missing(
+                "mission",
+                "add tasks, such as { type = \"drive\", heading = 0, speed = \"0.3 m/s\", distance = \"10 m\" }",
+            ));
+        }
+        let mut tasks = Vec::new();
+        for (i, task) in self.mission.iter().enumerate() {
+            let built = if task.follows_line() && !control.0.follows_lines() {
+                Err(BuildError::new("this task follows a line, and the controller cannot").help("add `line` to `control`"))
+            } else {
+                task.build()
+            };
+            tasks.push(built.map_err(|mut e| {
+                e.message = format!("task {}: {}", i + 1, e.message);
+                e.within(format!("mission.{i}"))
+            })?);
+        }
+        Ok(Crew {
+            vehicle: vehicle.build(&self.start.junction(), seed).map_err(|e| e.within("vehicle"))?,
+            control: control.0.build().map_err(|e| e.within("control"))?,
+            rate: control.0.rate(),
+            tasks,
+            longest: longest.si(),
+        })
+    }
+
+    /// Seconds from the start to the end of the run, at the latest.
+    ///
+    /// # Errors
+    /// [`BuildError`] of the trajectory, or of the vehicle and its mission.
+    pub fn duration(&self) -> Result<f64, BuildError> {
+        match &self.vehicle {
+            Some(vehicle) => Ok(self.crew(vehicle.0.as_ref(), self.seed)?.longest),
+            None => Ok(self.trajectory()?.duration()),
+        }
+    }
+
+    /// The world that it declares, in the local axes at `origin`; `seed` is that of the run.
+    ///
+    /// # Errors
+    /// [`BuildError`] of the trajectory, or of the vehicle and its mission.
+    pub fn world(&self, origin: Geodetic, gravity: Gravity, seed: u64) -> Result<Box<dyn World>, BuildError> {
+        let Some(vehicle) = &self.vehicle else {
+            return Ok(Box::new(OpenLoop::new(self.trajectory()?, origin, gravity)));
+        };
+        let crew = self.crew(vehicle.0.as_ref(), seed)?;
+        Ok(Box::new(ClosedLoop::new(crew, Plane::new(origin, gravity))))
     }
 
     /// What is wrong with the run for a process whose samples consist of `input`, as far as the
     /// declaration alone tells: the trajectory and the rates, and an inertial unit that is missing.
     #[must_use]
     pub fn mistakes(&self, input: &[Channel]) -> Vec<BuildError> {
-        let rates = self.trajectory().and_then(|t| self.check_rates(t.duration()));
+        let rates = self.duration().and_then(|duration| self.check_rates(duration));
         [rates, self.check_unit(input)].into_iter().filter_map(Result::err).collect()
     }
 
@@ -141,7 +232,27 @@ fn reference_rate() -> Positive<dim::Frequency> {
 
 /// An array of any of the registered segments, each with its `type`.
 fn segments_schema(_: &mut SchemaGenerator) -> Schema {
-    let segment = |r: &&registry::Registration| {
+    json_schema!({ "type": "array", "minItems": 1, "items": any_of(Role::Segment) })
+}
+
+/// Any of the registered vehicles.
+fn vehicle_schema(_: &mut SchemaGenerator) -> Schema {
+    any_of(Role::Vehicle)
+}
+
+/// Any of the registered controllers.
+fn control_schema(_: &mut SchemaGenerator) -> Schema {
+    any_of(Role::Control)
+}
+
+/// An array of any of the registered tasks.
+fn mission_schema(_: &mut SchemaGenerator) -> Schema {
+    json_schema!({ "type": "array", "items": any_of(Role::Task) })
+}
+
+/// Any of the registered blocks of a role, with its `type`.
+fn any_of(role: Role) -> Schema {
+    let block = |r: &&registry::Registration| {
         let mut schema = (r.schema)();
         schema.remove("$schema");
         if let Some(properties) = schema
@@ -154,8 +265,8 @@ fn segments_schema(_: &mut SchemaGenerator) -> Schema {
         }
         schema
     };
-    let any: Vec<Schema> = registry::all().iter().filter(|r| r.role == Role::Segment).map(segment).collect();
-    json_schema!({ "type": "array", "minItems": 1, "items": { "anyOf": any } })
+    let any: Vec<Schema> = registry::all().iter().filter(|r| r.role == role).map(block).collect();
+    json_schema!({ "anyOf": any })
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@
 use super::random::Random;
 use super::simulator::Known;
 use super::spec::SimulationSpec;
-use super::world::OpenLoop;
+use super::world::{OpenLoop, Truth};
 use crate::block::BuildError;
 use crate::earth::{Gravity, LocalFrame};
 use fusion_core::geometry::wgs84::Geodetic;
@@ -22,13 +22,22 @@ use std::sync::Arc;
 /// Writes the drawn start; goes after all other initialisers.
 #[derive(Clone, Debug)]
 pub struct DrawnStart {
-    world: Arc<OpenLoop>,
+    begins: Begins,
     frame: LocalFrame,
     gravity: Gravity,
     blocks: Vec<(Block, Known)>,
     seed: u64,
 }
-memory!(DrawnStart { ; world, frame, gravity, blocks, seed });
+memory!(DrawnStart { ; begins, frame, gravity, blocks, seed });
+
+/// What is true when the filter starts.
+#[derive(Clone, Debug)]
+enum Begins {
+    /// On a trajectory.
+    On(Arc<OpenLoop>),
+    /// In a vehicle, which stands until then.
+    Standing(Truth),
+}
 
 impl DrawnStart {
     /// For a filter with the state `layout` in the world of `spec`; the blocks that initialisers `found`
@@ -53,8 +62,13 @@ impl DrawnStart {
             let help = "declare the start, `type = \"explicit\"` under [initial.NAME], or remove `draw_start`";
             return Err(BuildError::at("draw_start", message).help(help));
         }
+        let begins = if spec.vehicle.is_some() {
+            Begins::Standing(*spec.world(origin, gravity, seed)?.truth())
+        } else {
+            Begins::On(Arc::new(OpenLoop::new(spec.trajectory()?, origin, gravity)))
+        };
         Ok(Self {
-            world: Arc::new(OpenLoop::new(spec.trajectory()?, origin, gravity)),
+            begins,
             frame: LocalFrame::new(origin),
             gravity,
             blocks,
@@ -71,7 +85,10 @@ impl Initialiser for DrawnStart {
     }
 
     fn write(&self, time: Time, _: &Layout, belief: &mut Belief) {
-        let truth = self.world.truth_at(time);
+        let truth = match &self.begins {
+            Begins::On(trajectory) => trajectory.truth_at(time),
+            Begins::Standing(truth) => *truth,
+        };
         for (block, known) in &self.blocks {
             known.write(&truth, &self.frame, self.gravity, &mut belief.x);
             let d = block.kind.dim();

@@ -8,7 +8,9 @@
 //! Earth for that plane ([`Gravity::Flat`]) level is level everywhere: velocity and attitude are true in
 //! the axes at the origin.
 
+use super::control::Seen;
 use super::inverse::{self, Sample};
+use super::record::Record;
 use super::segment::Motion;
 use super::trajectory::Trajectory;
 use crate::earth::frames::rotation_en;
@@ -39,9 +41,75 @@ pub trait World: Debug + Send {
     /// steps, so that no rounding adds up.
     fn advance(&mut self, to: Time) -> &Truth;
 
-    /// When it ends.
+    /// When it ends; a world that is steered may find out on the way.
     fn end(&self) -> Time {
         Time::MAX
+    }
+
+    /// How often it is to be [steered](Self::steer) \[Hz\]; none where nothing influences it.
+    fn control_rate(&self) -> Option<f64> {
+        None
+    }
+
+    /// Hears where the vehicle takes itself to be `now`; nothing before its filter has started.
+    fn steer(&mut self, now: Time, seen: Option<&Seen>) {
+        let _ = (now, seen);
+    }
+
+    /// How well it was steered, up to now.
+    fn record(&self) -> Option<Record> {
+        None
+    }
+}
+
+/// The plane that a world lies on.
+#[derive(Clone, Debug)]
+pub struct Plane {
+    frame: LocalFrame,
+    /// From the local axes to Earth-centred ones; none where the Earth is a plane.
+    c_el: Option<Matrix3<f64>>,
+    gravity: Gravity,
+}
+
+impl Plane {
+    /// The one that touches the Earth at `origin`.
+    #[must_use]
+    pub fn new(origin: Geodetic, gravity: Gravity) -> Self {
+        let is_flat = matches!(gravity, Gravity::Flat(_));
+        Self {
+            frame: LocalFrame::new(origin),
+            c_el: (!is_flat).then(|| rotation_en(origin.lat, origin.lon)),
+            gravity,
+        }
+    }
+
+    /// The gravity over it.
+    #[must_use]
+    pub const fn gravity(&self) -> Gravity {
+        self.gravity
+    }
+
+    /// Geodetic position, and velocity and attitude in the axes there, of a motion in local axes; in
+    /// those where the Earth is a plane.
+    #[must_use]
+    pub fn nav(&self, motion: &Motion) -> Nav {
+        let position = self.frame.to_geodetic(&motion.position);
+        let Some(c_el) = &self.c_el else {
+            return Nav {
+                position,
+                v_eb_n: motion.velocity,
+                q_nb: motion.attitude(),
+            };
+        };
+        let c_nl = rotation_en(position.lat, position.lon).tr_mul(c_el);
+        let q_nl = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(c_nl));
+        let mut q_nb = q_nl * motion.attitude();
+        q_nb.renormalize();
+        Nav {
+            position,
+            v_eb_n: c_nl * motion.velocity,
+            q_nb,
+        }
     }
 }
 
@@ -49,35 +117,24 @@ pub trait World: Debug + Send {
 #[derive(Debug)]
 pub struct OpenLoop {
     trajectory: Trajectory,
-    frame: LocalFrame,
-    /// From the local axes to Earth-centred ones; none where the Earth is a plane.
-    c_el: Option<Matrix3<f64>>,
-    gravity: Gravity,
+    plane: Plane,
     truth: Truth,
 }
 
 /// The step that the first inertial sample, which no step led to, is computed over \[s\].
-const FIRST_STEP: f64 = 1e-3;
+pub(super) const FIRST_STEP: f64 = 1e-3;
 
 impl OpenLoop {
     /// `trajectory` in the local axes at `origin`.
     #[must_use]
     pub fn new(trajectory: Trajectory, origin: Geodetic, gravity: Gravity) -> Self {
-        let frame = LocalFrame::new(origin);
-        let is_flat = matches!(gravity, Gravity::Flat(_));
-        let c_el = (!is_flat).then(|| rotation_en(origin.lat, origin.lon));
+        let plane = Plane::new(origin, gravity);
         let truth = Truth {
             time: Time::default(),
-            nav: nav(&frame, c_el.as_ref(), &trajectory.at(0.0)),
+            nav: plane.nav(&trajectory.at(0.0)),
             imu: Sample::default(),
         };
-        let mut world = Self {
-            trajectory,
-            frame,
-            c_el,
-            gravity,
-            truth,
-        };
+        let mut world = Self { trajectory, plane, truth };
         world.truth = world.truth_at(Time::default());
         world
     }
@@ -86,12 +143,12 @@ impl OpenLoop {
     /// millisecond that follows.
     #[must_use]
     pub fn truth_at(&self, time: Time) -> Truth {
-        let at = |seconds: f64| nav(&self.frame, self.c_el.as_ref(), &self.trajectory.at(seconds));
+        let at = |seconds: f64| self.plane.nav(&self.trajectory.at(seconds));
         let (here, next) = (at(time.seconds()), at(time.seconds() + FIRST_STEP));
         Truth {
             time,
             nav: here,
-            imu: inverse::sample(&here, &next, FIRST_STEP, self.gravity),
+            imu: inverse::sample(&here, &next, FIRST_STEP, self.plane.gravity),
         }
     }
 
@@ -110,11 +167,11 @@ impl World for OpenLoop {
     fn advance(&mut self, to: Time) -> &Truth {
         let dt = to.seconds_since(self.truth.time);
         if dt > 0.0 {
-            let next = nav(&self.frame, self.c_el.as_ref(), &self.trajectory.at(to.seconds()));
+            let next = self.plane.nav(&self.trajectory.at(to.seconds()));
             self.truth = Truth {
                 time: to,
                 nav: next,
-                imu: inverse::sample(&self.truth.nav, &next, dt, self.gravity),
+                imu: inverse::sample(&self.truth.nav, &next, dt, self.plane.gravity),
             };
         }
         &self.truth
@@ -122,28 +179,6 @@ impl World for OpenLoop {
 
     fn end(&self) -> Time {
         Time::from_seconds(self.trajectory.duration())
-    }
-}
-
-/// Geodetic position, and velocity and attitude in the axes there, of a motion in local axes; in those
-/// without `c_el`.
-fn nav(frame: &LocalFrame, c_el: Option<&Matrix3<f64>>, motion: &Motion) -> Nav {
-    let position = frame.to_geodetic(&motion.position);
-    let Some(c_el) = c_el else {
-        return Nav {
-            position,
-            v_eb_n: motion.velocity,
-            q_nb: motion.attitude(),
-        };
-    };
-    let c_nl = rotation_en(position.lat, position.lon).tr_mul(c_el);
-    let q_nl = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(c_nl));
-    let mut q_nb = q_nl * motion.attitude();
-    q_nb.renormalize();
-    Nav {
-        position,
-        v_eb_n: c_nl * motion.velocity,
-        q_nb,
     }
 }
 

@@ -17,12 +17,14 @@
 mod delay;
 mod true_state;
 
+use super::control::Seen;
 use super::imu_error::ImuError;
 use super::inverse::{self, Correction, Sample, before_correction, pair_before_correction};
 use super::noise::SensorError;
 use super::odometry::Odometry;
+use super::record::Record;
 use super::spec::SimulationSpec;
-use super::world::{OpenLoop, Truth, World};
+use super::world::{Truth, World};
 use crate::block::{BuildError, Channel, imu_channels};
 use crate::earth::Gravity;
 use crate::process::strapdown::mechanisation::Nav;
@@ -101,7 +103,6 @@ pub struct Simulator {
     streams: Vec<SimulatedStream>,
     clocks: Vec<Clock>,
     world: Box<dyn World>,
-    end: Time,
     truth: TrueState,
     imu: Option<Imu>,
     odometry: Option<(Odometry, usize)>,
@@ -129,7 +130,21 @@ enum Source {
     Odometry,
     Sensor(usize),
     Reference,
+    Control,
 }
+
+/// What comes next in a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Next {
+    /// A row of that stream, with its stamp.
+    Row(usize, Time),
+    /// The instant at which the world is to be [steered](Simulator::steer): all rows stamped up to then
+    /// have come.
+    Control(Time),
+}
+
+/// In place of a stream: a row that only marks when the world is steered, after all others of its stamp.
+const CONTROL: usize = usize::MAX;
 
 impl Clock {
     fn new(source: Source, rate: f64) -> Self {
@@ -193,18 +208,17 @@ struct Imu {
 }
 
 impl Simulator {
-    /// A run in open loop along the trajectory of `spec`; `seed` is usually that of `spec`.
+    /// A run in the world of `spec`; `seed` is usually that of `spec`.
     ///
     /// # Errors
     /// [`BuildError`] whose field is within `[simulation]`.
     pub fn new(spec: &SimulationSpec, setup: Setup<'_>, seed: u64) -> Result<Self, BuildError> {
-        let trajectory = spec.trajectory()?;
-        spec.check_rates(trajectory.duration())?;
-        let world = Box::new(OpenLoop::new(trajectory, setup.origin, setup.gravity));
+        let world = spec.world(setup.origin, setup.gravity, seed)?;
+        spec.check_rates(world.end().seconds())?;
         Self::in_world(world, spec, setup, seed)
     }
 
-    /// A run in a world of its own kind; the trajectory of `spec` is not looked at.
+    /// A run in a world of its own kind; trajectory and vehicle of `spec` are not looked at.
     ///
     /// # Errors
     /// [`BuildError`] whose field is within `[simulation]`.
@@ -273,10 +287,10 @@ impl Simulator {
             name: REFERENCE.to_owned(),
             channels: reference_channels(),
         });
+        clocks.extend(world.control_rate().map(|rate| Clock::new(Source::Control, rate)));
         let mut simulator = Self {
             streams,
             clocks,
-            end: world.end(),
             world,
             imu,
             odometry,
@@ -300,8 +314,20 @@ impl Simulator {
 
     /// When the run ends.
     #[must_use]
-    pub const fn end(&self) -> Time {
-        self.end
+    pub fn end(&self) -> Time {
+        self.world.end()
+    }
+
+    /// Tells the world where the vehicle takes itself to be at the instant of a [`Next::Control`];
+    /// nothing before its filter has started.
+    pub fn steer(&mut self, now: Time, seen: Option<&Seen>) {
+        self.world.steer(now, seen);
+    }
+
+    /// How well the world was steered, where it is.
+    #[must_use]
+    pub fn record(&self) -> Option<Record> {
+        self.world.record()
     }
 
     /// What is true at the last instant simulated, which may lie after the last row returned.
@@ -324,8 +350,8 @@ impl Simulator {
         self.truth.is_drawn(block)
     }
 
-    /// The next row in order of stamps: its stream and its stamp. `None` at the end of the run.
-    pub fn next_row(&mut self, out: &mut Vec<f64>) -> Option<(usize, Time)> {
+    /// The next row in order of stamps, its numbers in `out`. `None` at the end of the run.
+    pub fn next_row(&mut self, out: &mut Vec<f64>) -> Option<Next> {
         loop {
             let due = self
                 .clocks
@@ -333,7 +359,7 @@ impl Simulator {
                 .enumerate()
                 .min_by_key(|(i, c)| (c.next(), *i))
                 .map(|(i, c)| (i, c.next()));
-            let due = due.filter(|(_, time)| *time <= self.end);
+            let due = due.filter(|(_, time)| *time <= self.world.end());
             if due.is_none() {
                 self.release_held();
             }
@@ -344,13 +370,16 @@ impl Simulator {
             }
             if self.queue.peek().is_some_and(|Reverse(row)| row.stamp < safe) {
                 let Reverse(mut row) = self.queue.pop()?;
-                if row.stream + 1 == self.streams.len() {
+                if row.stream == self.streams.len() - 1 {
                     self.reference_state.copy_from_slice(&row.data[REFERENCE_WIDTH..]);
                     row.data.truncate(REFERENCE_WIDTH);
                 }
                 core::mem::swap(out, &mut row.data);
                 self.spare.push(row.data);
-                return Some((row.stream, row.stamp));
+                return Some(match row.stream {
+                    CONTROL => Next::Control(row.stamp),
+                    stream => Next::Row(stream, row.stamp),
+                });
             }
             let (clock, time) = due?;
             self.clocks[clock].count += 1;
@@ -363,6 +392,7 @@ impl Simulator {
         self.world.advance(time);
         match source {
             Source::Imu => self.make_imu(time),
+            Source::Control => self.put(time, CONTROL, Vec::new()),
             Source::Odometry => {
                 let Some((odometry, stream)) = &mut self.odometry else { return };
                 let (measured, stream) = (odometry.measure(time, &self.world.truth().nav), *stream);

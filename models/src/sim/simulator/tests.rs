@@ -98,7 +98,7 @@ type Rows = Vec<(String, Time, Vec<f64>)>;
 fn rows(text: &str, seed: u64) -> Rows {
     let (_, _, mut simulator) = simulate(text, seed).unwrap();
     let (mut rows, mut row) = (Vec::new(), Vec::new());
-    while let Some((stream, time)) = simulator.next_row(&mut row) {
+    while let Some(Next::Row(stream, time)) = simulator.next_row(&mut row) {
         rows.push((simulator.streams()[stream].name.clone(), time, row.clone()));
     }
     rows
@@ -118,7 +118,7 @@ fn noise_free_rows_lead_the_process_along_the_truth_in_every_mode() {
         let (mut preparation, mut prepared) = (process.preparation().unwrap(), Prepared::default());
         let (mut last, mut intervals) = (None, std::collections::VecDeque::new());
         let mut reached = Time::default();
-        while let Some((stream, time)) = simulator.next_row(&mut row) {
+        while let Some(Next::Row(stream, time)) = simulator.next_row(&mut row) {
             if simulator.streams()[stream].name == "reference" {
                 if time == Time::default() {
                     x.copy_from_slice(simulator.reference_state());
@@ -154,7 +154,7 @@ fn noise_free_rows_lead_the_process_along_the_truth_in_every_mode() {
 fn led_along(text: &str, unit: &str) -> f64 {
     let (layout, process, mut simulator) = simulate(text, 1).unwrap();
     let (mut x, mut row, mut last, mut worst) = (layout.initial().to_vec(), Vec::new(), None, 0.0_f64);
-    while let Some((stream, time)) = simulator.next_row(&mut row) {
+    while let Some(Next::Row(stream, time)) = simulator.next_row(&mut row) {
         let name = simulator.streams()[stream].name.clone();
         if name == unit {
             let interval = last.replace(time).map_or(0.0, |last| time.seconds_since(last));
@@ -216,7 +216,7 @@ fn starts_are_drawn_about_the_truth_with_the_declared_sigma() {
     let (layout, _, mut simulator) = simulate(&text, 1).unwrap();
     while simulator
         .next_row(&mut Vec::new())
-        .is_some_and(|(stream, _)| simulator.streams()[stream].name != "reference")
+        .is_some_and(|next| matches!(next, Next::Row(stream, _) if simulator.streams()[stream].name != "reference"))
     {}
     let truth = simulator.reference_state().to_vec();
     let sigmas = [[1.0, 2.0, 0.0], [0.1, 0.1, 0.3], [0.1, 0.2, 0.4]];
@@ -324,7 +324,7 @@ fn the_true_state_holds_the_errors_of_the_unit() {
     let text = strapdown("one_sample", true) + &simulation(unit, "{ rest = { duration = 1 } }");
     let (layout, _, mut simulator) = simulate(&text, 3).unwrap();
     let (mut row, mut imu) = (Vec::new(), Vec::new());
-    while let Some((stream, _)) = simulator.next_row(&mut row) {
+    while let Some(Next::Row(stream, _)) = simulator.next_row(&mut row) {
         if stream == 0 {
             imu.clone_from(&row);
         }

@@ -1,0 +1,74 @@
+//! Controllers: from a goal and what the vehicle knows of itself to a command.
+//!
+//! A controller sees the estimate of the filter that the vehicle carries, never the truth.
+
+mod autopilot;
+
+use super::vehicle::Command;
+use crate::block::BuildError;
+use core::fmt::Debug;
+use fusion_core::Time;
+use nalgebra::Vector2;
+
+/// Where the vehicle takes itself to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// Now.
+    pub time: Time,
+    /// North, east of the origin of the run \[m\].
+    pub position: Vector2<f64>,
+    /// Heading \[rad\].
+    pub heading: f64,
+}
+
+/// What a task wants at the moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Goal {
+    /// To stand.
+    Stand,
+    /// To head there and run at that speed.
+    Heading {
+        /// Heading \[rad\].
+        heading: f64,
+        /// Speed \[m/s\]; 0 on the spot.
+        speed: f64,
+        /// How far it still is \[m\], where a distance is to be run.
+        to_go: Option<f64>,
+    },
+    /// To run along a straight line.
+    Line {
+        /// A point of it: north, east \[m\].
+        from: Vector2<f64>,
+        /// Its direction \[rad\].
+        course: f64,
+        /// Speed \[m/s\].
+        speed: f64,
+        /// How far it still is along the line \[m\].
+        to_go: f64,
+    },
+}
+
+/// A controller as it runs.
+pub trait Control: Debug + Send {
+    /// Forgets what it has added up: another task begins.
+    fn begin(&mut self);
+
+    /// What it asks of the vehicle; called at its own rate.
+    fn command(&mut self, goal: &Goal, seen: &Seen) -> Command;
+}
+
+/// A controller as declared.
+#[typetag::deserialize]
+pub trait ControlSpec: Debug + Send + Sync {
+    /// How often it runs \[Hz\].
+    fn rate(&self) -> f64;
+
+    /// Whether it can follow a line; [`Goal::Line`] is asked of no other.
+    fn follows_lines(&self) -> bool;
+
+    /// Makes the controller.
+    ///
+    /// # Errors
+    /// [`BuildError`] naming the field.
+    fn build(&self) -> Result<Box<dyn Control>, BuildError>;
+}

@@ -1,0 +1,179 @@
+//! How well a controlled vehicle did what it was to do, by the truth.
+
+use super::control::Goal;
+use fusion_core::Time;
+use fusion_core::geometry::so3::wrap_angle;
+use nalgebra::Vector2;
+use serde::Serialize;
+
+/// One task as it was carried out. Errors are true minus wanted.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Leg {
+    /// The task.
+    pub name: String,
+    /// When it began \[s\].
+    pub from: f64,
+    /// When it ended, or the run \[s\].
+    pub to: f64,
+    /// The heading \[rad\], where one was to be held.
+    pub heading: Option<HeadingErrors>,
+    /// The distance from the line \[m\], where one was to be followed, right positive.
+    pub across: Option<Errors>,
+}
+
+/// Errors over a leg.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Errors {
+    /// Root of the mean square.
+    pub rms: f64,
+    /// The largest, by its absolute value.
+    pub max: f64,
+    /// The last one, with its sign.
+    pub last: f64,
+}
+
+/// Errors of a heading over a leg \[rad\].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct HeadingErrors {
+    /// The heading wanted at last.
+    pub wanted: f64,
+    /// The errors.
+    pub errors: Errors,
+    /// How far the heading went beyond what was wanted, seen from where it began; 0 where it did not.
+    pub overshoot: f64,
+}
+
+/// Errors as they are added up.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sum {
+    count: u32,
+    square: f64,
+    max: f64,
+    last: f64,
+}
+
+impl Sum {
+    fn add(&mut self, error: f64) {
+        self.count += 1;
+        self.square += error * error;
+        self.max = self.max.max(error.abs());
+        self.last = error;
+    }
+
+    fn errors(&self) -> Option<Errors> {
+        (self.count > 0).then(|| Errors {
+            rms: (self.square / f64::from(self.count)).sqrt(),
+            max: self.max,
+            last: self.last,
+        })
+    }
+}
+
+/// A leg while it is run.
+#[derive(Clone, Debug)]
+pub(super) struct Running {
+    name: String,
+    from: Time,
+    heading: Sum,
+    across: Sum,
+    wanted: f64,
+    /// On which side of the heading wanted it began.
+    side: Option<f64>,
+    overshoot: f64,
+}
+
+impl Running {
+    pub(super) fn new(name: String, from: Time) -> Self {
+        Self {
+            name,
+            from,
+            heading: Sum::default(),
+            across: Sum::default(),
+            wanted: 0.0,
+            side: None,
+            overshoot: 0.0,
+        }
+    }
+
+    /// The vehicle truly is at `position`, north and east, with `heading`.
+    pub(super) fn add(&mut self, goal: &Goal, position: &Vector2<f64>, heading: f64) {
+        match *goal {
+            Goal::Stand => return,
+            Goal::Heading { heading, .. } => self.wanted = heading,
+            Goal::Line { from, course, .. } => {
+                self.wanted = course;
+                let (sin, cos) = course.sin_cos();
+                let off = position - from;
+                self.across.add(off.y * cos - off.x * sin);
+            }
+        }
+        let error = wrap_angle(heading - self.wanted);
+        self.heading.add(error);
+        let side = *self.side.get_or_insert(-error.signum());
+        self.overshoot = self.overshoot.max(side * error);
+    }
+
+    pub(super) fn finish(&self, to: Time) -> Leg {
+        Leg {
+            name: self.name.clone(),
+            from: self.from.seconds(),
+            to: to.seconds(),
+            heading: self.heading.errors().map(|errors| HeadingErrors {
+                wanted: self.wanted,
+                errors,
+                overshoot: self.overshoot,
+            }),
+            across: self.across.errors(),
+        }
+    }
+}
+
+/// A mission as it was carried out.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Record {
+    /// The tasks, in order.
+    pub legs: Vec<Leg>,
+    /// Whether all of them were done before the end of the run.
+    pub is_done: bool,
+    /// From where the vehicle truly was at first to where it was at last: north, east, down \[m\].
+    pub closure: [f64; 3],
+    /// Length of its way \[m\].
+    pub way: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn overshoot_is_counted_beyond_the_heading_wanted_whichever_way_the_turn_went() {
+        for side in [1.0, -1.0] {
+            let mut leg = Running::new("turn".to_owned(), Time::default());
+            for heading in [0.0, 1.0, 1.75, 1.5, 1.6] {
+                let goal = Goal::Heading {
+                    heading: side * 1.6,
+                    speed: 0.0,
+                    to_go: None,
+                };
+                leg.add(&goal, &Vector2::zeros(), side * heading);
+            }
+            let heading = leg.finish(Time::from_seconds(5.0)).heading.unwrap();
+            assert!((heading.overshoot - 0.15).abs() < 1e-12 && heading.errors.last.abs() < 1e-12); // rounding
+            assert!((heading.errors.max - 1.6).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn right_of_a_line_is_positive() {
+        let mut leg = Running::new("line".to_owned(), Time::default());
+        let goal = Goal::Line {
+            from: Vector2::new(1.0, 0.0),
+            course: core::f64::consts::FRAC_PI_2,
+            speed: 1.0,
+            to_go: 1.0,
+        };
+        leg.add(&goal, &Vector2::new(0.5, 7.0), 1.5);
+        // To the east, south is to the right. 1e-12: rounding.
+        assert!((leg.finish(Time::default()).across.unwrap().last - 0.5).abs() < 1e-12);
+    }
+}

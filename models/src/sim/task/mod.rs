@@ -1,0 +1,40 @@
+//! Tasks: what a controlled vehicle does, one after the other.
+//!
+//! A task sees what the controller sees: the estimate. So it ends where the vehicle takes itself to have
+//! arrived.
+
+mod drive;
+mod go_to;
+mod turn_to;
+mod wait;
+
+use super::control::{Goal, Seen};
+use crate::block::BuildError;
+use core::fmt::Debug;
+
+/// A task as it runs.
+pub trait Task: Debug + Send {
+    /// What it is, in a few words.
+    fn name(&self) -> String;
+
+    /// It begins here.
+    fn begin(&mut self, seen: &Seen);
+
+    /// What it wants now; none once it is done.
+    fn goal(&mut self, seen: &Seen) -> Option<Goal>;
+}
+
+/// A task as declared.
+#[typetag::deserialize]
+pub trait TaskSpec: Debug + Send + Sync {
+    /// Whether it asks for a line to be followed.
+    fn follows_line(&self) -> bool {
+        false
+    }
+
+    /// Makes the task.
+    ///
+    /// # Errors
+    /// [`BuildError`] naming the field.
+    fn build(&self) -> Result<Box<dyn Task>, BuildError>;
+}
