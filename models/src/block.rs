@@ -241,8 +241,31 @@ pub fn check_delay(field: impl Into<String>, seconds: f64) -> Result<(), BuildEr
 pub enum Reading {
     /// A channel of the source's rows.
     Channel(Channel),
+    /// Several channels of the same row, one after the other.
+    Channels(Vec<Channel>),
     /// Nothing: a pseudo-measurement of this constant value, timed by the rows.
     Constant(Vec<f64>),
+}
+
+impl Reading {
+    /// The channels it takes from a row; none for a pseudo-measurement.
+    #[must_use]
+    pub fn channels(&self) -> &[Channel] {
+        match self {
+            Self::Channel(channel) => core::slice::from_ref(channel),
+            Self::Channels(channels) => channels,
+            Self::Constant(_) => &[],
+        }
+    }
+
+    /// How many numbers a measured value has.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        match self {
+            Self::Constant(value) => value.len(),
+            _ => self.channels().iter().map(|channel| channel.width).sum(),
+        }
+    }
 }
 
 /// A channel that a stage or an initialiser listens to.
@@ -284,7 +307,9 @@ pub trait SensorSpec: Debug + Send + Sync {
     }
 
     /// The channel of its stream that reports the 1σ of each residual row, for `noise.from_source`:
-    /// `<channel>_sigma`. None for a pseudo-measurement, which has no source that could.
+    /// `<channel>_sigma`. One number stands for every row; of more numbers than rows the first count.
+    /// None for a pseudo-measurement, which has no source that could, and for a sensor of several
+    /// channels, unless it names one.
     fn reported_sigma(&self) -> Option<Channel> {
         let Reading::Channel(channel) = self.reading() else { return None };
         Some(Channel {

@@ -13,7 +13,7 @@ mod segment;
 mod stage;
 mod vehicle;
 
-use crate::block::{Build, GateSpec, LossSpec, ProcessSpec, Reading, SensorSpec};
+use crate::block::{Build, GateSpec, LossSpec, ProcessSpec, SensorSpec};
 use crate::earth::Gravity;
 use crate::registry::{self, Registration, Role};
 use crate::units::{Dimensional, dim};
@@ -207,10 +207,7 @@ fn sensor(r: &Registration) -> Result<(), String> {
         if names > 0 && !size.residual.is_multiple_of(names) {
             return Err(format!("it names {names} of its {} residual rows", size.residual));
         }
-        let width = match spec.reading() {
-            Reading::Channel(channel) => channel.width,
-            Reading::Constant(value) => value.len(),
-        };
+        let width = spec.reading().width();
         if width != size.value {
             return Err(format!("it reads {width} numbers and predicts {}", size.value));
         }

@@ -23,6 +23,12 @@ pub mod state {
     pub const SPEED: QuantityName<'static, Scalar> = QuantityName::new("speed");
     /// Rate of the heading \[rad/s\].
     pub const YAW_RATE: QuantityName<'static, Scalar> = QuantityName::new("yaw_rate");
+    /// Velocity of the body over ground in its own axes, forward, right, down \[m/s\].
+    pub const BODY_VELOCITY: QuantityName<'static, Vector<3>> = QuantityName::new("body_velocity");
+    /// From the heading of a reference to the true one, clockwise \[rad\].
+    pub const HEADING_OFFSET: QuantityName<'static, Scalar> = QuantityName::new("heading_offset");
+    /// Velocity that the body's axes do not tell, north, east, down \[m/s\].
+    pub const DRIFT: QuantityName<'static, Vector<3>> = QuantityName::new("drift");
     /// Angular rate w_ib_b, body axes \[rad/s\].
     pub const ANGULAR_RATE: QuantityName<'static, Vector<3>> = QuantityName::new("angular_rate");
     /// Acceleration dv_eb_n/dt \[m/s²\].
@@ -66,6 +72,23 @@ pub mod channel {
     /// Magnetic field, body axes \[T\].
     pub const MAGNETIC_FIELD: Channel = Channel::vector("magnetic_field", 3, dim::MagneticField::KIND.dimension);
 
+    /// Geodetic position of another vessel, such as the ship that carries a transceiver.
+    pub const SHIP_POSITION: Channel = Channel::geodetic("ship_position");
+    /// Its attitude as a unit quaternion, its body to north-east-down.
+    pub const SHIP_ATTITUDE: Channel = Channel::quaternion("ship_attitude");
+    /// Range and direction of a transponder, as an acoustic system measures them: slant range \[m\].
+    pub const RANGE: Channel = Channel::vector("range", 1, dim::Length::KIND.dimension);
+    /// Bearing from the transceiver's x axis towards its y axis \[rad\].
+    pub const BEARING: Channel = Channel::angle("bearing");
+    /// Depression below the transceiver's x-y plane, towards its z axis \[rad\].
+    pub const DEPRESSION: Channel = Channel::angle("depression");
+    /// Speed of the left track over ground \[m/s\].
+    pub const LEFT_TRACK: Channel = Channel::vector("left", 1, dim::Speed::KIND.dimension);
+    /// Speed of the right track over ground \[m/s\].
+    pub const RIGHT_TRACK: Channel = Channel::vector("right", 1, dim::Speed::KIND.dimension);
+    /// Velocity of the body in its own axes, forward, right, down \[m/s\].
+    pub const BODY_VELOCITY: Channel = Channel::vector(state::BODY_VELOCITY.as_str(), 3, dim::Speed::KIND.dimension);
+
     /// The channel of that name, if it is one of these.
     #[must_use]
     pub fn known(name: &str) -> Option<Channel> {
@@ -81,6 +104,13 @@ pub mod channel {
             FORWARD_SPEED,
             SIDEWAYS_SPEED,
             YAW_RATE,
+            SHIP_POSITION,
+            SHIP_ATTITUDE,
+            BEARING,
+            DEPRESSION,
+            LEFT_TRACK,
+            RIGHT_TRACK,
+            BODY_VELOCITY,
         ];
         all.into_iter().find(|channel| channel.name == name)
     }

@@ -22,8 +22,8 @@ pub struct SensorInfo {
     pub model: Arc<dyn Measurement>,
     /// The stream that it reads or that times it.
     pub stream: String,
-    /// Its channel; none for a pseudo-measurement.
-    pub channel: Option<Channel>,
+    /// Its channels; none for a pseudo-measurement.
+    pub channels: Vec<Channel>,
     /// Its declared delay \[s\], with the fixed or initial value of its time offset.
     pub delay: f64,
     /// Its time offset, where that is a state.
@@ -65,11 +65,14 @@ impl<P> Assembler<'_, P> {
         let SensorDesign { model: spec, common, .. } = &design.block;
         let node = &design.node;
         let rows = spec.noise();
-        let (channel, constant) = match spec.reading() {
-            Reading::Channel(channel) => (Some(channel), Vec::new()),
-            Reading::Constant(value) => (None, value),
+        let reading = spec.reading();
+        let channels = reading.channels().to_vec();
+        let constant = if let Reading::Constant(value) = reading {
+            value
+        } else {
+            Vec::new()
         };
-        let port = self.port(&common.source, channel.as_slice(), node);
+        let port = self.port(&common.source, &channels, node);
         let sigma = self.d.keep(sigma(design, &rows));
         let reported = match &port {
             Some(port) if common.noise.from_source => self.reported(port.stream, spec.as_ref(), node),
@@ -90,7 +93,7 @@ impl<P> Assembler<'_, P> {
             name: design.name.clone(),
             model: model.clone(),
             stream: common.source.clone(),
-            channel,
+            channels,
             delay,
             offset: match time_offset {
                 Param::State(slot) => Some(slot),
@@ -146,12 +149,15 @@ impl<P> Assembler<'_, P> {
     /// The columns in which the source reports the sensor's 1σ.
     fn reported(&mut self, stream: StreamId, spec: &dyn SensorSpec, node: &Node) -> Option<Vec<usize>> {
         let Some(sigma) = spec.reported_sigma() else {
-            let message = "a pseudo-measurement has no source that could report its noise";
+            let message = "no source reports the noise of a pseudo-measurement, or of a measurement of several channels";
             self.d.push(Diagnostic::error(message).at(node.place_of("noise.from_source")));
             return None;
         };
-        let found = self.channel(stream, &sigma, node)?;
-        Some((found.offset..found.offset + found.width).collect())
+        let (found, rows) = (self.channel(stream, &sigma, node)?, spec.noise().len());
+        if found.width == 1 {
+            return Some(vec![found.offset; rows]);
+        }
+        Some((found.offset..found.offset + found.width).take(rows).collect())
     }
 
     /// The column in which the source says how good a row is.

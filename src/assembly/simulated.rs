@@ -2,7 +2,7 @@
 
 use super::StreamLayout;
 use crate::design::{Design, SimulationDesign};
-use fusion_models::block::{Channel, Reading, imu_channels};
+use fusion_models::block::{Channel, imu_channels};
 use fusion_models::sim::{IMU, ODOMETRY, REFERENCE, odometry_channels, reference_channels};
 
 /// What the process calls its source, be the process itself right or wrong.
@@ -33,20 +33,18 @@ pub(super) fn simulated_streams<P>(design: &Design<P>, simulation: &SimulationDe
     if has_odometry {
         streams.push(StreamLayout::of(stream_of(design, ODOMETRY), None, &odometry_channels()));
     }
-    for (sensor, source, channel) in simulated(design, simulation) {
-        streams.push(StreamLayout::of(sensor, Some(source), &[channel]));
+    for (sensor, source, channels) in simulated(design, simulation) {
+        streams.push(StreamLayout::of(sensor, Some(source), &channels));
     }
     streams.push(StreamLayout::of(REFERENCE, None, &reference_channels()));
     streams
 }
 
 /// The sensors of a design that are simulated: name, source, what they read.
-fn simulated<'a, P>(design: &'a Design<P>, simulation: &'a SimulationDesign) -> impl Iterator<Item = (&'a str, &'a str, Channel)> {
+fn simulated<'a, P>(design: &'a Design<P>, simulation: &'a SimulationDesign) -> impl Iterator<Item = (&'a str, &'a str, Vec<Channel>)> {
     design.sensors.iter().filter_map(|named| {
-        let Reading::Channel(channel) = named.block.model.reading() else {
-            return None;
-        };
-        let simulated = simulation.world.sensor.contains_key(&named.name);
-        simulated.then_some((named.name.as_str(), named.block.common.source.as_str(), channel))
+        let channels = named.block.model.reading().channels().to_vec();
+        let simulated = !channels.is_empty() && simulation.world.sensor.contains_key(&named.name);
+        simulated.then_some((named.name.as_str(), named.block.common.source.as_str(), channels))
     })
 }

@@ -8,6 +8,7 @@ use fusion::core::state::{Dynamics, Kind};
 use fusion::design::{Design, SensorDesign};
 use fusion::examine::{Missing, is_pipe, opening, variants};
 use fusion::models::block::Listen;
+use fusion::models::units::Dimension;
 use fusion::present::{Cell, Column, Page, Section, Table, Unit, short};
 use fusion::run::{Options, data_dir};
 use fusion::world::{SimulatedRows, UNITS};
@@ -193,14 +194,13 @@ fn sensors(design: &Design, assembly: &Assembly) -> Table {
     let mut t = Table::new([sensor, kind, source, channel, delay, noise]);
     for (named, info) in design.sensors.iter().zip(&assembly.sensors) {
         let SensorDesign { model, common, .. } = &named.block;
-        let channel = info
-            .channel
-            .as_ref()
-            .map_or_else(|| "(a constant)".to_owned(), |c| c.name.to_string());
-        let unit = model.noise().first().map(|d| d.kind().symbol).unwrap_or_default();
+        let channel = match &info.channels[..] {
+            [] => "(a constant)".to_owned(),
+            channels => channels.iter().map(|c| &*c.name).collect::<Vec<_>>().join(", "),
+        };
         let mut noise = Vec::new();
         if common.noise.sigma.is_some() {
-            noise.push(Unit::of_si(unit).list(&info.sigma));
+            noise.push(listed(&info.sigma, &model.noise()));
         }
         if common.noise.from_source {
             let scale = common.noise.scale.map_or_else(String::new, |s| format!("{} × ", short(s.si())));
@@ -216,6 +216,18 @@ fn sensors(design: &Design, assembly: &Assembly) -> Table {
         ]);
     }
     t
+}
+
+/// 1σ per row; of rows alike in one unit.
+fn listed(sigma: &[f64], rows: &[Dimension]) -> String {
+    let unit = |d: &Dimension| Unit::of_si(d.kind().symbol);
+    match rows {
+        [first, others @ ..] if others.iter().any(|d| d != first) => {
+            let each = sigma.iter().zip(rows).map(|(sigma, d)| unit(d).list(&[*sigma]));
+            each.collect::<Vec<_>>().join(", ")
+        }
+        _ => rows.first().map_or_else(String::new, |d| unit(d).list(sigma)),
+    }
 }
 
 fn policies(design: &Design) -> Table {

@@ -53,7 +53,7 @@ impl HeardSensor {
             rows: info.rows.clone(),
             axes: info.axes,
             residual: info.model.size().residual,
-            is_place: info.channel.as_ref().is_some_and(|c| c.shape == Shape::Geodetic),
+            is_place: matches!(&info.channels[..], [c] if c.shape == Shape::Geodetic),
             reads,
         }
     }

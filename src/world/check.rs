@@ -3,7 +3,7 @@
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::{Draft, Named, SimulationDesign};
 use crate::rows::{FaultChain, provided};
-use fusion_models::block::{Channel, Reading, imu_channels};
+use fusion_models::block::{Channel, imu_channels};
 use fusion_models::fault::{FaultSpec, derive_seed};
 use fusion_models::sim::{IMU, ODOMETRY, SensorError, UNITS, odometry_channels};
 
@@ -22,10 +22,13 @@ pub(crate) fn check(draft: &Draft, d: &mut Diagnostics) {
     d.extend(mistakes(IMU, &imu_channels()));
     d.extend(mistakes(ODOMETRY, &odometry_channels()));
     for sensor in &draft.sensors {
-        let (Some(errors), Reading::Channel(channel)) = (world.sensor.get(&sensor.name), sensor.block.model.reading()) else {
+        let (Some(errors), reading) = (world.sensor.get(&sensor.name), sensor.block.model.reading()) else {
             continue;
         };
-        d.extend(mistakes(&sensor.name, &[channel]));
+        if reading.channels().is_empty() {
+            continue;
+        }
+        d.extend(mistakes(&sensor.name, reading.channels()));
         if let Err(e) = SensorError::new(errors, &sensor.name, &sensor.block.model.noise(), 0) {
             d.push(simulation.node.locate(&e.within(table(&sensor.name))));
         }

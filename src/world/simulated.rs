@@ -1,7 +1,7 @@
 //! The rows of a simulated world.
 
 use super::check::{faults, no_origin};
-use crate::assembly::{Assembly, stream_of};
+use crate::assembly::{Assembly, SensorInfo, stream_of};
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::{Design, Named, SimulationDesign};
 use crate::rows::{Aboard, FaultChain, Feed, Row, SourceReport, SourceStatistics, Stamp};
@@ -231,16 +231,15 @@ fn simulator(design: &Design, simulation: &Named<SimulationDesign>, assembly: &A
         return Err(no_origin(simulation).into());
     };
     let sensors = design.sensors.iter().zip(&assembly.sensors);
-    let simulated = sensors.filter(|(named, _)| world.sensor.contains_key(&named.name));
-    let sensors = simulated.filter_map(|(named, info)| {
-        Some(SimulatedSensor {
-            name: named.name.clone(),
-            model: info.model.clone(),
-            channel: info.channel.clone()?,
-            rows: named.block.model.noise(),
-            delay: info.delay,
-            offset: info.offset,
-        })
+    let is_simulated = |named: &str, info: &SensorInfo| world.sensor.contains_key(named) && !info.channels.is_empty();
+    let simulated = sensors.filter(|(named, info)| is_simulated(&named.name, info));
+    let sensors = simulated.map(|(named, info)| SimulatedSensor {
+        name: named.name.clone(),
+        model: info.model.clone(),
+        channels: info.channels.clone(),
+        rows: named.block.model.noise(),
+        delay: info.delay,
+        offset: info.offset,
     });
     let setup = Setup {
         layout: &assembly.layout,

@@ -2,18 +2,19 @@
 //!
 //! Measured   z = q_ns, body to navigation, of the sensor's axes s
 //! Predicted  h(x) = q_nb ⊗ q_bs, q_bs the mounting: x_b = C_bs x_s
-//! Residual   `part = "all"`      r = Log(h⁻¹ z) \[rad\], about the sensor's axes
-//!            `part = "tilt"`     the north and east rows of ε = Log(z h⁻¹), about navigation axes
-//!            `part = "heading"`  its down row: a turn about the vertical, at any pitch
+//! Residual   `part = "all"`         r = Log(h⁻¹ z) \[rad\], about the sensor's axes
+//!            `part = "navigation"`  ε = Log(z h⁻¹), about north, east, down
+//!            `part = "tilt"`        its north and east rows
+//!            `part = "heading"`     its down row: a turn about the vertical, at any pitch
 //! Jacobian   of all: ∂r/∂δφ_b = C_bsᵀ,  ∂r/∂δμ = I₃ for the mounting C_bs Exp(δμ);
-//!            of a part: its rows of C_nb and of C_ns; exact at r = 0, beyond it to first order in r
+//!            of the others: their rows of C_nb and of C_ns; exact at r = 0, beyond it to first order in r
 //! Parts      for an attitude that is measured in part only: what made it of the vertical tells no
 //!            heading, what made it of the magnetic field no tilt
 //! Valid      errors of the source that are white; a filter's output is not: its sigma must hold
 //!            the correlated part, and a second use of the same gyros
 //! Source     Sola, Deray, Atchuthan 2018 (arXiv 1812.01537), eqs. 66-71
 
-use super::XYZ;
+use super::{NED, XYZ};
 use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
 use crate::param::RotationParam;
 use crate::units::{Dimension, Dimensional, dim};
@@ -46,6 +47,9 @@ enum Part {
     /// All of it: three rows, about the sensor's axes.
     #[default]
     All,
+    /// All of it: three rows, about north, east and down, as an attitude reference states its accuracy:
+    /// level axes, and the heading.
+    Navigation,
     /// The tilt alone: two rows, about north and east.
     Tilt,
     /// The heading alone: one row, about down.
@@ -57,6 +61,7 @@ impl Part {
     fn navigation_axes(self) -> Option<Range<usize>> {
         match self {
             Self::All => None,
+            Self::Navigation => Some(0..3),
             Self::Tilt => Some(0..2),
             Self::Heading => Some(2..3),
         }
@@ -65,6 +70,7 @@ impl Part {
     fn axes(self) -> &'static [&'static str] {
         match self {
             Self::All => XYZ,
+            Self::Navigation => NED,
             Self::Tilt => &["north", "east"],
             Self::Heading => &[],
         }
@@ -73,7 +79,7 @@ impl Part {
     /// The channel with the 1σ of its rows.
     fn sigma(self) -> &'static str {
         match self {
-            Self::All => "attitude_sigma",
+            Self::All | Self::Navigation => "attitude_sigma",
             Self::Tilt => "tilt_sigma",
             Self::Heading => "heading_sigma",
         }
@@ -121,7 +127,7 @@ impl SensorSpec for AttitudeSpec {
 }
 
 /// The unit quaternion of four numbers, of any length.
-fn unit(z: &[f64]) -> UnitQuaternion<f64> {
+pub(super) fn unit(z: &[f64]) -> UnitQuaternion<f64> {
     so3::from_scalar_first(&Vector4::new(z[0], z[1], z[2], z[3]))
 }
 
@@ -152,6 +158,10 @@ impl Measurement for MeasuredAttitude {
             Part::All => {
                 h.add(0, &self.attitude, &so3::rotation(&q_bs).transpose());
                 h.add(0, &self.mounting, &Matrix3::identity());
+            }
+            Part::Navigation => {
+                h.add(0, &self.attitude, &so3::rotation(&q_nb));
+                h.add(0, &self.mounting, &so3::rotation(&(q_nb * q_bs)));
             }
             Part::Tilt => {
                 h.add(0, &self.attitude, &so3::rotation(&q_nb).fixed_rows::<2>(0).into_owned());
@@ -235,7 +245,7 @@ mod tests {
         };
         let (attitude, mounting) = (Quantity::State(state("attitude")), Param::State(state("mounting")));
         let layout = layout.finish();
-        for part in [Part::All, Part::Tilt, Part::Heading] {
+        for part in [Part::All, Part::Navigation, Part::Tilt, Part::Heading] {
             let model = MeasuredAttitude {
                 attitude: attitude.clone(),
                 mounting: mounting.clone(),

@@ -1,9 +1,15 @@
 //! Velocity in the axes of a vehicle or sensor: Doppler log, odometer, nonholonomic constraint.
 //!
-//! Measured   z = velocity over ground of the point l in the axes s, or some of its rows \[m/s\]
-//! Predicted  h(x) = (1 + κ) u_s,  u_s = C_bsᵀ u_b,  u_b = C_nbᵀ v_eb_n + w_ib_b × l_bs_b
-//! Jacobian   ∂h/∂δv = k C_bsᵀ C_nbᵀ,  ∂h/∂δφ_b = k C_bsᵀ [C_nbᵀ v ×],  ∂h/∂w = −k C_bsᵀ [l ×],
-//!            ∂h/∂l = k C_bsᵀ [w ×],  ∂h/∂δμ = k [u_s ×],  ∂h/∂κ = u_s,  k = 1 + κ
+//! Measured   z = velocity of the point l over ground or through water, in the axes s, or some of its
+//!            rows \[m/s\]
+//! Predicted  h(x) = (1 + κ) u_s + b,  u_s = C_bsᵀ u_b,  u_b = C_nbᵀ (v_eb_n − c_n) + w_ib_b × l_bs_b
+//! Jacobian   ∂h/∂δv = −∂h/∂c = k C_bsᵀ C_nbᵀ,  ∂h/∂δφ_b = k C_bsᵀ [C_nbᵀ (v − c) ×],
+//!            ∂h/∂w = −k C_bsᵀ [l ×],  ∂h/∂l = k C_bsᵀ [w ×],  ∂h/∂δμ = k [u_s ×],  ∂h/∂κ = u_s,
+//!            ∂h/∂b = I₃,  k = 1 + κ
+//! Water      c is the velocity of the water, 0 for bottom track. Estimated it is told from the vehicle's
+//!            own by what measures position or velocity over ground; several logs may share one
+//! Beams      one beam of a Doppler log is an `odometer` whose mounting turns its forward axis along the
+//!            beam: a beam that drops out leaves the others
 //! Here       C_bs is the mounting: the attitude of the axes s in the body, x_b = C_bs x_s, with
 //!            the right perturbation C_bs Exp(δμ). A nonholonomic constraint does not see δμ
 //!            about forward: give that axis sigma 0
@@ -14,12 +20,12 @@
 use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
 use crate::param::{RotationParam, ScalarParam, VectorParam};
 use crate::units::{Dimension, Dimensional, dim};
-use crate::vocabulary::state;
+use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3::{rotation, skew};
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Param, Quantity, Scalar, Tangent, Vector, Velocity, View};
-use nalgebra::{SMatrix, Vector3};
+use nalgebra::{Matrix3, SMatrix, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -39,6 +45,12 @@ pub struct BodyVelocitySpec {
     /// Scale error κ: the sensor reads (1 + κ) of the velocity.
     #[serde(default)]
     scale: ScalarParam<dim::Ratio>,
+    /// Bias in the sensor's axes: what it reads too much.
+    #[serde(default)]
+    bias: VectorParam<dim::Speed>,
+    /// Velocity of the water over ground, north east down: for a log that sees the water, not the bottom.
+    #[serde(default)]
+    current: VectorParam<dim::Speed>,
 }
 
 crate::register!(
@@ -49,6 +61,8 @@ crate::register!(
 lever_arm = { estimate = true, initial = [0.4, 0.1, "60 cm"], sigma = "10 cm" }
 mounting = { estimate = true, initial = [0, 0, "45 deg"], sigma = "1 deg" }
 scale = { estimate = true, initial = 0, sigma = "1 %" }
+bias = { estimate = true, initial = [0, 0, 0], sigma = "5 cm/s", correlation_time = "60 s" }
+current = { estimate = true, initial = ["30 cm/s", 0, 0], sigma = ["0.5 m/s", "0.5 m/s", 0], correlation_time = "20 min" }
 "#
 );
 
@@ -66,6 +80,9 @@ pub struct OdometerSpec {
     /// Scale error κ: the sensor reads (1 + κ) of the speed.
     #[serde(default)]
     scale: ScalarParam<dim::Ratio>,
+    /// Velocity of the water over ground, north east down: for a log that sees the water.
+    #[serde(default)]
+    current: VectorParam<dim::Speed>,
 }
 
 crate::register!(
@@ -141,7 +158,7 @@ axes = "both"
 #[typetag::deserialize(name = "body_velocity")]
 impl SensorSpec for BodyVelocitySpec {
     fn reading(&self) -> Reading {
-        Reading::Channel(Channel::vector("body_velocity", 3, dim::Speed::KIND.dimension))
+        Reading::Channel(channel::BODY_VELOCITY)
     }
 
     fn noise(&self) -> Vec<Dimension> {
@@ -154,7 +171,11 @@ impl SensorSpec for BodyVelocitySpec {
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
         let scale = b.param("scale", &self.scale)?;
-        Ok(Box::new(BodyVelocity::build(b, &self.lever_arm, &self.mounting, scale, ALL)?))
+        let mut model = BodyVelocity::build(b, &self.lever_arm, &self.mounting, ALL)?;
+        model.scale = scale;
+        model.bias = b.param("bias", &self.bias)?;
+        model.current = b.param("current", &self.current)?;
+        Ok(Box::new(model))
     }
 }
 
@@ -170,7 +191,10 @@ impl SensorSpec for OdometerSpec {
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
         let scale = b.param("scale", &self.scale)?;
-        Ok(Box::new(BodyVelocity::build(b, &self.lever_arm, &self.mounting, scale, &ALL[..1])?))
+        let mut model = BodyVelocity::build(b, &self.lever_arm, &self.mounting, &ALL[..1])?;
+        model.scale = scale;
+        model.current = b.param("current", &self.current)?;
+        Ok(Box::new(model))
     }
 }
 
@@ -190,13 +214,7 @@ impl SensorSpec for NonholonomicSpec {
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
         let rows = self.axes.rows();
-        Ok(Box::new(BodyVelocity::build(
-            b,
-            &self.lever_arm,
-            &self.mounting,
-            Param::Fixed(0.0),
-            rows,
-        )?))
+        Ok(Box::new(BodyVelocity::build(b, &self.lever_arm, &self.mounting, rows)?))
     }
 }
 
@@ -209,16 +227,18 @@ struct BodyVelocity {
     lever_arm: Param<Vector<3>>,
     mounting: Param<Attitude>,
     scale: Param<Scalar>,
+    bias: Param<Vector<3>>,
+    current: Param<Vector<3>>,
     /// The axes measured, in order.
     rows: &'static [usize],
 }
 
 impl BodyVelocity {
+    /// Over ground, without scale error and bias.
     fn build(
         b: &mut Build<'_>,
         lever_arm: &VectorParam<dim::Length>,
         mounting: &RotationParam,
-        scale: Param<Scalar>,
         rows: &'static [usize],
     ) -> Result<Self, BuildError> {
         let lever_arm = b.param("lever_arm", lever_arm)?;
@@ -234,14 +254,17 @@ impl BodyVelocity {
             },
             lever_arm,
             mounting: b.param("mounting", mounting)?,
-            scale,
+            scale: Param::Fixed(0.0),
+            bias: Param::Fixed(Vector3::zeros()),
+            current: Param::Fixed(Vector3::zeros()),
             rows,
         })
     }
 
-    /// `C_nbᵀ v`, the body's own velocity in body axes, and `u_b`, that of the point.
+    /// `C_nbᵀ (v − c)`, the body's own velocity in body axes, and `u_b`, that of the point.
     fn velocities(&self, at: &View<'_>) -> (Vector3<f64>, Vector3<f64>) {
-        let v_b = at.get(&self.attitude).inverse_transform_vector(&at.get(&self.velocity));
+        let v_n = at.get(&self.velocity) - at.get(&self.current);
+        let v_b = at.get(&self.attitude).inverse_transform_vector(&v_n);
         let turning = self.rate.as_ref().map(|w| at.get(w).cross(&at.get(&self.lever_arm)));
         (v_b, v_b + turning.unwrap_or_default())
     }
@@ -261,9 +284,9 @@ impl Measurement for BodyVelocity {
 
     fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {
         let u_s = at.get(&self.mounting).inverse_transform_vector(&self.velocities(at).1);
-        let k = 1.0 + at.get(&self.scale);
+        let h = u_s * (1.0 + at.get(&self.scale)) + at.get(&self.bias);
         for (value, &axis) in value.iter_mut().zip(self.rows) {
-            *value = k * u_s[axis];
+            *value = h[axis];
         }
         Ok(())
     }
@@ -275,6 +298,8 @@ impl Measurement for BodyVelocity {
         let k = 1.0 + at.get(&self.scale);
         let (u_s, scaled) = (c_sb * u_b, c_sb * k);
         self.add(h, &self.velocity, &(scaled * c_bn));
+        self.add(h, &self.current, &(-scaled * c_bn));
+        self.add(h, &self.bias, &Matrix3::identity());
         self.add(h, &self.attitude, &(scaled * skew(&v_b)));
         self.add(h, &self.mounting, &(skew(&u_s) * k));
         self.add(h, &self.scale, &u_s);
@@ -301,6 +326,8 @@ mod tests {
             lever_arm: Param::Fixed(Vector3::new(-2.0, 0.5, 0.0)),
             mounting: Param::Fixed(from_rpy(0.0, 0.0, mounting_yaw)),
             scale: Param::Fixed(0.1),
+            bias: Param::Fixed(Vector3::zeros()),
+            current: Param::Fixed(Vector3::zeros()),
             rows,
         }
     }
@@ -330,5 +357,17 @@ mod tests {
             (Vector3::from_column_slice(&z) - Vector3::new(-0.4, -2.9, 0.0) * 1.1).amax() < 2e-15,
             "{z:?}"
         );
+    }
+
+    #[test]
+    fn a_log_that_drifts_with_the_water_reads_nothing_and_one_against_it_the_sum() {
+        let mut still = model(0.0, ALL);
+        still.rate = None;
+        still.current = Param::Fixed(still.velocity.stored(&[]).unwrap());
+        still.bias = Param::Fixed(Vector3::new(0.0, 0.02, 0.0));
+        assert_eq!(predict(&still), [0.0, 0.02, 0.0]);
+        still.current = Param::Fixed(-still.velocity.stored(&[]).unwrap());
+        // 6 m/s through the water times 1.1; 4 ε: rounding.
+        assert!((predict(&still)[0] - 6.6).abs() < 4e-15);
     }
 }

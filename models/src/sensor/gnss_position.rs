@@ -61,9 +61,30 @@ impl SensorSpec for GnssPositionSpec {
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        let lever_arm = b.param("lever_arm", &self.lever_arm)?;
+        Ok(Box::new(Fix::build(b, &self.lever_arm, &self.bias, self.axes().len())?))
+    }
+}
+
+/// The runtime model: a fix of a point of the body, its first `rows` of north, east, down.
+#[derive(Debug)]
+pub(super) struct Fix {
+    position: Quantity<Geodetic>,
+    attitude: Option<Quantity<Attitude>>,
+    lever_arm: Param<Vector<3>>,
+    bias: Param<Vector<3>>,
+    rows: usize,
+}
+
+impl Fix {
+    pub(super) fn build(
+        b: &mut Build<'_>,
+        lever_arm: &VectorParam<dim::Length>,
+        bias: &VectorParam<dim::Length>,
+        rows: usize,
+    ) -> Result<Self, BuildError> {
+        let lever_arm = b.param("lever_arm", lever_arm)?;
         let fixed_at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
-        Ok(Box::new(GnssPosition {
+        Ok(Self {
             position: b.quantity(state::POSITION)?,
             // A process without an attitude serves an antenna at the body origin.
             attitude: if fixed_at_the_body {
@@ -72,23 +93,13 @@ impl SensorSpec for GnssPositionSpec {
                 Some(b.quantity(state::ATTITUDE)?)
             },
             lever_arm,
-            bias: b.param("bias", &self.bias)?,
-            rows: if self.horizontal { 2 } else { 3 },
-        }))
+            bias: b.param("bias", bias)?,
+            rows,
+        })
     }
 }
 
-/// The runtime model.
-#[derive(Debug)]
-struct GnssPosition {
-    position: Quantity<Geodetic>,
-    attitude: Option<Quantity<Attitude>>,
-    lever_arm: Param<Vector<3>>,
-    bias: Param<Vector<3>>,
-    rows: usize,
-}
-
-impl Measurement for GnssPosition {
+impl Measurement for Fix {
     fn size(&self) -> Size {
         Size {
             value: 3,

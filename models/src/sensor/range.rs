@@ -116,6 +116,22 @@ struct Range {
     bias: Param<Scalar>,
 }
 
+/// Earth-centred coordinates \[m\] of a point `l_n` north, east, down \[m\] of a geodetic position.
+pub(super) fn earth_centred<D: Real>([lat, lon, height]: [D; 3], l_n: Option<Vector3<D>>) -> Vector3<D> {
+    let ((sp, cp), (sl, cl)) = (lat.sin_cos(), lon.sin_cos());
+    let normal = ((-sp * sp * ECCENTRICITY_SQUARED + 1.0).sqrt()).recip() * SEMI_MAJOR_AXIS;
+    let across = (normal + height) * cp;
+    let mut r_e = Vector3::new(across * cl, across * sl, (normal * (1.0 - ECCENTRICITY_SQUARED) + height) * sp);
+    if let Some(l_n) = l_n {
+        // C_en l_n: columns are north, east and down in Earth-centred axes.
+        let outward = -sp * l_n.x - cp * l_n.z;
+        r_e.x += outward * cl - sl * l_n.y;
+        r_e.y += outward * sl + cl * l_n.y;
+        r_e.z += cp * l_n.x - sp * l_n.z;
+    }
+    r_e
+}
+
 impl ExactModel for Range {
     fn dim(&self) -> usize {
         self.beacons_e.len()
@@ -123,18 +139,11 @@ impl ExactModel for Range {
 
     fn h<D: Real>(&self, x: &ExactView<'_, D>, z: &mut [D]) -> Result<(), Undefined> {
         let [lat, lon, height] = x.geodetic(&self.position);
-        let ((sp, cp), (sl, cl)) = (lat.sin_cos(), lon.sin_cos());
-        let normal = ((-sp * sp * ECCENTRICITY_SQUARED + 1.0).sqrt()).recip() * SEMI_MAJOR_AXIS;
-        let across = (normal + height) * cp;
-        let mut r_e = Vector3::new(across * cl, across * sl, (normal * (1.0 - ECCENTRICITY_SQUARED) + height) * sp);
-        if let Some(attitude) = &self.attitude {
-            let l_n = x.rotate(attitude, &x.vector(&self.lever_arm));
-            // C_en l_n: columns are north, east and down in Earth-centred axes.
-            let outward = -sp * l_n.x - cp * l_n.z;
-            r_e.x += outward * cl - sl * l_n.y;
-            r_e.y += outward * sl + cl * l_n.y;
-            r_e.z += cp * l_n.x - sp * l_n.z;
-        }
+        let l_n = self
+            .attitude
+            .as_ref()
+            .map(|attitude| x.rotate(attitude, &x.vector(&self.lever_arm)));
+        let r_e = earth_centred([lat, lon, height], l_n);
         let (scale, bias) = (x.scalar(&self.scale) + 1.0, x.scalar(&self.bias));
         for (beacon_e, z) in self.beacons_e.iter().zip(z) {
             let d = [r_e.x - beacon_e.x, r_e.y - beacon_e.y, r_e.z - beacon_e.z];

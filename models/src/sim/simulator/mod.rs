@@ -50,8 +50,8 @@ pub struct SimulatedSensor {
     pub name: String,
     /// Its model.
     pub model: Arc<dyn Measurement>,
-    /// The channel its value is.
-    pub channel: Channel,
+    /// The channels its value is.
+    pub channels: Vec<Channel>,
     /// The dimension of each residual row.
     pub rows: Vec<Dimension>,
     /// Seconds by which its rows are valid before their stamp.
@@ -279,7 +279,7 @@ impl Simulator {
             });
             streams.push(SimulatedStream {
                 name: sensor.name,
-                channels: vec![sensor.channel],
+                channels: sensor.channels,
             });
         }
         clocks.push(Clock::new(Source::Reference, spec.reference_rate.si()));

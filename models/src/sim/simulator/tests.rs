@@ -38,14 +38,15 @@ fn simulate(text: &str, seed: u64) -> Result<(Layout, Arc<dyn Process>, Simulato
     let mut sensors = Vec::new();
     for (name, spec) in &design.sensor {
         build.name = name;
-        let crate::block::Reading::Channel(channel) = spec.reading() else {
+        let channels = spec.reading().channels().to_vec();
+        if channels.is_empty() {
             continue;
-        };
+        }
         let model = spec.build(&mut build).unwrap().into();
         sensors.push(SimulatedSensor {
             name: name.clone(),
             model,
-            channel,
+            channels,
             rows: spec.noise(),
             delay: if name == "gnss" { LATE } else { 0.0 },
             offset: None,
