@@ -1,5 +1,6 @@
 //! Files as they come, and every word that is said of them.
 
+mod axes;
 mod stamps;
 
 use super::*;

@@ -262,7 +262,7 @@ pub(in super::super) enum Wanted {
     Text(String),
 }
 
-/// A channel: the columns that it is made of, and how. One of `column`, `columns`, `quaternion`,
+/// A channel: the columns that it is made of, and how. One of `column`, `columns`, `quaternion`, `rpy`,
 /// `latitude` with `longitude` and `height`, or `north` with `east` and `down` or `up`.
 ///
 /// A column is written as in the header; a minus sign before it changes the sign of its values.
@@ -275,6 +275,10 @@ pub(in super::super) struct ChannelSpec {
     pub(super) columns: Option<Vec<String>>,
     /// The columns of a quaternion w x y z, body to navigation.
     pub(super) quaternion: Option<[String; 4]>,
+    /// The columns of roll, pitch and heading, in this sequence of turns from the body back to navigation axes;
+    /// makes a quaternion. A heading counted anti-clockwise from east is `"-yaw"` with an `offset` of
+    /// `[0, 0, "90 deg"]`.
+    pub(super) rpy: Option<[String; 3]>,
     /// The column of the latitude; makes a geodetic position.
     pub(super) latitude: Option<String>,
     /// The column of the longitude.
@@ -290,7 +294,7 @@ pub(in super::super) struct ChannelSpec {
     /// The column of the metres above it, instead of `down`.
     pub(super) up: Option<String>,
     /// The unit of the columns, such as `deg/s`; a pure number without it. Of latitude and
-    /// longitude: `rad` or `deg`.
+    /// longitude and of roll, pitch, heading: `rad` or `deg`.
     pub(super) unit: Option<String>,
     /// The unit of the height; metres without it.
     pub(super) height_unit: Option<String>,

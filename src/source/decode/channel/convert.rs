@@ -21,6 +21,8 @@ pub(super) enum Conversion {
         frame: Option<LocalFrame>,
     },
     Quaternion {
+        /// Whether the numbers are roll, pitch and heading.
+        is_euler: bool,
         navigation: UnitQuaternion<f64>,
         sensor: UnitQuaternion<f64>,
         inverse: bool,
@@ -113,11 +115,17 @@ impl Conversion {
                 out.copy_from_slice(&[p.lat, p.lon, p.height]);
             }
             Self::Quaternion {
+                is_euler,
                 navigation,
                 sensor,
                 inverse,
             } => {
-                let read = Vector4::from_column_slice(out);
+                let read = if *is_euler {
+                    so3::to_scalar_first(&so3::from_rpy(out[0], out[1], out[2]))
+                } else {
+                    Vector4::from_column_slice(out)
+                };
+                out.copy_from_slice(read.as_slice());
                 plausible::check(Shape::Quaternion, Dimension::NONE, false, out)?;
                 let q = so3::from_scalar_first(&read);
                 let q = navigation * if *inverse { q.inverse() } else { q } * sensor;

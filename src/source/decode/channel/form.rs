@@ -7,6 +7,7 @@ use crate::source::decode::spec::ChannelSpec;
 pub(super) enum Form {
     Vector,
     Quaternion,
+    Euler,
     Geodetic,
     Local,
 }
@@ -17,6 +18,7 @@ pub(super) fn forms(spec: &ChannelSpec) -> Vec<Form> {
         (spec.column.is_some(), Form::Vector),
         (spec.columns.is_some(), Form::Vector),
         (spec.quaternion.is_some(), Form::Quaternion),
+        (spec.rpy.is_some(), Form::Euler),
         (any(&[&spec.latitude, &spec.longitude, &spec.height]), Form::Geodetic),
         (any(&[&spec.north, &spec.east, &spec.down, &spec.up]), Form::Local),
     ];
@@ -34,6 +36,11 @@ impl Form {
                 (None, columns) => Ok(all("columns", columns.as_deref().unwrap_or_default())),
             },
             Self::Quaternion => Ok(all("quaternion", spec.quaternion.as_ref().map_or(&[][..], |q| q))),
+            Self::Euler => {
+                // Three angles make four numbers: the last cell is read twice.
+                let [roll, pitch, yaw] = spec.rpy.clone().unwrap_or_default();
+                Ok(all("rpy", &[roll, pitch, yaw.clone(), yaw]))
+            }
             Self::Geodetic => Ok(vec![
                 named("latitude", &spec.latitude)?,
                 named("longitude", &spec.longitude)?,
@@ -54,6 +61,7 @@ impl Form {
         match self {
             Self::Vector => "a vector",
             Self::Quaternion => "a quaternion",
+            Self::Euler => "roll, pitch and heading",
             Self::Geodetic | Self::Local => "a position",
         }
     }
@@ -67,12 +75,13 @@ impl Form {
 
     /// Keys that are given and mean nothing for this form.
     pub(super) fn misfits(self, spec: &ChannelSpec) -> Vec<&'static str> {
-        let (vector, quaternion) = (self == Self::Vector, self == Self::Quaternion);
+        let (vector, euler) = (self == Self::Vector, self == Self::Euler);
+        let quaternion = self == Self::Quaternion || euler;
         let keys = [
-            ("unit", spec.unit.is_some(), !quaternion),
+            ("unit", spec.unit.is_some(), self != Self::Quaternion),
             ("height_unit", spec.height_unit.is_some(), self == Self::Geodetic),
             ("scale", spec.scale.is_some(), vector),
-            ("offset", spec.offset.is_some(), vector),
+            ("offset", spec.offset.is_some(), vector || euler),
             ("variance", spec.variance, vector),
             ("increment", spec.increment, vector),
             ("average", spec.average, vector),

@@ -40,7 +40,12 @@ impl ChannelPlan {
         if spec.variance {
             dimension = planner.root(dimension);
         }
-        let add = planner.offset(dimension, width);
+        let add = if form == Form::Euler {
+            let angles = planner.offset(dim::Angle::KIND.dimension, width - 1);
+            angles.into_iter().chain([0.0]).collect()
+        } else {
+            planner.offset(dimension, width)
+        };
         if spec.increment {
             dimension = planner.rate(dimension);
         }
@@ -95,7 +100,7 @@ impl Planner<'_> {
                 } else {
                     "this channel is made in two ways"
                 };
-                let help = "give one of `column`, `columns`, `quaternion`, `latitude` with `longitude` and `height`, \
+                let help = "give one of `column`, `columns`, `quaternion`, `rpy`, `latitude` with `longitude` and `height`, \
                             or `north` with `east` and `down` or `up`";
                 self.wrong("", message, help);
                 return None;
@@ -147,6 +152,15 @@ impl Planner<'_> {
                 (vec![factor; width], dimension)
             }
             Form::Quaternion => (vec![1.0; 4], Dimension::NONE),
+            Form::Euler => {
+                if unit.is_none() {
+                    self.wrong("", "an angle needs its unit", "add `unit = \"deg\"` or `unit = \"rad\"`");
+                }
+                (
+                    vec![self.unit("unit", Some(unit.unwrap_or("rad")), Some(angle)).0; 4],
+                    Dimension::NONE,
+                )
+            }
             Form::Geodetic => {
                 let across = self.unit("unit", Some(unit.unwrap_or("rad")), Some(angle)).0;
                 let height = Some(spec.height_unit.as_deref().unwrap_or("m"));
@@ -237,7 +251,8 @@ impl Planner<'_> {
             Form::Vector => Conversion::Vector { rotation: body },
             Form::Geodetic => Conversion::Geodetic,
             Form::Local => Conversion::Local { frame: None },
-            Form::Quaternion => Conversion::Quaternion {
+            Form::Quaternion | Form::Euler => Conversion::Quaternion {
+                is_euler: form == Form::Euler,
                 navigation: turn(navigation),
                 sensor: turn(body).inverse(),
                 inverse: spec.inverse,
@@ -250,7 +265,7 @@ impl Planner<'_> {
         let shape = match form {
             Form::Vector if is_angle => Shape::Angle,
             Form::Vector => Shape::Vector,
-            Form::Quaternion => Shape::Quaternion,
+            Form::Quaternion | Form::Euler => Shape::Quaternion,
             Form::Geodetic | Form::Local => Shape::Geodetic,
         };
         if shape == Shape::Angle && self.spec.average {
