@@ -2,6 +2,7 @@
 //! their samples.
 //!
 //! Corrected  w = (w_m − b_g)/(1 + s_g),  f = (f_m − b_a)/(1 + s_a), per axis
+//! Vibration  the accelerometers' noise may follow it: `vibration.rs`
 //! Slow input a sample of more than [`LONGEST_STEP`] is integrated in pieces, and as only its mean is
 //!            known Q gains what a change from the neighbour's rate and force may move attitude and
 //!            velocity by within it: (T Δw)²/8, (T Δf)²/8 per axis and sample
@@ -10,9 +11,10 @@ use super::kinematic::{psd, value};
 use super::strapdown::discrete::{Discrete, Slots};
 use super::strapdown::increments;
 use super::strapdown::pairing::{Mode, Pairing, neighbour};
+use super::vibration::{self, Vibration};
 use crate::block::{Build, BuildError};
 use crate::param::VectorParam;
-use crate::units::{Axes, dim, range};
+use crate::units::{Axes, NonNegative, dim, range};
 use crate::vocabulary::state;
 use fusion_core::linear::Transition;
 use fusion_core::model::{Input, Preparation, SignalsOut};
@@ -47,6 +49,10 @@ pub struct AccelerometerSpec {
     /// Scale factor error; estimated as the state `accel_scale`.
     #[serde(default)]
     scale: VectorParam<dim::Ratio>,
+    /// The window over which vibration is measured: the noise is then at least what the force scatters by
+    /// in it, per axis. 0 for a noise that is constant.
+    #[serde(default)]
+    vibration: NonNegative<dim::Duration>,
 }
 
 /// The longest step of one linearisation \[s\]: a turn of 0.5 rad/s is 0.1 rad then, and what a series
@@ -69,6 +75,8 @@ pub(super) struct Inertial {
     accel_psd: Matrix3<f64>,
     /// By which neighbour a sample is corrected for coning and sculling.
     correction: Option<Mode>,
+    /// The window of vibration \[s\].
+    vibration: Option<f64>,
 }
 
 /// Rate and force of a step, free of the known errors of the sensors: what they are, and how they change
@@ -144,11 +152,16 @@ impl Inertial {
             gyro_psd: psd(gyro.noise.si()),
             accel_psd: psd(accelerometer.noise.si()),
             correction,
+            vibration: Some(accelerometer.vibration.si()).filter(|window| *window > 0.0),
         })
     }
 
     pub(super) fn preparation(&self) -> Option<Box<dyn Preparation>> {
-        self.correction.map(|mode| Box::new(Pairing::new(mode)) as Box<dyn Preparation>)
+        let pairing = self.correction.map(|mode| Box::new(Pairing::new(mode)) as Box<dyn Preparation>);
+        match self.vibration {
+            Some(window) => Some(Box::new(Vibration::new(window, pairing))),
+            None => pairing,
+        }
     }
 
     fn gyro(&self, x: &[f64]) -> Correction {
@@ -205,7 +218,9 @@ impl Inertial {
     /// The densities of the noise of rate and force over a sample.
     pub(super) fn noise(&self, input: &Input<'_>) -> (Matrix3<f64>, Matrix3<f64>) {
         let (slow_gyro, slow_accel) = within_sample(input);
-        (self.gyro_psd + slow_gyro, self.accel_psd + slow_accel)
+        let shaken = self.vibration.and_then(|_| vibration::density(input));
+        let accel = shaken.map_or(self.accel_psd, |density| self.accel_psd.sup(&density));
+        (self.gyro_psd + slow_gyro, accel + slow_accel)
     }
 
     /// The sample under which the sensors feel `rate` and `force`.

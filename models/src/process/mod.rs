@@ -3,6 +3,7 @@
 mod agility;
 mod attitude_only;
 mod constant_velocity;
+mod dead_reckoning;
 mod external_attitude;
 mod hold;
 mod inertial;
@@ -11,3 +12,4 @@ mod planar_odometry;
 pub mod strapdown;
 mod strapdown_local;
 mod unicycle;
+mod vibration;

@@ -22,13 +22,15 @@ use super::inertial::{IMU, Inertial};
 use crate::block::{Build, BuildError, Channel, ProcessSpec, imu_channels};
 use crate::earth::Gravity;
 use crate::process::agility::{Agility, AgilitySpec};
-use crate::process::kinematic::Kinematic;
+use crate::process::kinematic::{self, Kinematic};
+use crate::units::{Axes, dim, range};
 use crate::vocabulary::state;
 use discrete::Discrete;
 use fusion_core::geometry::so3;
 use fusion_core::linear::Transition;
 use fusion_core::model::{Gap, Input, Order, Preparation, Process, SignalsOut};
 use fusion_core::state::{Signal, Vector};
+use nalgebra::Matrix3;
 use pairing::Mode;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -88,6 +90,10 @@ pub struct StrapdownSpec {
     /// How Φ and Q of a step are computed; `exact` is not for the integrator `first_order`.
     #[serde(default)]
     discretisation: Discretisation,
+    /// Random walk of the position, north east down, beside what the noise of the sensors makes of it: 0, unless a
+    /// published Q has one.
+    #[serde(default)]
+    position_noise: Axes<dim::PositionRandomWalk, range::NonNegative>,
     /// The gravity model.
     #[serde(default)]
     gravity: GravitySpec,
@@ -102,11 +108,12 @@ crate::register!(
     StrapdownSpec,
     r#"
 integrator = "one_sample"
+position_noise = "1 mm/sqrt(s)"
 discretisation = "second_order"
 gravity = "somigliana"
 agility = { acceleration = ["3 m/s^2", "2 m/s^2", "1 m/s^2"], angular_rate = ["5 deg/s", "5 deg/s", "30 deg/s"], time = "1 s", tilt = "10 deg" }
 gyro = { noise = "0.2 deg/sqrt(h)", bias = { estimate = true, initial = [0.01, 0, 0], sigma = "0.1 deg/s", random_walk = "1e-5 rad/s/sqrt(s)" }, scale = { estimate = true, initial = [0, 0.02, 0], sigma = "1 %" } }
-accelerometer = { noise = "70 ug/sqrt(Hz)", bias = { estimate = true, initial = [0, 0.1, 0], sigma = "10 mg", correlation_time = "1000 s" }, scale = { estimate = true, initial = [0, 0, 0.01], sigma = "1 %" } }
+accelerometer = { noise = "70 ug/sqrt(Hz)", bias = { estimate = true, initial = [0, 0.1, 0], sigma = "10 mg", correlation_time = "1000 s" }, scale = { estimate = true, initial = [0, 0, 0.01], sigma = "1 %" }, vibration = "1 s" }
 "#
 );
 
@@ -135,6 +142,7 @@ impl ProcessSpec for StrapdownSpec {
             acceleration: b.signal(state::ACCELERATION)?,
             integrator: self.integrator,
             discretisation: self.discretisation,
+            position_psd: kinematic::psd(self.position_noise.si()),
             gravity,
             agility: (&self.agility).into(),
             changes: Agility::from(&self.agility).changes(),
@@ -150,6 +158,7 @@ struct Strapdown {
     acceleration: Signal<Vector<3>>,
     integrator: Integrator,
     discretisation: Discretisation,
+    position_psd: Matrix3<f64>,
     gravity: Gravity,
     agility: Agility,
     /// By how much the numbers of a sample may change.
@@ -203,6 +212,9 @@ impl Process for Strapdown {
             }
         };
         slots.write(&phi, out);
+        if self.position_psd != Matrix3::zeros() {
+            out.noise_trapezoid(slots.position, slots.position, &(self.position_psd * dt));
+        }
         self.inertial.write_transition(&corrected, &phi, &slots, out);
     }
 

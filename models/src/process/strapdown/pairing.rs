@@ -34,7 +34,8 @@ pub struct Neighbour<'a> {
 /// held beyond its interval.
 #[must_use]
 pub fn neighbour<'a>(input: &Input<'a>, dim: usize) -> Option<Neighbour<'a>> {
-    let (sample, [signed]) = input.sample.get(dim..)?.split_at_checked(dim)? else {
+    // Other preparations may add more behind.
+    let (sample, [signed, ..]) = input.sample.get(dim..)?.split_at_checked(dim)? else {
         return None;
     };
     Some(Neighbour {

@@ -65,11 +65,14 @@ pub(in super::super) enum Known {
     AccelBias(Slot<Vector<3>>),
     GyroScale(Slot<Vector<3>>),
     AccelScale(Slot<Vector<3>>),
+    BodyVelocity(Slot<Vector<3>>),
+    HeadingOffset(Slot<Scalar>),
+    Drift(Slot<Vector<3>>),
 }
 
 /// The names that a simulated world knows, each with the handle to it in a layout.
 type KnownName = (&'static str, fn(&Layout) -> Result<Known, LayoutError>);
-const KNOWN: [KnownName; 11] = [
+const KNOWN: [KnownName; 14] = [
     (state::POSITION.as_str(), |l| l.slot(state::POSITION).map(Known::Geodetic)),
     (state::LOCAL_POSITION.as_str(), |l| l.slot(state::LOCAL_POSITION).map(Known::Local)),
     (state::VELOCITY.as_str(), |l| l.slot(state::VELOCITY).map(Known::Velocity)),
@@ -81,6 +84,13 @@ const KNOWN: [KnownName; 11] = [
     (state::ACCEL_BIAS.as_str(), |l| l.slot(state::ACCEL_BIAS).map(Known::AccelBias)),
     (state::GYRO_SCALE.as_str(), |l| l.slot(state::GYRO_SCALE).map(Known::GyroScale)),
     (state::ACCEL_SCALE.as_str(), |l| l.slot(state::ACCEL_SCALE).map(Known::AccelScale)),
+    (state::BODY_VELOCITY.as_str(), |l| {
+        l.slot(state::BODY_VELOCITY).map(Known::BodyVelocity)
+    }),
+    (state::HEADING_OFFSET.as_str(), |l| {
+        l.slot(state::HEADING_OFFSET).map(Known::HeadingOffset)
+    }),
+    (state::DRIFT.as_str(), |l| l.slot(state::DRIFT).map(Known::Drift)),
 ];
 
 impl Known {
@@ -99,6 +109,10 @@ impl Known {
                 slot.write(&(nav.v_eb_n.x * cos + nav.v_eb_n.y * sin), x);
             }
             Self::YawRate(slot) => slot.write(&yaw_rate(truth, gravity), x),
+            Self::BodyVelocity(slot) => slot.write(&nav.q_nb.inverse_transform_vector(&nav.v_eb_n), x),
+            // The body's velocity is all there is, and a simulated reference tells the true heading.
+            Self::HeadingOffset(slot) => slot.write(&0.0, x),
+            Self::Drift(slot) => slot.write(&Vector3::zeros(), x),
             Self::GyroBias(_) | Self::AccelBias(_) | Self::GyroScale(_) | Self::AccelScale(_) => {}
         }
     }
