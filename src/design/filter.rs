@@ -90,6 +90,9 @@ pub enum UpdateSpec {
     Iterated,
     /// Sigma points, for the prediction too.
     Unscented,
+    /// What is measured is what the state becomes, without a covariance: the latest value of each
+    /// instrument.
+    Outright,
 }
 
 /// The scaled set of sigma points: α√(n + κ) σ from the estimate.
@@ -166,10 +169,11 @@ impl FilterSpec {
             Some(UpdateSpec::Single) => backend.update = UpdateKind::Single,
             Some(UpdateSpec::Iterated) => backend.update = UpdateKind::Iterated(Iterated::DEFAULT),
             Some(UpdateSpec::Unscented) => backend.update = UpdateKind::Unscented(Spread::DEFAULT),
+            Some(UpdateSpec::Outright) => backend.update = UpdateKind::Outright,
             None => {}
         }
         match &mut backend.update {
-            UpdateKind::Single => {}
+            UpdateKind::Single | UpdateKind::Outright => {}
             UpdateKind::Iterated(rule) => {
                 rule.iterations = self.iterations.unwrap_or(rule.iterations);
                 rule.tolerance = self.tolerance.unwrap_or(rule.tolerance);
@@ -214,6 +218,7 @@ impl FilterSpec {
             UpdateKind::Single => "single",
             UpdateKind::Iterated(_) => "iterated",
             UpdateKind::Unscented(_) => "unscented",
+            UpdateKind::Outright => "outright",
         };
         let mut words = vec![chart, update, backend.form.form().name()];
         if matches!(backend.chart, ChartKind::Invariant(_, Biases::TwoFrames)) {

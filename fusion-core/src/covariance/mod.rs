@@ -246,6 +246,11 @@ impl Covariance {
         self.p.copy_from_slice(&other.p);
     }
 
+    /// P ← 0: nothing is uncertain, or nothing is said of it.
+    pub(crate) fn clear(&mut self) {
+        self.p.fill(0.0);
+    }
+
     /// P ← Φ(P + Q_before)Φᵀ + Q_after; false, and P as before, where a variance would overflow, be
     /// negative or not be a number.
     pub(crate) fn predict(&mut self, t: &Transition, w: &mut Workspace) -> bool {

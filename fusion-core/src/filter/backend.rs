@@ -1,6 +1,7 @@
 //! The backends: a chart, an update and a form, each chosen by itself.
 
 use super::iterated::Iterated;
+use super::outright::Outright;
 use super::rule::{Single, UpdateRule};
 use super::sigma::Spread;
 use super::unscented::Unscented;
@@ -34,6 +35,8 @@ pub enum UpdateKind {
     Iterated(Iterated),
     /// By sigma points, the prediction too.
     Unscented(Spread),
+    /// Not weighed at all: taken outright, without a covariance.
+    Outright,
 }
 
 /// A backend: three independent choices.
@@ -105,6 +108,7 @@ impl UpdateKind {
             Self::Single => Arc::new(Single),
             Self::Iterated(rule) => Arc::new(rule),
             Self::Unscented(spread) => Arc::new(Unscented(spread)),
+            Self::Outright => Arc::new(Outright),
         }
     }
 }

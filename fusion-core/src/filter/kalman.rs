@@ -203,8 +203,11 @@ impl Filter {
     #[must_use]
     pub fn of(layout: Arc<Layout>, process: Arc<dyn Process>, parts: Parts, largest: Size) -> Self {
         let n = layout.dim();
-        let belief = Belief::initial(&layout, &parts.form, Time::default());
+        let mut belief = Belief::initial(&layout, &parts.form, Time::default());
         let how = parts.reset();
+        if !parts.update.keeps_covariance() {
+            belief.covariance.clear();
+        }
         let mut past = Past::new(Arc::clone(&layout));
         past.start(&belief);
         Self {
@@ -310,6 +313,9 @@ impl Filter {
     fn predict_covariance(&mut self, dt: f64) -> bool {
         self.decay(dt);
         decay_state(&self.own, &mut self.belief.x, &self.transition.phi);
+        if !self.rule.keeps_covariance() {
+            return self.layout.is_sane(&self.belief.x);
+        }
         let covariance = &self.belief.covariance;
         self.transition.settle(|axis| covariance.marginal_at::<1>(axis).x);
         self.layout.is_sane(&self.belief.x) && self.belief.covariance.predict(&self.transition, &mut self.work.work)
@@ -626,6 +632,9 @@ impl Estimator for Filter {
         }
         let covariance = belief.covariance.stored_in(self.p_before.form());
         self.belief = Belief { covariance, ..belief };
+        if !self.rule.keeps_covariance() {
+            self.belief.covariance.clear();
+        }
         self.past.start(&self.belief);
         self.signals.forget();
     }

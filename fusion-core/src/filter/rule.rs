@@ -42,6 +42,11 @@ pub trait UpdateRule: Debug + Send + Sync {
     fn spread(&self) -> Option<Spread> {
         None
     }
+
+    /// Whether there is a covariance at all; without one P is zero, before and after every step.
+    fn keeps_covariance(&self) -> bool {
+        true
+    }
 }
 
 /// One linearisation, at the prediction.
