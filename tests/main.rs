@@ -45,6 +45,9 @@ mod magnetometer;
 /// What a user is told about every kind of mistake, word for word.
 #[path = "suite/mistakes.rs"]
 mod mistakes;
+/// The navigators of a tracked vehicle side by side, and the gains of the published one.
+#[path = "suite/navigators.rs"]
+mod navigators;
 /// Closed forms of inertial navigation: drift, coning, clean data, the seam of the heading.
 #[path = "suite/oracles.rs"]
 mod oracles;
