@@ -126,6 +126,7 @@ impl Composed {
 
     fn update(&mut self, z: &[f64; 3]) {
         let observed = Observed {
+            sensor: 0,
             model: self.gnss.as_ref(),
             value: z,
             noise: &self.noise,

@@ -228,6 +228,7 @@ fn prediction_and_update_allocate_nothing_nor_do_those_of_a_copy() {
                 let noise = [2.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 5.0];
                 let update = filter.update(
                     &Observed {
+                        sensor: 0,
                         model: sensor.model.as_ref(),
                         value,
                         noise: &noise,

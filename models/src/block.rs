@@ -371,6 +371,11 @@ pub trait GateSpec: Debug + Send + Sync {
         Ok(())
     }
 
+    /// Whether it leaves decisions to a bank of hypotheses.
+    fn needs_bank(&self) -> bool {
+        false
+    }
+
     /// Whether it judges by the number that the sensor names as its `quality`.
     fn needs_quality(&self) -> bool {
         false

@@ -1,8 +1,8 @@
 //! Gate policies as TOML declares them.
 
 use crate::block::{BuildError, GateSpec};
-use crate::units::{Dimension, Dimensional, NonNegative, Positive, Probability, dim};
-use fusion_core::gate::{Ellipse, Gate, Magnitude, Nis, Open, Recovery, TwoCondition, TwoConditions};
+use crate::units::{AnyQuantity, Dimension, Dimensional, NonNegative, Positive, Probability, UnitError, dim, range};
+use fusion_core::gate::{Ellipse, FalseTracks, Gate, Hypotheses, Magnitude, Nis, Open, Recovery, TwoCondition, TwoConditions};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -100,6 +100,111 @@ impl GateSpec for NisSpec {
                 .help("write a probability from 0.5 to below 1, e.g. 0.999; `none` passes everything"));
         }
         Ok(Box::new(Nis::new(p, self.recovery.build())))
+    }
+}
+
+/// Leaves it open whether a measurement is good or false: a bank of hypotheses, `[filter.bank]`, carries
+/// both until it is known. False measurements come one by one, or as a track that agrees with itself.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HypothesesSpec {
+    /// The probability that a measurement is false after a good one; 0.01 by default.
+    #[serde(default = "one_percent")]
+    false_rate: Probability,
+    /// The probability that a measurement is good after a false one: one over the number of measurements of
+    /// a usual false track; 0.2 by default.
+    #[serde(default = "one_fifth")]
+    false_ends: Probability,
+    /// How far from the estimate a false measurement may be, in the unit of the sensor.
+    reach: AnyQuantity,
+    /// How fast a false track may move, seen from the estimate, in the unit of the sensor per second; by
+    /// default a thousandth of `reach`.
+    speed: Option<AnyQuantity>,
+    /// The probability that a good measurement finds the estimate wrong beyond its covariance; 1e-9 by
+    /// default.
+    #[serde(default = "one_in_a_billion")]
+    lost: Probability,
+}
+
+fn one_percent() -> Probability {
+    Probability::try_from_si(0.01).unwrap_or_else(|_| unreachable!("0.01 is a probability"))
+}
+
+fn one_fifth() -> Probability {
+    Probability::try_from_si(0.2).unwrap_or_else(|_| unreachable!("0.2 is a probability"))
+}
+
+fn one_in_a_billion() -> Probability {
+    Probability::try_from_si(1e-9).unwrap_or_else(|_| unreachable!("1e-9 is a probability"))
+}
+
+/// Of a gate that is asked by itself: the test and the recovery of `nis`.
+const ALONE: f64 = 0.999;
+/// The speed of a false track by default, in `reach` per second.
+const SPEED: f64 = 1e-3;
+/// How much of that it changes by within a second.
+const WANDER: f64 = 0.05;
+
+crate::register!(
+    Gate,
+    "hypotheses",
+    HypothesesSpec,
+    r#"
+false_rate = 0.01
+false_ends = 0.2
+reach = "1 km"
+speed = "1 m/s"
+lost = 1e-9
+"#
+);
+
+#[typetag::deserialize(name = "hypotheses")]
+impl GateSpec for HypothesesSpec {
+    fn suits(&self, rows: &[Dimension]) -> Result<(), BuildError> {
+        let Some((first, others)) = rows.split_first() else { return Ok(()) };
+        if others.iter().any(|row| row != first) {
+            let message = "the rows of this sensor have different units: one `reach` cannot hold for all of them";
+            return Err(BuildError::new(message).help("`nis` judges any sensor"));
+        }
+        let at = |field: &'static str| move |e: UnitError| BuildError::at(field, e.to_string());
+        self.reach.within::<range::Positive>(*first).map_err(at("reach"))?;
+        if let Some(speed) = &self.speed {
+            let per_second = first.times(Dimension::from_halves([0, 0, -2, 0, 0, 0])).unwrap_or(*first);
+            speed.within::<range::Positive>(per_second).map_err(at("speed"))?;
+        }
+        Ok(())
+    }
+
+    fn needs_bank(&self) -> bool {
+        true
+    }
+
+    fn build(&self) -> Result<Box<dyn Gate>, BuildError> {
+        let probabilities = [
+            ("false_rate", self.false_rate),
+            ("false_ends", self.false_ends),
+            ("lost", self.lost),
+        ];
+        for (field, probability) in probabilities {
+            let p = probability.si();
+            if !(p > 0.0 && p < 1.0) {
+                return Err(BuildError::at(field, format!("{p} is certain, and leaves nothing to weigh"))
+                    .help("write a probability between 0 and 1"));
+            }
+        }
+        let si = |quantity: &AnyQuantity| quantity.expect(quantity.dimension().unwrap_or(Dimension::NONE));
+        let reach = si(&self.reach).map_err(|e| BuildError::at("reach", e.to_string()))?;
+        let speed = self.speed.as_ref().map_or(Ok(SPEED * reach), si);
+        let speed = speed.map_err(|e| BuildError::at("speed", e.to_string()))?;
+        let tracks = FalseTracks {
+            rate: self.false_rate.si(),
+            ends: self.false_ends.si(),
+            reach,
+            speed,
+            wander: WANDER * speed,
+            lost: self.lost.si(),
+        };
+        Ok(Box::new(Hypotheses::new(tracks, ALONE, Recovery::default())))
     }
 }
 

@@ -5,7 +5,7 @@ use super::streams::known_streams;
 use super::{Inside, SensorInfo, StreamLayout};
 use crate::config::{Diagnostic, Diagnostics, Node};
 use crate::design::{Design, Draft, Named, ProcessDesign, SourceDesign};
-use fusion_core::filter::{Estimator, Filter};
+use fusion_core::filter::{Bank, Estimator, Filter};
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::model::{Process, Size};
 use fusion_core::runner::{InitialiserUnit, InputLimits, Port, Runner, Sensor, StageUnit};
@@ -287,7 +287,11 @@ impl<'a, P> Assembler<'a, P> {
             value: m.value.max(s.value),
             residual: m.residual.max(s.residual),
         });
-        let filter: Box<dyn Estimator> = Box::new(Filter::new(layout.clone(), process.clone(), design.filter.backend(), largest));
+        let filter = || Box::new(Filter::new(layout.clone(), process.clone(), design.filter.backend(), largest));
+        let filter: Box<dyn Estimator> = match design.filter.bank {
+            None => filter(),
+            Some(bank) => Box::new(Bank::new(bank.limits(), || (filter(), self.gates()))),
+        };
         let mut runner = Runner::new(filter, process.clone(), design.run.reorder.si());
         runner.set_limits(design.health.limits());
         for stream in &streams {

@@ -82,7 +82,7 @@ impl<P> Assembler<'_, P> {
             (Some(port), Some(name)) => self.quality(port.stream, name, node).map(Some),
             _ => Some(None),
         };
-        let gate = self.d.keep(gate(design, &rows));
+        let gate = self.d.keep(gate(design, &rows, self.design.filter.bank.is_some()));
         let loss = self.d.keep(loss(design));
         let ((model, time_offset), mut port, sigma) = (built?, port?, sigma?);
         let timing = self.timing(&time_offset, port.stream).map_err(|e| node.locate(&e));
@@ -169,6 +169,27 @@ impl<P> Assembler<'_, P> {
         Some(self.channel(stream, &channel, node)?.offset)
     }
 
+    /// The gates of all sensors as they are built, in order of their numbers: for another member of a bank.
+    pub(super) fn gates(&self) -> Vec<Box<dyn Gate>> {
+        let sensors = &self.design.sensors;
+        let at = |name: &str| sensors.iter().position(|s| s.name == name);
+        let build = |design: &Named<SensorDesign>| {
+            // They were built before without a mistake.
+            let own = gate(design, &design.block.model.noise(), true).unwrap_or_else(|_| Box::new(Open));
+            let leader = design
+                .block
+                .common
+                .only_with
+                .as_ref()
+                .and_then(|spec| Some((at(&spec.sensor)?, spec.memory.si())));
+            match leader {
+                Some((leader, memory)) => Box::new(OnlyWith::new(leader, memory, own)),
+                None => own,
+            }
+        };
+        sensors.iter().map(build).collect()
+    }
+
     /// Lays the gate policy `only_with` over the sensor's own gate.
     pub(super) fn link(design: &Named<SensorDesign>, sensors: &mut [Sensor]) {
         let at = |name: &str| sensors.iter().position(|s| s.name == name);
@@ -213,7 +234,7 @@ fn noise(spec: &NoiseSpec, sigma: &[f64], reported: Vec<usize>) -> Noise {
     noise
 }
 
-fn gate(design: &Named<SensorDesign>, rows: &[Dimension]) -> Result<Box<dyn Gate>, Diagnostic> {
+fn gate(design: &Named<SensorDesign>, rows: &[Dimension], has_bank: bool) -> Result<Box<dyn Gate>, Diagnostic> {
     let Some(gate) = &design.block.gate else {
         return Ok(Box::new(Open));
     };
@@ -222,6 +243,11 @@ fn gate(design: &Named<SensorDesign>, rows: &[Dimension]) -> Result<Box<dyn Gate
         let message = "this gate judges by a number that the sensor does not name";
         let help = "write beside `source` which channel says how good a row is, e.g. `quality = \"hdop\"`";
         return Err(Diagnostic::error(message).at(node.place_of("magnitude")).help(help));
+    }
+    if gate.needs_bank() && !has_bank {
+        let message = "this gate leaves its decisions to a bank of hypotheses, and there is none";
+        let help = "add `[filter.bank]`, or `bank = {}` under [filter]";
+        return Err(Diagnostic::error(message).at(node.place()).help(help));
     }
     let built = gate.suits(rows).and_then(|()| gate.build());
     built.map_err(|e| node.locate(&e))

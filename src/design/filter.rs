@@ -3,7 +3,7 @@
 use crate::config::{Diagnostic, Diagnostics, Node, did_you_mean};
 use fusion_core::chart::{Biases, Reset, Side};
 use fusion_core::covariance::FormKind;
-use fusion_core::filter::{Backend, ChartKind, Iterated, Spread, UpdateKind};
+use fusion_core::filter::{Backend, BankLimits, ChartKind, Iterated, Spread, UpdateKind};
 use fusion_core::state::{Kind, Layout, StateRole};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -33,6 +33,45 @@ pub struct FilterSpec {
     pub form: Option<FormSpec>,
     /// What becomes of the covariance when the state moves by a correction.
     pub reset: Option<ResetSpec>,
+    /// Carries what may be true as hypotheses until it is known: for sensors whose gate is `hypotheses`, and
+    /// for starts without a heading.
+    pub bank: Option<BankSpec>,
+}
+
+/// A bank of hypotheses.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct BankSpec {
+    /// The most hypotheses, 1 to 100; 20 by default.
+    pub hypotheses: usize,
+    /// How many headings, all round, a start is tried with whose heading is hardly known; 1 by default.
+    pub headings: usize,
+    /// Another hypothesis than before is shown when it is so many times as probable; 1e6 by default.
+    pub switch: f64,
+}
+
+impl Default for BankSpec {
+    fn default() -> Self {
+        let limits = BankLimits::DEFAULT;
+        Self {
+            hypotheses: limits.most,
+            headings: limits.starts,
+            switch: limits.switch,
+        }
+    }
+}
+
+impl BankSpec {
+    /// What it says to the bank.
+    #[must_use]
+    pub fn limits(self) -> BankLimits {
+        BankLimits {
+            most: self.hypotheses,
+            starts: self.headings,
+            switch: self.switch,
+            ..BankLimits::DEFAULT
+        }
+    }
 }
 
 /// Named backends.
@@ -227,6 +266,9 @@ impl FilterSpec {
         if backend.reset == Reset::Full && !matches!(backend.update, UpdateKind::Iterated(_)) {
             words.push("full reset");
         }
+        if let Some(bank) = self.bank {
+            words.push(if bank.headings > 1 { "bank of starts" } else { "bank" });
+        }
         words.join(" / ")
     }
 
@@ -323,6 +365,23 @@ impl FilterSpec {
                     &message,
                     "take alpha > 0, beta ≥ alpha², kappa ≥ 0; alpha = 1, beta = 2, kappa = 0 are usual",
                 );
+            }
+        }
+        if let Some(BankSpec {
+            hypotheses,
+            headings,
+            switch,
+        }) = self.bank
+        {
+            if !(1..=100).contains(&hypotheses) {
+                return mistake("bank", "a bank has 1 to 100 hypotheses", "20 are usual");
+            }
+            if headings == 0 || headings > hypotheses {
+                let message = format!("{headings} headings do not fit into {hypotheses} hypotheses");
+                return mistake("bank", &message, "write `headings` from 1 to `hypotheses`");
+            }
+            if !(switch >= 1.0 && switch.is_finite()) {
+                return mistake("bank", "`switch` is how many times as probable: 1 or more", "1e6 is usual");
             }
         }
         if is_iterated && self.reset == Some(ResetSpec::Plain) {

@@ -52,6 +52,7 @@ fn run(parts: Parts) -> (Vec<f64>, Vec<f64>) {
         filter.predict(to, &Input::held(&sample)).unwrap();
         if k % 100 == 0 {
             let observed = Observed {
+                sensor: 0,
                 model: sensor.as_ref(),
                 value: &[0.63, 2.26, 50.0 + 0.1 * k as f64 / 100.0],
                 noise: &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 4.0],

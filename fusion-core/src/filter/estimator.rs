@@ -78,6 +78,8 @@ pub struct Update<'a> {
 /// A measurement ready for an estimator.
 #[derive(Clone, Copy, Debug)]
 pub struct Observed<'a> {
+    /// Which of the design's sensors it comes from: a number, for estimators that remember.
+    pub sensor: usize,
     /// The model.
     pub model: &'a dyn Measurement,
     /// The measured value.

@@ -6,6 +6,7 @@
 //! and condition are the [`UpdateRule`]'s.
 
 mod backend;
+mod bank;
 mod estimator;
 mod iterated;
 mod kalman;
@@ -18,6 +19,7 @@ mod step;
 mod unscented;
 
 pub use backend::{Backend, ChartKind, UpdateKind};
+pub use bank::{Bank, BankLimits};
 pub use estimator::{Estimator, FilterError, Observed, Update, Verdict};
 pub use iterated::Iterated;
 pub use kalman::{Filter, Parts};

@@ -10,6 +10,7 @@ use crate::time::Time;
 use nalgebra::{DMatrix, Matrix1, SMatrix, SVector};
 use std::sync::Arc;
 
+mod bank;
 mod late;
 mod reacquire;
 mod rules;
@@ -131,6 +132,7 @@ fn filter(layout: LayoutBuilder, process: impl Process + 'static, largest: usize
 fn accept<'a>(f: &'a mut Filter, model: &'a dyn Measurement, value: &'a [f64], noise: &'a [f64]) -> Update<'a> {
     f.update(
         &Observed {
+            sensor: 0,
             model,
             value,
             noise,
@@ -306,6 +308,7 @@ fn a_loss_divides_the_noise_by_its_weight() {
     let weight = robust
         .update(
             &Observed {
+                sensor: 0,
                 model: &model,
                 value: &[50.0],
                 noise: &[0.2],
@@ -492,6 +495,7 @@ fn a_rejected_measurement_changes_nothing() {
     let mut gate = Nis::new(0.99, Recovery::default());
     let update = f.update(
         &Observed {
+            sensor: 0,
             model: &model,
             value: &[1e3],
             noise: &[0.1],
@@ -528,6 +532,7 @@ fn a_measurement_that_is_no_number_never_reaches_its_gate() {
         h: SMatrix::<f64, 1, 4>::new(1.0, 0.0, 0.0, 0.0),
     };
     let observed = Observed {
+        sensor: 0,
         model: &model,
         value: &[f64::NAN],
         noise: &[0.1],

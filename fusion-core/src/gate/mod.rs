@@ -4,11 +4,14 @@
 //! statistic, notices when it has been rejecting for long, and says how it recovers. A rejected
 //! measurement is an outcome, never an error.
 
+mod false_tracks;
 mod lockout;
 mod nis;
 mod only_with;
 mod two_condition;
 
+pub use false_tracks::{FalseTracks, Hypotheses};
+pub(crate) use false_tracks::{log_normal, log_sum};
 pub use lockout::{Lockout, Recovery};
 pub use nis::Nis;
 pub use only_with::OnlyWith;
@@ -95,6 +98,17 @@ impl Memory for Mode {
     }
 }
 
+/// How probable a measurement is: ln of its density, times the probability of what it is taken for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Odds {
+    /// It is good, and the estimate is as good as its covariance says.
+    pub good: f64,
+    /// It is false.
+    pub bad: f64,
+    /// It is good, and the estimate is wrong beyond its covariance.
+    pub lost: f64,
+}
+
 /// A gate policy.
 pub trait Gate: Memory + Debug + Send {
     /// Judges one measurement.
@@ -109,6 +123,13 @@ pub trait Gate: Memory + Debug + Send {
     /// test refuses now while all else agrees with the estimate; infinite where it refuses none.
     /// Denial does not count: it is about the test, not about what came before.
     fn power(&self, input: &GateInput<'_>, smallest: &mut [f64]);
+
+    /// How probable the measurement is, for a bank of hypotheses, which then decides in place of the
+    /// gate; none where the gate's own decision holds in every hypothesis.
+    fn odds(&self, input: &GateInput<'_>) -> Option<Odds> {
+        let _ = input;
+        None
+    }
 
     /// The number of the leader, if any: the sensor whose outcome this gate depends on; never
     /// cyclic. At equal times the leader is served first. If the leader's measurement of the same

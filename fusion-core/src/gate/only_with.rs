@@ -1,6 +1,6 @@
 //! A measurement is used only with that of another sensor.
 
-use super::{Answer, Decision, Gate, GateInput};
+use super::{Answer, Decision, Gate, GateInput, Odds, Outcome};
 
 /// Rejects a measurement where the latest one of another sensor was not used; otherwise the
 /// sensor's own gate judges it.
@@ -30,13 +30,18 @@ impl OnlyWith {
             is_asked: false,
         }
     }
+
+    /// The leader's outcome where it counts and was a refusal.
+    fn refused(&self, input: &GateInput<'_>) -> Option<Outcome> {
+        let latest = input.others.get(self.leader).copied().flatten();
+        let is_recent = |time| input.time.seconds_since(time) < self.memory;
+        latest.filter(|outcome| !outcome.is_used && is_recent(outcome.time))
+    }
 }
 
 impl Gate for OnlyWith {
     fn judge(&mut self, input: &GateInput<'_>) -> Answer {
-        let latest = input.others.get(self.leader).copied().flatten();
-        let is_recent = |time| input.time.seconds_since(time) < self.memory;
-        let refused = latest.filter(|outcome| !outcome.is_used && is_recent(outcome.time));
+        let refused = self.refused(input);
         self.is_asked = refused.is_none();
         match refused {
             Some(outcome) => Answer {
@@ -47,6 +52,10 @@ impl Gate for OnlyWith {
             },
             None => self.own.judge(input),
         }
+    }
+
+    fn odds(&self, input: &GateInput<'_>) -> Option<Odds> {
+        self.refused(input).is_none().then(|| self.own.odds(input)).flatten()
     }
 
     fn settle(&mut self, is_used: bool) {

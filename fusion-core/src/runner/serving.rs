@@ -264,6 +264,7 @@ impl Runner {
             });
         }
         let observed = Observed {
+            sensor,
             model: s.model.as_ref(),
             value: &self.value,
             noise,

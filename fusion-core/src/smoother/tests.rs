@@ -96,6 +96,7 @@ fn told(restarts: &[i64]) -> (Arc<Layout>, Vec<Told>) {
         for slot in [position, walk, known, error] {
             let (model, value, noise) = (Sum(slot, error), [3.0 * random.signed()], [0.4]);
             let observed = Observed {
+                sensor: 0,
                 model: &model,
                 value: &value,
                 noise: &noise,
@@ -326,6 +327,7 @@ fn it_gives_the_least_squares_solution_of_the_whole_log() {
         if k % 3 != 1 {
             let value = [5.0 * random.signed()];
             let observed = Observed {
+                sensor: 0,
                 model: &Direct(position),
                 value: &value,
                 noise: &[noise],
@@ -365,6 +367,7 @@ fn a_random_walk_in_the_middle_of_a_log_has_the_variance_0_0499376() {
         f.predict(second(k), &Input::held(&[])).unwrap();
         told.extend(f.steps().iter().map(|s| Told::Step(Box::new(s.clone()))));
         let observed = Observed {
+            sensor: 0,
             model: &Direct(x),
             value: &[0.0],
             noise: &[1.0],
@@ -453,6 +456,7 @@ fn what_corrections_say_of_the_instant_before_them_is_what_they_did_in_every_bac
             let (model, noise) = (Direction(attitude, direction), Matrix3::identity() * 0.04);
             let value = truth.inverse() * direction;
             let observed = Observed {
+                sensor: 0,
                 model: &model,
                 value: value.as_slice(),
                 noise: noise.as_slice(),
@@ -537,6 +541,7 @@ fn a_chart_that_changes_the_coordinates_at_every_correction_changes_nothing_else
         for (k, (a, b)) in [(1.0, 1.0), (1.0, -0.5), (0.3, 2.0)].into_iter().enumerate() {
             let model = Row(x, [a * halves.powi(k as i32), b]);
             let observed = Observed {
+                sensor: 0,
                 model: &model,
                 value: &[0.5],
                 noise: &[0.4],

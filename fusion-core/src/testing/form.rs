@@ -374,6 +374,7 @@ pub fn check_update_rule(rule: &Arc<dyn UpdateRule>) -> Result<(), String> {
         filter.set_belief(belief);
         let (model, noise) = (Linear(a.clone(), slots), rows(&r));
         let observed = Observed {
+            sensor: 0,
             model: &model,
             value: z.as_slice(),
             noise: &noise,

@@ -214,6 +214,7 @@ fn filtered(drive: &Drive, Gated(filter, gates): &mut Gated, at: &Instant<'_>) -
     for ((model, gate), value) in drive.sensors.iter().zip(gates).zip(at.measured) {
         let Some(value) = value else { continue };
         let observed = Observed {
+            sensor: 0,
             model: model.as_ref(),
             value,
             noise: &noise(model.as_ref()).covariance,

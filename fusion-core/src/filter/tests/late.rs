@@ -21,6 +21,7 @@ fn late(assumed: f64, keep: impl FnOnce(&Step, f64)) {
     );
     f.keep_steps(true);
     let observed = Observed {
+        sensor: 0,
         model: &Direct(position),
         value: &[0.0],
         noise: &[1.0],

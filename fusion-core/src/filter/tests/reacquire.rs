@@ -27,6 +27,7 @@ fn the_motion_grows_until_the_residual_is_expected() {
     let model = Linear { x: Param::State(x), h };
     let (value, noise) = ([40.0, -30.0], [0.4, 0.1, 0.1, 0.6]);
     let observed = Observed {
+        sensor: 0,
         model: &model,
         value: &value,
         noise: &noise,
@@ -65,6 +66,7 @@ fn reacquiring_bears_rows_that_depend_on_each_other_and_refuses_what_no_growth_e
     let noise = [0.4, 0.0, 0.0, 0.0, 0.6, 0.0, 0.0, 0.0, 0.5];
     let reacquired = |f: &mut Filter, value: &[f64]| {
         let observed = Observed {
+            sensor: 0,
             model: &model,
             value,
             noise: &noise,
@@ -91,6 +93,7 @@ fn reacquiring_what_cannot_be_used_leaves_the_belief_as_it_was() {
     for (h, value) in [(blind, 1.0), (seeing, 1e200)] {
         let model = Linear { x: Param::State(x), h };
         let observed = Observed {
+            sensor: 0,
             model: &model,
             value: &[value],
             noise: &[0.1],
@@ -152,6 +155,7 @@ impl Measurement for Mixture {
 
 fn reacquire(f: &mut Filter, model: &dyn Measurement, value: f64) -> Verdict {
     let observed = Observed {
+        sensor: 0,
         model,
         value: &[value],
         noise: &[0.01],
@@ -206,6 +210,7 @@ fn what_was_learnt_of_a_bias_lately_is_forgotten_and_a_pull_becomes_its_sigma() 
             for (t, noise) in [(10, 1e-4), (40, 1e12), (70, 1e12)] {
                 f.predict(second(t), &Input::held(&[])).unwrap();
                 let observed = Observed {
+                    sensor: 0,
                     model: &Direct(bias),
                     value: &[value],
                     noise: &[noise],
@@ -252,6 +257,7 @@ fn a_sensor_that_could_not_be_reacquired_is_offered_again_with_the_next_measurem
     let mut offer = |k: i64, value: f64| {
         f.predict(second(k), &Input::held(&[])).unwrap();
         let observed = Observed {
+            sensor: 0,
             model: &Direct(bias),
             value: &[value],
             noise: &[1.0],

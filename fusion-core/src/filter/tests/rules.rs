@@ -288,6 +288,7 @@ fn a_belief_that_grew_before_a_measurement_was_believed_has_new_sigma_points() {
             slope: |_, _| [1.0, 0.0],
         };
         let observed = Observed {
+            sensor: 0,
             model: &curve,
             value: &[100.0],
             noise: &[1.0],

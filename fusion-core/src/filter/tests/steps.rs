@@ -11,6 +11,7 @@ fn drive(f: &mut dyn Estimator, slots: (Slot<Scalar>, Slot<Scalar>), numbers: co
         let model = Direct(if k % 2 == 0 { slots.0 } else { slots.1 });
         let (value, noise) = ([r.signed()], [0.5]);
         let observed = Observed {
+            sensor: 0,
             model: &model,
             value: &value,
             noise: &noise,
@@ -161,6 +162,7 @@ fn a_weight_makes_the_noise_of_every_row_larger() {
         };
         let (value, r) = ([5.0, -7.0, 9.0], DMatrix::from_diagonal_element(3, 3, noise));
         let observed = Observed {
+            sensor: 0,
             model: &model,
             value: &value,
             noise: r.as_slice(),

@@ -1,0 +1,611 @@
+//! A bank of hypotheses: what is believed where a measurement may be good or false.
+//!
+//! Where a gate must decide it may be wrong, and what it let in cannot be taken out again. A bank puts
+//! the decision off. For a gate that gives [odds](Gate::odds) each hypothesis is continued in up to
+//! three ways, of those that are probable enough: the measurement is good, it is false, it is good and
+//! the estimate is lost. Each continuation is a whole estimator, with the gates as they would then be.
+//! By Bayes' rule the weight of each is multiplied by how probable it holds every measurement that
+//! follows, of whatever sensor. Those that become alike are one again; the least probable are dropped.
+//!
+//! The bank *shows* the hypothesis that continues what it showed before, unless another is more probable
+//! by a declared factor. While nothing is in doubt there is one hypothesis, and the bank is its estimator.
+//!
+//! After Reid, *An algorithm for tracking multiple targets*, IEEE TAC 24 (1979).
+
+use super::estimator::{Estimator, FilterError, Observed, Update, Verdict};
+use super::step::Step;
+use crate::chart::{Body, Chart};
+use crate::consistency::chi_square_quantile;
+use crate::gate::{Answer, Decision, Gate, GateInput, Mode, Odds, Outcome, log_normal, log_sum};
+use crate::loss::Loss;
+use crate::memory::{self, Memory, Tape};
+use crate::model::Input;
+use crate::state::{Attitude, Belief, Block, Kind, Layout, Manifold, StateRole, View};
+use crate::time::Time;
+use core::f64::consts::{PI, TAU};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+
+/// How many hypotheses there may be, and which.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BankLimits {
+    /// The most hypotheses, at least 1.
+    pub most: usize,
+    /// Of the ways on from a measurement those are followed that are no less probable than the most probable
+    /// by this factor, in (0, 1).
+    pub doubt: f64,
+    /// A hypothesis is dropped where it is less probable than the most probable by this factor, in (0, 1).
+    pub least: f64,
+    /// Another hypothesis is shown where it is more probable by this factor, at least 1.
+    pub switch: f64,
+    /// How many headings a start is tried with, all round; 1 for that of the initialisers alone.
+    pub starts: usize,
+}
+
+impl BankLimits {
+    /// Twenty hypotheses of one start.
+    pub const DEFAULT: Self = Self {
+        most: 20,
+        doubt: 1e-8,
+        least: 1e-15,
+        switch: 1e6,
+        starts: 1,
+    };
+}
+
+/// Two hypotheses are one where no axis of the state differs by more σ than this.
+const ALIKE: f64 = 0.1;
+
+/// A residual of a sensor whose own gate decides counts as no less probable than one in a million.
+const LEAST_OF_OTHERS: f64 = 1.0 - 1e-6;
+
+/// What an update said, kept: the buffers of its estimator may change before it is told.
+#[derive(Debug)]
+struct Report {
+    verdict: Verdict,
+    predicted: Vec<f64>,
+    residual: Vec<f64>,
+    sigma: Vec<f64>,
+    power: Vec<f64>,
+    answer: Answer,
+    nis: f64,
+    weight: f64,
+}
+
+impl Report {
+    const fn empty() -> Self {
+        Self {
+            verdict: Verdict::Unusable,
+            predicted: Vec::new(),
+            residual: Vec::new(),
+            sigma: Vec::new(),
+            power: Vec::new(),
+            answer: NOT_ASKED,
+            nis: f64::NAN,
+            weight: 0.0,
+        }
+    }
+
+    fn keep(&mut self, update: &Update<'_>) {
+        let copies = [
+            (&mut self.predicted, update.predicted),
+            (&mut self.residual, update.residual),
+            (&mut self.sigma, update.innovation_sigma),
+            (&mut self.power, update.power),
+        ];
+        for (copy, original) in copies {
+            copy.clear();
+            copy.extend_from_slice(original);
+        }
+        (self.verdict, self.nis, self.weight) = (update.verdict, update.nis, update.weight);
+        self.answer = Answer {
+            statistic: update.statistic,
+            threshold: update.threshold,
+            mode: update.mode,
+            ..NOT_ASKED
+        };
+    }
+
+    const fn is_used(&self) -> bool {
+        matches!(self.verdict, Verdict::Accepted | Verdict::Reacquired)
+    }
+}
+
+const NOT_ASKED: Answer = Answer {
+    decision: Decision::Reject,
+    statistic: f64::NAN,
+    threshold: f64::NAN,
+    mode: Mode::Track,
+};
+
+/// What may be true: an estimator, and the gates as they are if it is.
+#[derive(Debug)]
+struct Hypothesis {
+    estimator: Box<dyn Estimator>,
+    /// By the number of the sensor.
+    gates: Vec<Box<dyn Gate>>,
+    outcomes: Vec<Option<Outcome>>,
+    /// ln of the probability, up to a constant.
+    weight: f64,
+    /// Whether it continues the one that is shown.
+    is_successor: bool,
+    report: Report,
+}
+
+impl Memory for Hypothesis {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        let Self {
+            estimator,
+            gates,
+            outcomes,
+            weight,
+            is_successor,
+            // Of the update at hand only.
+            report: _,
+        } = self;
+        estimator.remember(tape);
+        gates[..].remember(tape);
+        outcomes.remember(tape);
+        weight.remember(tape);
+        is_successor.remember(tape);
+    }
+}
+
+impl Hypothesis {
+    fn new(estimator: Box<dyn Estimator>, gates: Vec<Box<dyn Gate>>) -> Self {
+        Self {
+            outcomes: vec![None; gates.len()],
+            estimator,
+            gates,
+            weight: 0.0,
+            is_successor: true,
+            report: Report::empty(),
+        }
+    }
+
+    /// What the runner foresees of a sensor's next measurement is taken over; the past is its own.
+    fn foresee(&mut self, others: &[Option<Outcome>]) {
+        for (own, other) in self.outcomes.iter_mut().zip(others) {
+            if own.is_none_or(|own| other.is_some_and(|other| other.time > own.time)) {
+                *own = *other;
+            }
+        }
+    }
+
+    /// Offers the measurement to its estimator, `intent` being what to do with it.
+    fn update(&mut self, intent: Intent, sensor: usize, observed: &Observed<'_>, loss: &dyn Loss, depth: f64) -> Weighed {
+        let Some(gate) = self.gates.get_mut(sensor) else {
+            return Weighed::Nothing;
+        };
+        let mut broker = Broker {
+            gate: gate.as_mut(),
+            intent,
+            depth,
+            weighed: Weighed::Nothing,
+        };
+        let update = self.estimator.update(observed, &mut broker, &self.outcomes, loss);
+        let weighed = broker.weighed;
+        if let Weighed::Doubt(_) = weighed {
+            return weighed;
+        }
+        self.report.keep(&update);
+        let outcome = Outcome {
+            time: self.estimator.belief().time,
+            is_used: self.report.is_used(),
+            mode: self.report.answer.mode,
+        };
+        self.outcomes[sensor] = Some(outcome);
+        weighed
+    }
+}
+
+/// What a hypothesis is to do with a measurement.
+#[derive(Clone, Copy, Debug)]
+enum Intent {
+    /// What is clear; nothing where there is doubt.
+    Weigh,
+    /// This, whatever the gate would say.
+    Do(Decision),
+}
+
+/// How a measurement was weighed.
+#[derive(Clone, Copy, Debug)]
+enum Weighed {
+    /// It was not judged.
+    Nothing,
+    /// ln of its density in what was done.
+    Done(f64),
+    /// More than one thing may be done, and nothing was.
+    Doubt(Odds),
+}
+
+/// Stands between estimator and gate: decides where the gate gives odds, and weighs the rest.
+struct Broker<'a> {
+    gate: &'a mut dyn Gate,
+    intent: Intent,
+    depth: f64,
+    weighed: Weighed,
+}
+
+impl core::fmt::Debug for Broker<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Broker").field("intent", &self.intent).finish_non_exhaustive()
+    }
+}
+
+/// The most probable of what may be done: what, how probable, and whether nothing else is within `depth`.
+fn clearest(odds: &Odds, depth: f64) -> (Decision, f64, bool) {
+    let ways = [
+        (Decision::Accept, odds.good),
+        (Decision::Reject, odds.bad),
+        (Decision::Reacquire, odds.lost),
+    ];
+    let best = ways.iter().fold(ways[1], |best, way| if way.1 > best.1 { *way } else { best });
+    let rivals = ways.iter().filter(|way| way.1 > best.1 - depth).count();
+    (best.0, best.1, rivals <= 1)
+}
+
+impl Gate for Broker<'_> {
+    fn judge(&mut self, input: &GateInput<'_>) -> Answer {
+        let Some(odds) = self.gate.odds(input) else {
+            let answer = self.gate.judge(input);
+            let m = input.residual.len() as f64;
+            let nis = if answer.decision == Decision::Reject && self.gate.leader().is_some() {
+                // It went with another one, and says nothing.
+                m
+            } else {
+                // Capped, so that one wild residual does not decide between hypotheses.
+                input.nis.min(chi_square_quantile(LEAST_OF_OTHERS, m))
+            };
+            let density = log_normal(input.residual, input.innovation);
+            self.weighed = density.map_or(Weighed::Nothing, |l| Weighed::Done(l + 0.5 * (input.nis - nis)));
+            return answer;
+        };
+        let (decision, density, is_clear) = match self.intent {
+            Intent::Weigh => clearest(&odds, self.depth),
+            Intent::Do(Decision::Accept) => (Decision::Accept, odds.good, true),
+            Intent::Do(Decision::Reject) => (Decision::Reject, odds.bad, true),
+            Intent::Do(Decision::Reacquire) => (Decision::Reacquire, odds.lost, true),
+        };
+        if !is_clear {
+            self.weighed = Weighed::Doubt(odds);
+            return NOT_ASKED;
+        }
+        self.gate.judge(input);
+        self.weighed = Weighed::Done(density);
+        Answer {
+            decision,
+            // The probability that it is false, of which more than a half rejects it.
+            statistic: (odds.bad - log_sum(odds.bad, log_sum(odds.good, odds.lost))).exp(),
+            threshold: 0.5,
+            mode: if decision == Decision::Reject { Mode::Denied } else { Mode::Track },
+        }
+    }
+
+    fn settle(&mut self, is_used: bool) {
+        if !matches!(self.weighed, Weighed::Doubt(_)) {
+            self.gate.settle(is_used);
+        }
+    }
+
+    fn power(&self, input: &GateInput<'_>, smallest: &mut [f64]) {
+        self.gate.power(input, smallest);
+    }
+}
+
+impl Memory for Broker<'_> {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.gate.remember(tape);
+    }
+}
+
+/// A bank of hypotheses of one estimator.
+#[derive(Debug)]
+pub struct Bank {
+    limits: BankLimits,
+    /// Never empty; the most probable first after an update.
+    hypotheses: Vec<Hypothesis>,
+    /// Members that no hypothesis needs now.
+    spare: Vec<Hypothesis>,
+    shown: usize,
+    /// The difference of two states.
+    delta: Vec<f64>,
+    /// A hypothesis on its way into another.
+    tape: Vec<u8>,
+}
+
+/// So many members for each hypothesis: it goes on in up to three ways before some are dropped.
+const WAYS: usize = 3;
+
+impl Bank {
+    /// A bank whose members `make` makes, all alike: an estimator, and the gates of all sensors by their
+    /// number.
+    #[must_use]
+    pub fn new(limits: BankLimits, mut make: impl FnMut() -> (Box<dyn Estimator>, Vec<Box<dyn Gate>>)) -> Self {
+        let mut member = || {
+            let (estimator, gates) = make();
+            Hypothesis::new(estimator, gates)
+        };
+        let first = member();
+        let most = limits.most.max(1);
+        let mut hypotheses = Vec::with_capacity(WAYS * most);
+        let delta = vec![0.0; first.estimator.layout().dim()];
+        hypotheses.push(first);
+        Self {
+            limits,
+            hypotheses,
+            spare: (1..WAYS * most).map(|_| member()).collect(),
+            shown: 0,
+            delta,
+            tape: Vec::new(),
+        }
+    }
+
+    /// A copy of hypothesis number `k`; none where there is no member left.
+    fn fork(&mut self, k: usize) -> Option<Hypothesis> {
+        let mut fork = self.spare.pop()?;
+        self.tape.clear();
+        memory::save(&mut self.hypotheses[k], &mut self.tape);
+        // Bytes that a twin has just written.
+        let is_copied = memory::recall(&mut fork, &self.tape).is_ok();
+        debug_assert!(is_copied, "members of a bank are alike");
+        Some(fork)
+    }
+
+    /// Puts hypothesis number `k` aside.
+    fn drop(&mut self, k: usize) {
+        let dropped = self.hypotheses.remove(k);
+        self.spare.push(dropped);
+    }
+
+    /// How many hypotheses there are.
+    #[must_use]
+    pub const fn count(&self) -> usize {
+        self.hypotheses.len()
+    }
+
+    /// Hypothesis number `k` in every way that it may go on; those besides itself are put at the end.
+    fn branch(&mut self, k: usize, sensor: usize, observed: &Observed<'_>, loss: &dyn Loss) {
+        let depth = -self.limits.doubt.ln();
+        let hypothesis = &mut self.hypotheses[k];
+        let odds = match hypothesis.update(Intent::Weigh, sensor, observed, loss, depth) {
+            Weighed::Nothing => return,
+            Weighed::Done(density) => {
+                hypothesis.weight += density;
+                return;
+            }
+            Weighed::Doubt(odds) => odds,
+        };
+        let (_, best, _) = clearest(&odds, depth);
+        for (decision, density) in [(Decision::Accept, odds.good), (Decision::Reacquire, odds.lost)] {
+            if density > best - depth {
+                let Some(mut child) = self.fork(k) else { break };
+                child.update(Intent::Do(decision), sensor, observed, loss, depth);
+                child.weight += density;
+                let list = if child.report.is_used() {
+                    &mut self.hypotheses
+                } else {
+                    &mut self.spare
+                };
+                list.push(child);
+            }
+        }
+        let hypothesis = &mut self.hypotheses[k];
+        hypothesis.update(Intent::Do(Decision::Reject), sensor, observed, loss, depth);
+        hypothesis.weight += odds.bad;
+    }
+
+    /// Drops what is improbable or a twin, and chooses what is shown.
+    fn select(&mut self) {
+        self.hypotheses.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+        let best = self.hypotheses[0].weight;
+        let least = best + self.limits.least.ln();
+        while self.hypotheses.last().is_some_and(|h| h.weight <= least) {
+            self.spare.extend(self.hypotheses.pop());
+        }
+        self.merge();
+        while self.hypotheses.len() > self.limits.most.max(1) {
+            self.spare.extend(self.hypotheses.pop());
+        }
+        let best = self.hypotheses[0].weight;
+        self.hypotheses.iter_mut().for_each(|h| h.weight -= best);
+        let successor = self.hypotheses.iter().position(|h| h.is_successor);
+        let stays = successor.filter(|s| self.hypotheses[*s].weight >= -self.limits.switch.ln());
+        self.shown = stays.unwrap_or(0);
+        let shown = &mut self.hypotheses[self.shown];
+        if stays.is_none() && shown.report.verdict == Verdict::Accepted {
+            // The estimate jumps.
+            shown.report.verdict = Verdict::Reacquired;
+        }
+        for (k, hypothesis) in self.hypotheses.iter_mut().enumerate() {
+            hypothesis.is_successor = k == self.shown;
+        }
+    }
+
+    /// Makes one of hypotheses that are alike: the most probable stays, with the weight of all.
+    fn merge(&mut self) {
+        let mut k = 1;
+        while k < self.hypotheses.len() {
+            let (before, rest) = self.hypotheses.split_at_mut(k);
+            let twin = before.iter_mut().find(|h| is_alike(h, &rest[0], &mut self.delta));
+            match twin {
+                Some(twin) => {
+                    twin.weight = log_sum(twin.weight, rest[0].weight);
+                    twin.is_successor |= rest[0].is_successor;
+                    self.drop(k);
+                }
+                None => k += 1,
+            }
+        }
+    }
+
+    /// Moves every hypothesis; one that fails is dropped, unless it is the last.
+    fn move_all(&mut self, to_move: impl Fn(&mut dyn Estimator) -> Result<(), FilterError>) -> Result<(), FilterError> {
+        let mut failed = Ok(());
+        let mut k = 0;
+        while k < self.hypotheses.len() {
+            match to_move(self.hypotheses[k].estimator.as_mut()) {
+                Ok(()) => k += 1,
+                Err(error) if self.hypotheses.len() == 1 => return Err(error),
+                Err(error) => {
+                    failed = if k == self.shown { Err(error) } else { failed };
+                    self.drop(k);
+                    self.shown = match self.shown {
+                        shown if shown > k => shown - 1,
+                        shown if shown == k => 0,
+                        shown => shown,
+                    };
+                }
+            }
+        }
+        self.shown = self.shown.min(self.hypotheses.len() - 1);
+        failed
+    }
+}
+
+/// Whether no axis of `b` is further from `a` than a small part of the σ of `a`.
+fn is_alike(a: &Hypothesis, b: &Hypothesis, delta: &mut [f64]) -> bool {
+    let (x, y) = (a.estimator.belief(), b.estimator.belief());
+    Body.difference(a.estimator.layout(), &y.x, &x.x, delta);
+    let is_near = |(axis, d): (usize, &f64)| d.abs() <= ALIKE * x.covariance.variance(axis).sqrt();
+    delta.iter().enumerate().all(is_near)
+}
+
+/// The beliefs of a start that is tried with `starts` headings: `belief` turned about the vertical in even
+/// steps, each with a σ of half a step, and ln of how probable the belief holds it. None where there is no
+/// attitude, or its heading is known better than that.
+fn headings(belief: &Belief, layout: &Layout, starts: usize) -> Option<Vec<(Belief, f64)>> {
+    let is_it = |b: &&Block| b.role == StateRole::Kinematic && b.kind == Kind::Attitude;
+    let block = layout.blocks().iter().find(is_it)?;
+    let (at, n) = (block.tangent_range().start, layout.dim());
+    let q = Attitude::read(&belief.x[block.storage_range()]);
+    // Down in body axes: a turn about it is one of the heading.
+    let down = q.inverse_transform_vector(&Vector3::z());
+    let sigma = down.dot(&(belief.covariance.marginal_at::<3>(at) * down)).max(0.0).sqrt();
+    let step = TAU / starts as f64;
+    if starts < 2 || sigma <= 0.5 * step {
+        return None;
+    }
+    // P ← M P Mᵀ, which makes the heading's σ half a step and leaves all that is at right angles to it.
+    let shrink = Matrix3::identity() - down * down.transpose() * (1.0 - 0.5 * step / sigma);
+    let mut p = belief.covariance.to_dense();
+    for other in 0..n {
+        let v = shrink * Vector3::from_fn(|i, _| p[(at + i) * n + other]);
+        (0..3).for_each(|i| p[(at + i) * n + other] = v[i]);
+    }
+    for other in 0..n {
+        let v = shrink * Vector3::from_fn(|i, _| p[other * n + at + i]);
+        (0..3).for_each(|i| p[other * n + at + i] = v[i]);
+    }
+    let turned = |k: usize| {
+        let turn = k as f64 * step;
+        let turn = if turn > PI { turn - TAU } else { turn };
+        let mut belief = belief.clone();
+        let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), turn) * q;
+        Attitude::write(&turned, &mut belief.x[block.storage_range()]);
+        belief.covariance.set_whole(&p);
+        (belief, -0.5 * (turn / sigma) * (turn / sigma))
+    };
+    Some((0..starts).map(turned).collect())
+}
+
+impl Memory for Bank {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        let count = tape.length(self.hypotheses.len(), 1);
+        if count == 0 || count > self.hypotheses.len() + self.spare.len() {
+            tape.refuse("a bank has no such number of hypotheses");
+            return;
+        }
+        while self.hypotheses.len() > count {
+            self.spare.extend(self.hypotheses.pop());
+        }
+        while self.hypotheses.len() < count {
+            self.hypotheses.extend(self.spare.pop());
+        }
+        self.hypotheses[..].remember(tape);
+        self.shown.remember(tape);
+        if self.shown >= count {
+            self.shown = 0;
+            tape.refuse("the hypothesis shown does not exist");
+        }
+    }
+}
+
+impl Estimator for Bank {
+    fn belief(&self) -> &Belief {
+        self.hypotheses[self.shown].estimator.belief()
+    }
+
+    fn layout(&self) -> &Layout {
+        self.hypotheses[self.shown].estimator.layout()
+    }
+
+    fn set_belief(&mut self, belief: Belief) {
+        self.hypotheses.swap(0, self.shown);
+        self.shown = 0;
+        while self.hypotheses.len() > 1 {
+            self.spare.extend(self.hypotheses.pop());
+        }
+        let first = &mut self.hypotheses[0];
+        (first.weight, first.is_successor) = (0.0, true);
+        first.outcomes.fill(None);
+        let starts = headings(&belief, first.estimator.layout(), self.limits.starts.min(self.limits.most));
+        let Some(starts) = starts else {
+            first.estimator.set_belief(belief);
+            return;
+        };
+        for (k, (belief, weight)) in starts.into_iter().enumerate() {
+            if k > 0 {
+                let Some(mut other) = self.fork(0) else { return };
+                other.is_successor = false;
+                self.hypotheses.push(other);
+            }
+            self.hypotheses[k].weight = weight;
+            self.hypotheses[k].estimator.set_belief(belief);
+        }
+    }
+
+    fn predict(&mut self, to: Time, input: &Input<'_>) -> Result<(), FilterError> {
+        self.move_all(|estimator| estimator.predict(to, input))
+    }
+
+    fn coast(&mut self, to: Time, missing: f64) -> Result<(), FilterError> {
+        self.move_all(|estimator| estimator.coast(to, missing))
+    }
+
+    fn update<'a>(&'a mut self, observed: &Observed<'a>, _: &mut dyn Gate, others: &[Option<Outcome>], loss: &dyn Loss) -> Update<'a> {
+        let sensor = observed.sensor;
+        for k in 0..self.hypotheses.len() {
+            self.hypotheses[k].foresee(others);
+            self.branch(k, sensor, observed, loss);
+        }
+        self.select();
+        let size = observed.model.size();
+        let report = &self.hypotheses[self.shown].report;
+        Update {
+            verdict: report.verdict,
+            value: &observed.value[..size.value],
+            predicted: &report.predicted,
+            noise: &observed.noise[..size.residual * size.residual],
+            residual: &report.residual,
+            innovation_sigma: &report.sigma,
+            nis: report.nis,
+            statistic: report.answer.statistic,
+            threshold: report.answer.threshold,
+            mode: report.answer.mode,
+            power: &report.power,
+            weight: report.weight,
+        }
+    }
+
+    fn view(&mut self) -> View<'_> {
+        self.hypotheses[self.shown].estimator.view()
+    }
+
+    fn keep_steps(&mut self, keep: bool) {
+        self.hypotheses.iter_mut().for_each(|h| h.estimator.keep_steps(keep));
+    }
+
+    fn steps(&self) -> &[Step] {
+        self.hypotheses[self.shown].estimator.steps()
+    }
+}

@@ -1,0 +1,329 @@
+//! A gate that knows how false measurements behave, for a bank of hypotheses.
+
+use super::{Answer, Gate, GateInput, Nis, Odds, Recovery};
+use crate::covariance::cholesky;
+use core::f64::consts::PI;
+
+/// How false measurements come: one by one, or as a track that agrees with itself.
+///
+/// A measurement is good or false, and what follows depends on what it is (a Markov chain of two
+/// states). A good one is distributed as the innovation, N(0, S). The first false one of a track may be
+/// anywhere within `reach`; later ones move on at a constant velocity, seen from the estimate, up to
+/// their noise and `wander`. After Reid, *An algorithm for tracking multiple targets*, IEEE TAC 24
+/// (1979), with a track of false measurements in place of independent clutter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FalseTracks {
+    /// The probability that a measurement is false after a good one, in (0, 1).
+    pub rate: f64,
+    /// The probability that a measurement is good after a false one, in (0, 1).
+    pub ends: f64,
+    /// How far from the estimate a false measurement may be, in the unit of the residual.
+    pub reach: f64,
+    /// How fast a false track may move, seen from the estimate: 1σ per row, in the unit of the residual per
+    /// second. It covers what the estimate's own velocity may be wrong by.
+    pub speed: f64,
+    /// By how much that velocity walks within a second: 1σ per row.
+    pub wander: f64,
+    /// The probability that a good measurement finds the estimate wrong beyond its covariance.
+    pub lost: f64,
+}
+
+/// Of measurements that continue a false track, so many jump nevertheless.
+const JUMPS: f64 = 0.01;
+
+/// One row of a false track: its residual and the rate of that, with their covariance.
+#[derive(Clone, Copy, Debug, Default)]
+struct Along {
+    residual: f64,
+    rate: f64,
+    /// Of the residual, between both, of the rate.
+    p: [f64; 3],
+}
+
+crate::memory!(Along { residual, rate, p });
+
+impl Along {
+    /// At the first false measurement.
+    const fn begun(residual: f64, noise: f64, speed: f64) -> Self {
+        Self {
+            residual,
+            rate: 0.0,
+            p: [noise, 0.0, speed * speed],
+        }
+    }
+
+    /// `dt` later; the rate is a random walk of intensity `q`.
+    fn moved(self, dt: f64, q: f64) -> Self {
+        let [a, b, c] = self.p;
+        Self {
+            residual: self.residual + self.rate * dt,
+            rate: self.rate,
+            p: [
+                a + dt * (2.0 * b + dt * (c + q * dt / 3.0)),
+                b + dt * (c + 0.5 * q * dt),
+                c + q * dt,
+            ],
+        }
+    }
+
+    fn corrected(self, residual: f64, noise: f64) -> Self {
+        let [a, b, c] = self.p;
+        let (s, off) = (a + noise, residual - self.residual);
+        Self {
+            residual: self.residual + a / s * off,
+            rate: self.rate + b / s * off,
+            p: [a * noise / s, b * noise / s, c - b * b / s],
+        }
+    }
+}
+
+/// A false track, row by row.
+#[derive(Clone, Debug, Default)]
+struct Track {
+    time: f64,
+    rows: Vec<Along>,
+}
+
+crate::memory!(Track { time, rows });
+
+/// A measurement at hand, kept until it is known what became of it.
+#[derive(Clone, Debug, Default)]
+struct AtHand {
+    time: f64,
+    residual: Vec<f64>,
+    /// Of each row.
+    noise: Vec<f64>,
+}
+
+/// The NIS gate that it is by itself, and what a bank asks of it.
+///
+/// Inside a bank its own test is not asked: hypotheses are weighed by [`Gate::odds`], and each has a
+/// copy of the gate, with the memory of what that hypothesis takes for false.
+#[derive(Clone, Debug)]
+pub struct Hypotheses {
+    tracks: FalseTracks,
+    alone: Nis,
+    /// Where the latest measurement was false.
+    track: Track,
+    is_false: bool,
+    at_hand: AtHand,
+}
+
+crate::memory!(Hypotheses { alone, track, is_false; tracks, at_hand });
+
+impl Hypotheses {
+    /// A gate before its first measurement; `probability` and `recovery` are those of its own test.
+    #[must_use]
+    pub fn new(tracks: FalseTracks, probability: f64, recovery: Recovery) -> Self {
+        Self {
+            tracks,
+            alone: Nis::new(probability, recovery),
+            track: Track::default(),
+            is_false: false,
+            at_hand: AtHand::default(),
+        }
+    }
+
+    /// Row `i` of the false track, at `time`.
+    fn along(&self, i: usize, time: f64) -> Along {
+        let dt = (time - self.track.time).max(0.0);
+        self.track.rows[i].moved(dt, self.tracks.wander * self.tracks.wander)
+    }
+
+    /// ln of the density of a false measurement, given what the latest one was.
+    fn false_density(&self, input: &GateInput<'_>) -> f64 {
+        let m = input.residual.len();
+        let anywhere = -(m as f64) * (2.0 * self.tracks.reach).ln();
+        if !self.is_false || self.track.rows.len() != m {
+            return anywhere;
+        }
+        let time = input.time.seconds();
+        let of_row = |i: usize| {
+            let along = self.along(i, time);
+            let variance = along.p[0] + input.noise[i * m + i];
+            let off = input.residual[i] - along.residual;
+            -0.5 * (off * off / variance + (2.0 * PI * variance).ln())
+        };
+        let stays: f64 = (0..m).map(of_row).sum();
+        log_sum(stays + (1.0 - JUMPS).ln(), anywhere + JUMPS.ln())
+    }
+
+    /// The measurement at hand is false: it begins a track, or says where the one there is.
+    fn follow(&mut self) {
+        let m = self.at_hand.residual.len();
+        let time = self.at_hand.time;
+        let goes_on = self.is_false && self.track.rows.len() == m && (0..m).all(|i| self.is_along(i, time));
+        self.track.rows.resize(m, Along::default());
+        for i in 0..m {
+            let (residual, noise) = (self.at_hand.residual[i], self.at_hand.noise[i]);
+            self.track.rows[i] = if goes_on {
+                self.along(i, time).corrected(residual, noise)
+            } else {
+                Along::begun(residual, noise, self.tracks.speed)
+            };
+        }
+        self.track.time = time;
+    }
+
+    /// Whether row `i` of the measurement at hand continues the track; one far from it has jumped.
+    fn is_along(&self, i: usize, time: f64) -> bool {
+        let along = self.along(i, time);
+        let off = self.at_hand.residual[i] - along.residual;
+        off * off <= FAR * FAR * (along.p[0] + self.at_hand.noise[i])
+    }
+}
+
+/// A measurement further from a false track than so many σ begins another.
+const FAR: f64 = 5.0;
+
+/// Rows of the largest residual that is weighed; more are judged by the gate's own test.
+const ROWS: usize = 12;
+
+/// ln N(x; 0, s) of an m-vector; none where `s` is not positive definite.
+pub(crate) fn log_normal(x: &[f64], s: &[f64]) -> Option<f64> {
+    let m = x.len();
+    let (mut l, mut y) = ([0.0; ROWS * ROWS], [0.0; ROWS]);
+    if m > ROWS || !cholesky(s, &mut l[..m * m], m) {
+        return None;
+    }
+    let (mut nis, mut det) = (0.0, 0.0);
+    for i in 0..m {
+        let known: f64 = (0..i).map(|j| l[i * m + j] * y[j]).sum();
+        y[i] = (x[i] - known) / l[i * m + i];
+        nis += y[i] * y[i];
+        det += l[i * m + i].ln();
+    }
+    Some(-0.5 * nis - det - 0.5 * m as f64 * (2.0 * PI).ln())
+}
+
+/// ln(eᵃ + eᵇ).
+pub(crate) fn log_sum(a: f64, b: f64) -> f64 {
+    let (more, less) = if a > b { (a, b) } else { (b, a) };
+    more + (less - more).exp().ln_1p()
+}
+
+impl Gate for Hypotheses {
+    fn judge(&mut self, input: &GateInput<'_>) -> Answer {
+        let m = input.residual.len();
+        self.at_hand.time = input.time.seconds();
+        self.at_hand.residual.clear();
+        self.at_hand.residual.extend_from_slice(input.residual);
+        self.at_hand.noise.clear();
+        self.at_hand.noise.extend((0..m).map(|i| input.noise[i * m + i]));
+        self.alone.judge(input)
+    }
+
+    fn settle(&mut self, is_used: bool) {
+        if !is_used {
+            self.follow();
+        }
+        self.is_false = !is_used;
+        self.alone.settle(is_used);
+    }
+
+    fn power(&self, input: &GateInput<'_>, smallest: &mut [f64]) {
+        self.alone.power(input, smallest);
+    }
+
+    fn odds(&self, input: &GateInput<'_>) -> Option<Odds> {
+        let FalseTracks { rate, ends, lost, .. } = self.tracks;
+        let m = input.residual.len();
+        let good = log_normal(input.residual, input.innovation)?;
+        let becomes_false = if self.is_false { 1.0 - ends } else { rate };
+        let is_good = (1.0 - becomes_false).ln();
+        Some(Odds {
+            good: good + is_good,
+            bad: self.false_density(input) + becomes_false.ln(),
+            lost: lost.ln() + is_good - m as f64 * (2.0 * self.tracks.reach).ln(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::check_gate;
+    use crate::time::Time;
+
+    const TRACKS: FalseTracks = FalseTracks {
+        rate: 0.01,
+        ends: 0.05,
+        reach: 1000.0,
+        speed: 1.0,
+        wander: 0.1,
+        lost: 1e-9,
+    };
+
+    fn gate() -> Hypotheses {
+        Hypotheses::new(TRACKS, 0.999, Recovery::default())
+    }
+
+    fn input<'a>(time: f64, residual: &'a [f64; 2], predicted: &'a [f64; 4], innovation: &'a [f64; 4]) -> GateInput<'a> {
+        GateInput {
+            time: Time::from_seconds(time),
+            residual,
+            predicted,
+            noise: &[1.0, 0.0, 0.0, 1.0],
+            innovation,
+            nis: 0.0,
+            unit_nis: &[0.5; 2],
+            quality: None,
+            others: &[],
+        }
+    }
+
+    #[test]
+    fn by_itself_it_obeys_the_laws_of_gates() {
+        check_gate(&|| Box::new(gate())).unwrap();
+    }
+
+    #[test]
+    fn densities_are_those_of_the_normal_distribution() {
+        // Of one row: (2π 4)^-½ e^(-9/8).
+        let one = log_normal(&[3.0], &[4.0]).unwrap();
+        assert!((one - (-9.0 / 8.0 - 0.5 * (8.0 * PI).ln())).abs() < 1e-14);
+        // Of two with a correlation: by the inverse of S, det 3.
+        let two = log_normal(&[1.0, -1.0], &[2.0, 1.0, 1.0, 2.0]).unwrap();
+        assert!((two - (-1.0 - 0.5 * 3.0_f64.ln() - (2.0 * PI).ln())).abs() < 1e-14);
+        assert_eq!(log_normal(&[1.0], &[-1.0]), None);
+        assert!((log_sum(2.0_f64.ln(), 3.0_f64.ln()) - 5.0_f64.ln()).abs() < 1e-15);
+        assert_eq!(log_sum(-1e9, 0.0), 0.0);
+    }
+
+    #[test]
+    fn a_false_track_is_expected_to_go_on_where_it_was() {
+        let (p, s) = ([1.0, 0.0, 0.0, 1.0], [2.0, 0.0, 0.0, 2.0]);
+        let mut gate = gate();
+        let fresh = gate.odds(&input(0.0, &[300.0, 0.0], &p, &s)).unwrap();
+        // ln 0.01 - 2 ln 2000.
+        assert!((fresh.bad - (0.01_f64.ln() - 2.0 * 2000.0_f64.ln())).abs() < 1e-12);
+        assert!(fresh.good < fresh.lost && fresh.lost < fresh.bad, "{fresh:?}");
+        gate.judge(&input(0.0, &[300.0, 0.0], &p, &s));
+        gate.settle(false);
+        let on = gate.odds(&input(1.0, &[300.0, 0.0], &p, &s)).unwrap();
+        // ln 0.95 + ln(0.99 N(0; S) + …), S of two measurements, the velocity of the track, and its walk.
+        let wanted = |variance: f64| 0.95_f64.ln() + 0.99_f64.ln() - (2.0 * PI * variance).ln();
+        let first = 1.0 + 1.0 + 0.01 / 3.0;
+        assert!((on.bad - wanted(first + 1.0)).abs() < 1e-5, "{} {}", on.bad, wanted(first + 1.0));
+        // Where the track is and where it goes becomes known, and what goes on costs less and less.
+        let mut before = on.bad;
+        for k in 1..20 {
+            let residual = [300.0 + 0.7 * f64::from(k), 0.0];
+            gate.judge(&input(f64::from(k), &residual, &p, &s));
+            gate.settle(false);
+            let next = [300.0 + 0.7 * f64::from(k + 1), 0.0];
+            let on = gate.odds(&input(f64::from(k + 1), &next, &p, &s)).unwrap();
+            assert!(k == 1 || on.bad > before - 1e-3, "{k}: {} {before}", on.bad);
+            before = on.bad;
+        }
+        // A track that is known as well as that costs what a good measurement does: S is little more than R.
+        assert!(before > wanted(1.6), "{before}");
+        // One that is where the vehicle is expected is a good one: the track has ended.
+        let back = gate.odds(&input(20.0, &[0.5, 0.0], &p, &s)).unwrap();
+        assert!(back.good > back.bad + 5.0, "{back:?}");
+        gate.judge(&input(20.0, &[0.5, 0.0], &p, &s));
+        gate.settle(true);
+        let after = gate.odds(&input(21.0, &[300.0, 0.0], &p, &s)).unwrap();
+        assert_eq!(after.bad, fresh.bad);
+    }
+}
