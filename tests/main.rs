@@ -8,6 +8,9 @@ mod attitude_filter;
 /// Every chart, update, form and reset on a shipped design, and combinations without a meaning.
 #[path = "suite/backends.rs"]
 mod backends;
+/// A bank of hypotheses: false fixes after an outage, starts without a heading.
+#[path = "suite/bank.rs"]
+mod bank;
 /// The design with outliers over a hundred seeds: its experiments, and its gate under stress.
 #[path = "suite/campaigns.rs"]
 mod campaigns;

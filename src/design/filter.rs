@@ -44,7 +44,8 @@ pub struct FilterSpec {
 pub struct BankSpec {
     /// The most hypotheses, 1 to 100; 20 by default.
     pub hypotheses: usize,
-    /// How many headings, all round, a start is tried with whose heading is hardly known; 1 by default.
+    /// How many headings, all round, a start is tried with whose heading is hardly known, or the first angle
+    /// that is estimated and as uncertain; 1 by default.
     pub headings: usize,
     /// Another hypothesis than before is shown when it is so many times as probable; 1e6 by default.
     pub switch: f64,

@@ -39,6 +39,10 @@ impl Planned {
 
     /// The smoother itself.
     pub(super) fn by(self, design: &Design, assembly: &Assembly, files: &Files) -> Result<By, Diagnostics> {
+        if design.filter.bank.is_some() {
+            let error = Diagnostic::error("a bank of hypotheses cannot be smoothed: its estimate may go over to another hypothesis");
+            return Err(error.help("leave out `[filter.bank]`, or the smoothing").into());
+        }
         let parts = Parts::from(design.filter.backend());
         let layout = assembly.layout.clone();
         let keep = match self {

@@ -106,6 +106,7 @@ mod tests {
         let mut update = |row: Matrix1x2<f64>, value: f64| {
             let model = Row(slot.into(), row);
             let observed = Observed {
+                sensor: 0,
                 model: &model,
                 value: &[value],
                 noise: &[4.0],

@@ -291,3 +291,37 @@ fn a_bank_in_doubt_continues_bit_for_bit_from_what_it_remembers() {
     }
     assert!(most > 1, "it was in doubt: {most}");
 }
+
+#[test]
+fn an_angle_that_is_hardly_known_is_tried_all_round() {
+    let make = || {
+        let mut b = LayoutBuilder::new();
+        declare::<Scalar>(&mut b, "bias", 0.0, &[5.0], Dynamics::Constant);
+        let angle = declare::<crate::state::Angle>(&mut b, "angle", 1.0, &[2.0], Dynamics::Constant);
+        (filter(b, Still, 1), angle)
+    };
+    let (f, angle) = make();
+    let limits = BankLimits {
+        starts: 8,
+        ..BankLimits::DEFAULT
+    };
+    let mut bank = Bank::new(limits, || (Box::new(make().0), vec![Box::new(Open)]));
+    bank.set_belief(f.belief().clone());
+    assert_eq!((bank.count(), angle.read(&bank.belief().x)), (8, 1.0));
+    let sigma: Vec<f64> = bank
+        .layout()
+        .blocks()
+        .iter()
+        .flat_map(|b| bank.belief().covariance.sigmas(b))
+        .collect();
+    // Half of an eighth of a turn; rounding of a product.
+    assert!(
+        (sigma[1] - core::f64::consts::PI / 8.0).abs() < 1e-15 && sigma[0] == 5.0,
+        "{sigma:?}"
+    );
+    // One that is known well enough is left as it is.
+    let mut known = f.belief().clone();
+    known.covariance.set_sigmas(&f.layout().blocks()[1].clone(), &[0.3]);
+    bank.set_belief(known);
+    assert_eq!(bank.count(), 1);
+}
