@@ -334,6 +334,33 @@ fn the_runner_allocates_nothing_in_steady_state() {
     }
 }
 
+#[test]
+fn going_back_for_late_rows_allocates_nothing_in_steady_state() {
+    let text = DESIGN.replace("BACKEND", "error_state").replace("INTEGRATOR", "one_sample");
+    let rewinding = "run.order = \"rewind\"\nrun.rewind.horizon = \"3 s\"\n";
+    let mut nav = Navigator::from_toml(&format!("{rewinding}{text}")).unwrap_or_else(|d| panic!("{d}"));
+    let (imu_stream, gnss_stream) = (nav.stream("imu").unwrap(), nav.stream("gnss").unwrap());
+    let mut current = 0;
+    let mut run = |steps: core::ops::Range<i64>| {
+        current = 0;
+        let mut observer = |event: &Event<'_>| current += usize::from(matches!(event, Event::Current { .. }));
+        for k in steps {
+            let time = Time::from_nanos(k * 10_000_000);
+            nav.feed_stream(imu_stream, time, &imu(k), &mut observer).unwrap();
+            if k % 20 == 0 && k > 200 {
+                // Two seconds late.
+                nav.feed_stream(gnss_stream, time.shifted(-1_997_000_000), &GNSS, &mut observer)
+                    .unwrap();
+            }
+        }
+    };
+    run(0..2000);
+    assert_eq!(allocations(|| run(2000..4000)), 0);
+    assert_eq!(current, 2000);
+    let rewinds = nav.assembly().runner.rewinds().unwrap();
+    assert!(rewinds.count >= 180 && rewinds.most >= 200, "{rewinds:?}");
+}
+
 /// Hears steps and estimates.
 struct Steps<F>(F);
 

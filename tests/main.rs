@@ -66,6 +66,9 @@ mod reacquisition;
 /// Real recorded logs, scored against their references.
 #[path = "suite/real.rs"]
 mod real;
+/// Rows that come late, used by going back: every design, any order of arrival.
+#[path = "suite/rewind.rs"]
+mod rewind;
 /// The designs of scenes in which backends differ: that they run, and who wins.
 #[path = "suite/scenes.rs"]
 mod scenes;

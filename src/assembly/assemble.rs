@@ -4,7 +4,7 @@ use super::sensors::{self, Built};
 use super::streams::known_streams;
 use super::{Inside, SensorInfo, StreamLayout};
 use crate::config::{Diagnostic, Diagnostics, Node};
-use crate::design::{Design, Draft, Named, ProcessDesign, SourceDesign};
+use crate::design::{Design, Draft, Named, OrderSpec, ProcessDesign, SourceDesign};
 use fusion_core::filter::{Bank, Estimator, Filter};
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::model::{Process, Size};
@@ -39,9 +39,22 @@ pub struct Assembly {
 /// Builds `design` over streams whose channels are known; streams nobody declares take the
 /// channels their consumers ask for, in the order of the file.
 ///
+/// Where the design says so, its runner goes back for rows that come late: it has a second one inside.
+///
 /// # Errors
 /// Every mistake found.
 pub fn assemble(design: &Design, declared: Vec<StreamLayout>) -> Result<Assembly, Diagnostics> {
+    if design.run.order == OrderSpec::Hold {
+        return assemble_once(design, declared);
+    }
+    let live = assemble_once(design, declared.clone())?.runner;
+    let mut assembly = assemble_once(design, declared)?;
+    let rewind = design.run.rewind;
+    assembly.runner.rewind(live, rewind.horizon.si(), rewind.spacing.si());
+    Ok(assembly)
+}
+
+fn assemble_once(design: &Design, declared: Vec<StreamLayout>) -> Result<Assembly, Diagnostics> {
     let mut a = Assembler::new(design, Some(&design.process), declared, Vec::new(), Data::of(design));
     let assembly = a.assemble();
     match assembly {

@@ -47,7 +47,7 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
         }
     };
     d.extend(others.iter().cloned());
-    let (design, assembly) = match built {
+    let (design, mut assembly) = match built {
         Some(built) if !d.has_errors() => built,
         _ => return Err(d.into()),
     };
@@ -68,7 +68,7 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
         title: design.run.description.clone(),
         warnings: Vec::new(),
         sections: vec![
-            Section::new("", [facts(&design)]),
+            Section::new("", [facts(&design, &mut assembly)]),
             Section::new(format!("State, {} dimensions", assembly.layout.dim()), [state(&assembly)]),
             Section::new("Sensors", [sensors(&design, &assembly)]),
             Section::new("Gates and losses", [policies(&design)]),
@@ -82,7 +82,7 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
     args.output.print(&page)
 }
 
-fn facts(design: &Design) -> Table {
+fn facts(design: &Design, assembly: &mut Assembly) -> Table {
     let mut t = Table::list();
     t.row(["backend", &design.filter.backend_name()]);
     let process = &design.process;
@@ -93,6 +93,20 @@ fn facts(design: &Design) -> Table {
         let origin = fusion::core::geometry::wgs84::Geodetic::from(o);
         let (lat, lon) = (origin.lat.to_degrees(), origin.lon.to_degrees());
         t.row(["origin", &format!("{lat:.7} deg, {lon:.7} deg, {} m", short(origin.height))]);
+    }
+    if let Some(needs) = assembly.runner.rewind_needs() {
+        let (count, each) = (needs.snapshots, needs.snapshot_bytes as f64 * 1e-3);
+        let all = count as f64 * each;
+        t.row(["late rows", &format!("the filter goes back up to {} s", short(needs.deepest))]);
+        t.row([
+            "",
+            &format!(
+                "{count} snapshots of {} kB, {} kB, and the rows of that time",
+                short(each.round()),
+                short(all.round())
+            ),
+        ]);
+        t.row(["", &format!("one late row replays {} s of data at most", short(needs.replay))]);
     }
     if design.simulation.is_some() {
         t.row(["reference", "the simulated truth"]);

@@ -13,6 +13,39 @@ pub struct SmoothSpec {
     pub lag: Positive<dim::Duration>,
 }
 
+/// What becomes of rows that come out of order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum OrderSpec {
+    /// All rows are held back by `reorder` and the longest delay, and used once, in order.
+    #[default]
+    Hold,
+    /// Rows are used as they arrive; for one that is valid earlier than what has been used, the filter
+    /// goes back and uses everything since again.
+    Rewind,
+}
+
+/// How far a filter goes back.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RewindSpec {
+    /// How much later than stamped a row may come, 5 s by default; delays that are declared come on top. One
+    /// that is later is told and not used. Estimates are final when they are so old.
+    pub horizon: Positive<dim::Duration>,
+    /// Time between two snapshots to go back to, 0.1 s by default: the longest that is done again in vain.
+    pub spacing: Positive<dim::Duration>,
+}
+
+impl Default for RewindSpec {
+    fn default() -> Self {
+        let seconds = |s| Positive::try_from_si(s).unwrap_or_else(|_| unreachable!("{s} is positive"));
+        Self {
+            horizon: seconds(5.0),
+            spacing: seconds(0.1),
+        }
+    }
+}
+
 /// What a run as a whole needs.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -38,6 +71,11 @@ pub struct RunSpec {
     /// How far ahead of all others a stamp may be, 10 s by default: a row whose stamp is further ahead
     /// waits until a second one confirms it, and is not used if none does.
     pub longest_jump: Option<Positive<dim::Duration>>,
-    /// How far out of order live rows may arrive.
+    /// How far out of order live rows may arrive: so long every row waits for others. With
+    /// `order = "rewind"` a few milliseconds of it save going back for rows that are a little late.
     pub reorder: NonNegative<dim::Duration>,
+    /// What becomes of rows that come out of order.
+    pub order: OrderSpec,
+    /// How far back `order = "rewind"` goes.
+    pub rewind: RewindSpec,
 }

@@ -19,6 +19,8 @@ pub struct Hub<'a> {
     /// True states of the outermost filter that its estimates have not reached.
     truths: VecDeque<(Time, Vec<f64>)>,
     observers: Vec<&'a mut dyn RunObserver>,
+    /// Hears what is believed before later rows come.
+    current: Option<Box<Self>>,
 }
 
 impl core::fmt::Debug for Hub<'_> {
@@ -38,12 +40,19 @@ impl<'a> Hub<'a> {
             comparisons: filters.iter().map(|_| comparison.clone()).collect(),
             truths: VecDeque::new(),
             observers: Vec::new(),
+            current: None,
         }
     }
 
     /// Adds an observer.
     pub fn add(&mut self, observer: &'a mut dyn RunObserver) {
         self.observers.push(observer);
+    }
+
+    /// Adds a hub whose estimates are those that the filter had when its newest row had just been used, and
+    /// that hears no other events. It is compared with the same reference.
+    pub fn add_current(&mut self, hub: Self) {
+        self.current = Some(Box::new(hub));
     }
 
     /// A row that is about to be fed.
@@ -65,11 +74,17 @@ impl<'a> Hub<'a> {
     /// An epoch of a reference that comes along with the data.
     pub fn reference(&mut self, epoch: ReferenceEpoch) {
         self.comparisons.iter_mut().for_each(|c| c.push(epoch));
+        if let Some(current) = &mut self.current {
+            current.reference(epoch);
+        }
     }
 
     /// The true state of the outermost filter at `time`, in its layout.
     pub fn truth(&mut self, time: Time, state: &[f64]) {
         self.truths.push_back((time, state.to_vec()));
+        if let Some(current) = &mut self.current {
+            current.truth(time, state);
+        }
     }
 
     /// Tells the epochs of the reference that no estimate has reached.
@@ -87,7 +102,7 @@ impl<'a> Hub<'a> {
                 tell(&mut self.observers, &event)?;
             }
         }
-        Ok(())
+        self.current.as_mut().map_or(Ok(()), |current| current.finish())
     }
 }
 
@@ -100,6 +115,9 @@ impl Observer for Hub<'_> {
         let Some((filter, event)) = self.filters.source(event) else {
             return Ok(());
         };
+        if let (Event::Current { belief }, Some(current)) = (event, &mut self.current) {
+            current.on(&Event::Estimate { belief })?;
+        }
         let Event::Estimate { belief } = event else {
             return tell(&mut self.observers, &RunEvent::Filter { filter, event });
         };

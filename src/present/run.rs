@@ -8,7 +8,7 @@ use super::text;
 use super::tree::{Cell, Column, Page, Section, Table};
 use super::unit::Unit;
 use crate::observe::{ConsumerCounts, SensorStatistics};
-use crate::run::{FinalState, InsideScore, Smoothed, Summary};
+use crate::run::{Current, FinalState, InsideScore, Smoothed, Summary};
 use crate::score::{Axes, Consistency, Convergence, Score, Verdict};
 use crate::solution::rpy_of;
 use fusion_core::state::{Attitude, Kind, Manifold};
@@ -66,6 +66,21 @@ impl Summary {
             t.row(["", &format!("`{name}` waits for {what}")]);
         }
         t.row([Cell::text("epochs"), Cell::Count(self.epochs)]);
+        if let Some(current) = &self.current {
+            let Current {
+                rewinds,
+                rows_again,
+                most_rows_again,
+                memory,
+                ..
+            } = current;
+            let again = format!("{rewinds} times, {rows_again} rows used again, at most {most_rows_again} at once");
+            t.row(["went back", &again]);
+            t.row_in(
+                Unit::shown("kB"),
+                [Cell::text("kept to go back to"), Cell::Fixed(*memory as f64 * 1e-3, 0)],
+            );
+        }
         t.row_in(Unit::of_si("s"), [Cell::text("time taken"), Cell::Fixed(self.wall_seconds, 2)]);
         let per_epoch = [Cell::text("filter, per epoch"), Cell::Fixed(self.filter_ns_per_epoch, 0)];
         t.row_in(Unit::shown("ns"), per_epoch);
@@ -151,6 +166,7 @@ impl Summary {
         let nees_smoothed = smoothed.iter().flat_map(|(_, score)| nees(score, " ".to_owned()));
         let nees_smoothed = nees_smoothed.map(|(name, c)| (format!("{name}, smoothed"), c));
         let mut sections: Vec<Section> = own.clone().map(errors).collect();
+        sections.extend(self.current.iter().filter_map(|c| c.score.as_ref()).map(current_errors));
         sections.extend(smoothed.map(|(how, score)| smoothed_errors(how, score)));
         sections.extend(self.inside.iter().map(of_inside));
         sections.extend(own.clone().map(parameters));
@@ -471,6 +487,15 @@ fn drift(score: &Score, smoothed: Option<&Score>) -> Section {
         return section.note(format!("The first {OUTAGES} outages are listed; summary.json has all of them."));
     }
     section
+}
+
+/// The same table of the estimates that the vehicle had.
+fn current_errors(score: &Score) -> Section {
+    let section = errors(score);
+    Section {
+        title: format!("{}, each as it was before later rows came", section.title),
+        ..section
+    }
 }
 
 /// The same table of smoothed estimates.

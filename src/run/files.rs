@@ -1,14 +1,15 @@
 //! The files of a run.
 
 use super::{Options, Summary};
-use crate::design::Design;
+use crate::design::{Design, OrderSpec};
 use crate::observe::{EstimateFile, Filters, Thinning, UpdateFile};
 use crate::output::{FileSet, Origin, Spill, Unwritable};
 use fusion_core::time::nanos;
 use fusion_models::earth::LocalFrame;
 
-/// Smoothed estimates, where there are any.
+/// Smoothed estimates, and those that the filter had at the time, where there are any.
 const SMOOTHED: &str = "smoothed.csv";
+const CURRENT: &str = "current.csv";
 
 /// The files that are written while a design is run.
 #[derive(Debug, Default)]
@@ -17,12 +18,15 @@ pub(super) struct Files {
     /// By filter.
     pub(super) estimates: Vec<EstimateFile>,
     pub(super) smoothed: Option<EstimateFile>,
+    pub(super) current: Option<EstimateFile>,
     pub(super) updates: Option<UpdateFile>,
 }
 
 impl Files {
-    /// None without a folder to write to; smoothed.csv where estimates are smoothed.
+    /// None without a folder to write to; smoothed.csv where estimates are smoothed, current.csv where they
+    /// change afterwards.
     pub(super) fn create(design: &Design, options: &Options, filters: &Filters, is_smoothed: bool) -> Result<Self, Unwritable> {
+        let is_current = design.run.order == OrderSpec::Rewind;
         let Some(out) = &options.out else {
             return Ok(Self::default());
         };
@@ -30,19 +34,26 @@ impl Files {
         if !is_smoothed {
             set.without(SMOOTHED);
         }
+        if !is_current {
+            set.without(CURRENT);
+        }
         let declared = design.run.origin.map(|place| LocalFrame::new(place.into()));
         let thinning = thinning(design);
-        let (mut estimates, mut smoothed) = (Vec::new(), None);
+        let (mut estimates, mut smoothed, mut current) = (Vec::new(), None, None);
         for filter in filters.iter() {
             let origin = Origin::new(declared);
             estimates.push(EstimateFile::create(&set, "estimates", filter, origin.clone(), thinning)?);
             if is_smoothed && filter.is_outermost() {
-                smoothed = Some(EstimateFile::create(&set, "smoothed", filter, origin, thinning)?);
+                smoothed = Some(EstimateFile::create(&set, "smoothed", filter, origin.clone(), thinning)?);
+            }
+            if is_current && filter.is_outermost() {
+                current = Some(EstimateFile::create(&set, "current", filter, origin, thinning)?);
             }
         }
         Ok(Self {
             estimates,
             smoothed,
+            current,
             updates: Some(UpdateFile::create(&set, filters)?),
             set: Some(set),
         })
@@ -56,7 +67,7 @@ impl Files {
     /// Ends what is written while a design is run; none of it has its name yet.
     pub(super) fn finish(self) -> Result<Option<FileSet>, Unwritable> {
         let Some(mut set) = self.set else { return Ok(None) };
-        for file in self.estimates.into_iter().chain(self.smoothed) {
+        for file in self.estimates.into_iter().chain(self.smoothed).chain(self.current) {
             set.close(file.finish()?)?;
         }
         if let Some(file) = self.updates {

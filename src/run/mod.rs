@@ -11,7 +11,7 @@ mod summary;
 pub use crate::rows::SourceStatistics;
 pub use files::Finished;
 pub use recorded::open_one;
-pub use summary::{FinalState, InsideScore, Smoothed, Summary};
+pub use summary::{Current, FinalState, InsideScore, Smoothed, Summary};
 
 use crate::assembly::{Assembly, assemble, declared_streams, stream_of};
 use crate::config::{Diagnostic, Diagnostics};
@@ -96,8 +96,12 @@ impl<'a> Run<'a> {
         let streams = declared_streams(design)?;
         let mut assembly = assemble(design, streams)?;
         if let Some(simulation) = &design.simulation {
-            let drawn = drawn_start(design, simulation, &assembly, options.seed)?;
-            drawn.into_iter().for_each(|unit| assembly.runner.add_initialiser(unit));
+            let drawn = || drawn_start(design, simulation, &assembly, options.seed);
+            let (own, live) = (drawn()?, drawn()?);
+            own.into_iter().for_each(|unit| assembly.runner.add_initialiser(unit));
+            if let Some(runner) = assembly.runner.live_mut() {
+                live.into_iter().for_each(|unit| runner.add_initialiser(unit));
+            }
         }
         let data = RunData::open(design, &assembly, options)?;
         Ok(Self {
@@ -141,6 +145,9 @@ impl<'a> Run<'a> {
             .outermost()
             .filter(|_| planned.is_some() && !reference.is_empty())
             .map(score);
+        let rewinds = self.assembly.runner.rewinds().is_some();
+        let outermost = filters.outermost().filter(|_| rewinds && !reference.is_empty());
+        let mut current_score = outermost.map(|f| FilterScore::new(f, reference.rules(self.design, &[]), |block| rows.is_drawn(block)));
         let mut files = Files::create(self.design, self.options, &filters, planned.is_some())?;
         let comparison = reference.comparison(self.design);
         let mut smoother = match planned {
@@ -168,6 +175,12 @@ impl<'a> Run<'a> {
         files.updates.iter_mut().for_each(|file| hub.add(file));
         smoother.iter_mut().for_each(|smoother| hub.add(smoother));
         further.iter_mut().for_each(|observer| hub.add(*observer));
+        if rewinds {
+            let mut current = Hub::new(&filters, &comparison);
+            current_score.iter_mut().for_each(|score| current.add(score));
+            files.current.iter_mut().for_each(|file| current.add(file));
+            hub.add_current(current);
+        }
         let mut reader = SolutionReader::new(&self.assembly.layout, self.assembly.process.clone());
         let timing = feed(
             self.design,
@@ -199,6 +212,13 @@ impl<'a> Run<'a> {
                 lag: planned.lag(),
                 estimates,
                 score: smoothed_score.map(FilterScore::finish),
+            }),
+            current: runner.rewinds().map(|rewinds| Current {
+                score: current_score.map(FilterScore::finish),
+                rewinds: rewinds.count,
+                rows_again: rewinds.rows,
+                most_rows_again: rewinds.most,
+                memory: rewinds.bytes,
             }),
             inside: inside
                 .map(|(f, score)| InsideScore {

@@ -48,6 +48,21 @@ pub struct Smoothed {
     pub score: Option<Score>,
 }
 
+/// What the filter believed at the time, where it uses rows as they arrive.
+#[derive(Clone, Debug, Serialize)]
+pub struct Current {
+    /// Their score against the reference.
+    pub score: Option<Score>,
+    /// How often the filter went back for a row that came late.
+    pub rewinds: u64,
+    /// Rows that were used again, in all, and at once at most.
+    pub rows_again: u64,
+    /// The most at once.
+    pub most_rows_again: u64,
+    /// Snapshots and rows that are kept to go back to at the end of the run, in bytes.
+    pub memory: usize,
+}
+
 /// The result of a run.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Summary {
@@ -67,6 +82,9 @@ pub struct Summary {
     pub score: Option<Score>,
     /// The same of smoothed estimates, where they were asked for.
     pub smoothed: Option<Smoothed>,
+    /// What was believed at the time, of a design that uses rows as they arrive; the other figures are
+    /// about what later rows have made of it.
+    pub current: Option<Current>,
     /// Scores of the filters inside stages.
     pub inside: Vec<InsideScore>,
     /// How well a controlled vehicle did what it was to do; none where nothing is steered.

@@ -150,7 +150,12 @@ impl Monitor {
                 self.refused.hear(self.now, true);
                 self.now
             }
-            Event::Taken { .. } | Event::Discarded { .. } | Event::Step(_) | Event::Health { .. } | Event::Nested { .. } => return false,
+            Event::Taken { .. }
+            | Event::Discarded { .. }
+            | Event::Current { .. }
+            | Event::Step(_)
+            | Event::Health { .. }
+            | Event::Nested { .. } => return false,
         };
         self.judge(now)
     }

@@ -11,6 +11,7 @@
 
 use super::ordering::Runner;
 use super::parts::Emitter;
+use super::rows::Consumer;
 use super::{Event, Halt, Observer};
 use crate::state::Belief;
 use crate::time::Time;
@@ -21,7 +22,7 @@ impl Runner {
     /// stopped by then. The runner goes on as if nobody had asked. A belief that is later than `to` is
     /// given as it is.
     pub fn predicted(&mut self, to: Time) -> Option<Belief> {
-        self.ahead(|ahead| ahead.go_to(to))
+        self.newest_mut().ahead(|ahead| ahead.go_to(to))
     }
 
     fn go_to(&mut self, to: Time) -> Option<Belief> {
@@ -49,7 +50,9 @@ impl Runner {
             return Ok(false);
         };
         let is_lost = input.is_lost(to);
-        self.released = self.released.max(to);
+        if self.released <= to {
+            (self.released, self.serving) = (to, Consumer::LAST);
+        }
         if is_lost {
             self.stop(to, observer)?;
         } else {

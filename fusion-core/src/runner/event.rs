@@ -83,6 +83,13 @@ pub enum Event<'a> {
         /// The belief, valid at the epoch.
         belief: &'a Belief,
     },
+    /// The newest estimate, after every row that is there by now: what the vehicle has at this moment. Only
+    /// told where rows are used as they arrive ([`Runner::rewind`](super::Runner::rewind)); rows that come
+    /// later may still change it, and [`Event::Estimate`] then tells what has become of it. Once per epoch.
+    Current {
+        /// The belief, valid at the epoch.
+        belief: &'a Belief,
+    },
     /// A sensor's measurement has been offered to the estimator.
     Updated {
         /// The sensor's number.

@@ -303,9 +303,9 @@ fn after_a_gap_too_long_to_coast_the_initialisers_start_anew_and_calibration_is_
         _ => {}
     };
     feed(&mut runner, &after, &mut observer);
-    // The position of 5.134 s was on its way to the sensor when the filter stopped, that of 5.334 s is the
-    // first for the initialiser; the first sample after the gap is that at 7 s.
-    let position = 0.5 * 5.33 * 5.33;
+    // The position of 5.134 s was on its way when the filter stopped, and is the first after that for the
+    // initialiser, whenever it came; the first sample after the gap is that at 7 s.
+    let position = 0.5 * 5.13 * 5.13;
     let wanted = [
         "stopped 3.000000 s 5.100000 s".to_owned(),
         format!("started 7.000000 s {:?} 0.010", [position, 0.0, 1.25]),

@@ -11,6 +11,9 @@ impl Memory for Runner {
         let mut monitor = monitor.unwrap_or_else(|| Box::new(self.new_monitor()));
         monitor.remember(tape);
         self.monitor = Some(monitor);
+        if let Some(rewind) = &mut self.rewind {
+            rewind.remember(tape);
+        }
     }
 }
 
@@ -46,6 +49,8 @@ impl Runner {
         self.start_after.remember(tape);
         self.watermark.remember(tape);
         self.released.remember(tape);
+        self.serving.remember(tape);
+        self.seen.remember(tape);
         self.epoch.remember(tape);
     }
 

@@ -21,7 +21,8 @@ impl Runner {
         }
         let until = self.coming(leader, row)?;
         self.is_ahead = true;
-        let outcome = self.ahead(|ahead| ahead.outcome_at(leader, row, until, during));
+        let (outcome, seen) = self.ahead(|ahead| (ahead.outcome_at(leader, row, until, during), ahead.seen.max(ahead.released)));
+        self.seen = self.seen.max(seen).max(until);
         self.is_ahead = false;
         outcome
     }

@@ -19,6 +19,7 @@ mod offset;
 mod ordering;
 mod parts;
 mod quarantine;
+mod rewind;
 mod rows;
 mod serving;
 mod stages;
@@ -29,6 +30,7 @@ pub use nested::{Nested, Outlet};
 pub use offset::Offset;
 pub use ordering::Runner;
 pub use parts::{Emitter, Initialiser, InitialiserUnit, InputLimits, Noise, Port, Sensor, Stage, StageUnit};
+pub use rewind::{RewindNeeds, Rewinds};
 pub use rows::Row;
 
 use thiserror::Error;

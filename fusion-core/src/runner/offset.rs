@@ -144,7 +144,7 @@ impl Runner {
     /// The mean of the input about `time`; `None` where there is no input.
     fn average_input(&mut self, time: Time, held: Option<Input<'_>>) -> Option<()> {
         let Some(input) = &self.input else { return Some(()) };
-        let foreknown = (self.lag - self.buffer - input.port.delay - 1).max(0);
+        let foreknown = self.foreknown;
         let window = &mut self.window;
         let newest = window.rows.back()?.end;
         let latest = window.rows.back().map_or(&[][..], |row| &row.values);
@@ -161,7 +161,9 @@ impl Runner {
             let mut from = newest;
             rows.take_while(move |e| core::mem::replace(&mut from, e.time) < half)
         };
-        let end = coming().last().map_or(newest, |e| e.time).min(half).max(time);
+        let last = coming().last().map_or(newest, |e| e.time);
+        self.seen = self.seen.max(if last < half { certain } else { last });
+        let end = last.min(half).max(time);
         let start = end.shifted(nanos(-WINDOW));
         let rates = self.process.rates();
         let (sample, mut total) = (&mut window.sample, 0.0);

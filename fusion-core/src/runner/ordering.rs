@@ -4,6 +4,7 @@ use super::intake::Intake;
 use super::offset::Window;
 use super::parts::Emitted;
 use super::quarantine::{Admission, Held, Quarantine};
+use super::rewind::Rewind;
 use super::rows::{Consumer, Entry, Queue, Row, Rows};
 use super::{Discard, Event, Halt, InitialiserUnit, InputLimits, Observer, Port, RowId, RunError, Sensor, StageUnit, StreamId, WrongWidth};
 use crate::filter::Estimator;
@@ -57,10 +58,21 @@ pub struct Runner {
     pub(super) quarantine: Quarantine,
     pub(super) buffer: i64,
     pub(super) lag: i64,
+    /// How far beyond what is served rows are there, whatever the order of arrival, of the process input \[ns\].
+    pub(super) foreknown: i64,
+    /// How far ahead of what is served rows may be looked at \[ns\].
+    pub(super) foresight: i64,
+    /// Whether rows are used as they arrive.
+    pub(super) is_live: bool,
+    pub(super) rewind: Option<Box<Rewind>>,
     pub(super) queue: Queue,
     pub(super) rows: Rows,
     pub(super) watermark: Time,
     pub(super) released: Time,
+    /// Who was served last, at that time.
+    pub(super) serving: Consumer,
+    /// Up to when rows have been looked at.
+    pub(super) seen: Time,
     pub(super) started: bool,
     pub(super) start_after: Time,
     /// In order.
@@ -104,10 +116,16 @@ impl Runner {
             quarantine: Quarantine::new(f64::INFINITY),
             buffer,
             lag: buffer,
+            foreknown: 0,
+            foresight: 0,
+            is_live: false,
+            rewind: None,
             queue: Queue::new(),
             rows: Rows::default(),
             watermark: Time::MIN,
             released: Time::MIN,
+            serving: Consumer::Input,
+            seen: Time::MIN,
             started: false,
             start_after: Time::MIN,
             waiting: VecDeque::with_capacity(64),
@@ -229,7 +247,15 @@ impl Runner {
                 apart = 1;
             }
         }
-        self.lag = self.buffer.max(apart) + delay + ahead;
+        let input = self.input.as_ref().map_or(0, |input| input.port.delay);
+        self.foreknown = (delay + ahead - input - 1).max(0);
+        let looks = ahead > 0 || self.sensors.iter().any(|s| s.offset.is_some());
+        self.foresight = if looks { delay + 2 * ahead } else { 0 };
+        self.lag = if self.is_live {
+            self.buffer + input
+        } else {
+            self.buffer.max(apart) + delay + ahead
+        };
     }
 
     /// Who takes rows without an event of their own, the process and the stages: name of the consumer,
@@ -256,24 +282,25 @@ impl Runner {
         self.estimator.as_ref()
     }
 
-    /// The belief; meaningful once [`Runner::started`].
+    /// The newest belief; meaningful once [`Runner::started`].
     #[must_use]
     pub fn belief(&self) -> &Belief {
-        self.estimator.belief()
+        self.newest().estimator.belief()
     }
 
     /// Whether the filter has started.
     #[must_use]
-    pub const fn started(&self) -> bool {
-        self.started
+    pub fn started(&self) -> bool {
+        self.newest().started
     }
 
     /// What the filter still waits for before it can start, and those inside its stages.
     #[must_use]
     pub fn waits_for(&self) -> Vec<(String, String)> {
-        let pending = self.initialisers.iter();
+        let newest = self.newest();
+        let pending = newest.initialisers.iter();
         let pending = pending.filter_map(|u| u.initialiser.waits_for().map(|why| (u.name.clone(), why)));
-        let inside = self.stages.iter().flat_map(|unit| {
+        let inside = newest.stages.iter().flat_map(|unit| {
             let waiting = unit.stage.waits_for().into_iter();
             waiting.map(|(name, why)| (format!("{}.{name}", unit.name), why))
         });
@@ -306,7 +333,7 @@ impl Runner {
 
     fn admit(&mut self, row: &Row<'_>, observer: &mut dyn Observer) -> Result<(), Halt> {
         self.watermark = self.watermark.max(row.time);
-        self.enqueue(row, observer)?;
+        self.enqueue(row, self.watermark, Time::MIN, observer)?;
         self.drain(self.watermark.shifted(-self.lag), observer)
     }
 
@@ -314,7 +341,11 @@ impl Runner {
     fn refuse(&mut self, held: &Held, observer: &mut dyn Observer) -> Result<(), Halt> {
         let row = held.row();
         let (now, arrival) = (self.watermark, self.watermark);
+        let is_running = self.started;
         self.consumers().each(row.stream, |taker, port, consumer| {
+            if is_running && taker.is_initialiser() {
+                return Ok(());
+            }
             observer.on(&Event::Discarded {
                 consumer,
                 input: taker.input(),
@@ -346,10 +377,11 @@ impl Runner {
         }
     }
 
-    /// Puts a row into the queue, once for each consumer.
-    pub(super) fn enqueue(&mut self, row: &Row<'_>, observer: &mut dyn Observer) -> Result<(), Halt> {
-        let at = self.rows.put(row, self.watermark);
-        let released = self.released;
+    /// Puts a row that came at `arrival` into the queue, once for each consumer; it is late where it is
+    /// valid before what has been served, or before `from`.
+    pub(super) fn enqueue(&mut self, row: &Row<'_>, arrival: Time, from: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
+        let at = self.rows.put(row, arrival);
+        let released = self.released.max(from);
         let is_emitted = self.stages.iter().any(|stage| stage.output == row.stream);
         let (mut rows, mut queue) = (core::mem::take(&mut self.rows), core::mem::take(&mut self.queue));
         let offered = self.consumers().each(row.stream, |consumer, port, name| {
@@ -358,6 +390,10 @@ impl Runner {
                 time = time.max(released);
             }
             if time < released {
+                // Initialisers of a filter that runs miss nothing.
+                if self.started && consumer.is_initialiser() {
+                    return Ok(());
+                }
                 let (row, why) = (rows.get(at).id(&port.columns), Discard::Late { now: released });
                 return observer.on(&Event::Discarded {
                     consumer: name,
@@ -376,11 +412,22 @@ impl Runner {
         offered
     }
 
-    /// Who takes rows now.
+    /// When `row` is valid, for each of its consumers.
+    pub(super) fn each_validity(&self, row: &Row<'_>, mut each: impl FnMut(Time, Consumer)) {
+        let told = self.consumers().each(row.stream, |consumer, port, _| {
+            each(row.time.shifted(-port.delay), consumer);
+            Ok(())
+        });
+        // Nothing here stops.
+        told.unwrap_or_default();
+    }
+
+    /// Who takes rows. The initialisers of a filter that runs do not use them, but may have to start it
+    /// again by the time that they are served.
     fn consumers(&self) -> Consumers<'_> {
         Consumers {
             input: self.input.as_ref(),
-            initialisers: if self.started { &[] } else { &self.initialisers },
+            initialisers: &self.initialisers,
             stages: &self.stages,
             sensors: &self.sensors,
             ranks: &self.ranks,
@@ -399,7 +446,7 @@ impl Runner {
             let Some(entry) = next.and_then(|_| self.queue.take()) else {
                 return Ok(());
             };
-            self.released = entry.time;
+            (self.released, self.serving) = (entry.time, entry.consumer);
             if self.epoch.is_some_and(|epoch| epoch < entry.time) {
                 self.tell_epoch(observer)?;
             }

@@ -52,6 +52,14 @@ pub(super) enum Consumer {
 }
 
 impl Consumer {
+    /// Whether it misses nothing once the filter runs.
+    pub(super) const fn is_initialiser(self) -> bool {
+        matches!(self, Self::Initialiser(..))
+    }
+
+    /// Served after all others of its time.
+    pub(super) const LAST: Self = Self::Sensor(usize::MAX, usize::MAX);
+
     /// Which of its inputs it takes the row at.
     pub(super) const fn input(self) -> usize {
         match self {

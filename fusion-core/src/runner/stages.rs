@@ -37,7 +37,7 @@ impl Runner {
                 disturbed: if disturbed { core::slice::from_ref(&everything) } else { &[] },
             };
             self.emissions[unit] += 1;
-            self.enqueue(&row, observer)?;
+            self.enqueue(&row, self.watermark, Time::MIN, observer)?;
         }
         self.emitted = emitted;
         Ok(())

@@ -1,12 +1,20 @@
 //! The runner's own health: every event passes its monitor on the way to the observer.
 
-use super::{Event, Halt, Observer, Row, RunError, Runner};
+use super::{Event, Halt, Observer, Row, RunError, Runner, StreamId};
 use crate::health::{Health, Limits, Monitor, Watched};
+use crate::time::Time;
 
 /// Lets a monitor hear every event first, and tells what changes of the health.
-struct Watch<'a, 'b> {
+pub(super) struct Watch<'a, 'b> {
     monitor: &'a mut Monitor,
     observer: &'b mut dyn Observer,
+}
+
+impl Watch<'_, '_> {
+    /// A row of `stream` is there.
+    pub(super) fn beat(&mut self, stream: StreamId, stamp: Time) {
+        self.monitor.row(stream, stamp);
+    }
 }
 
 impl Observer for Watch<'_, '_> {
@@ -31,11 +39,11 @@ impl Runner {
         self.limits = limits;
     }
 
-    /// The health of the filter.
+    /// The health of the filter, by the newest belief.
     #[must_use]
     pub fn health(&self) -> &Health {
         static UNKNOWN: Health = Health::UNKNOWN;
-        self.monitor.as_ref().map_or(&UNKNOWN, |monitor| monitor.health())
+        self.newest().monitor.as_ref().map_or(&UNKNOWN, |monitor| monitor.health())
     }
 
     /// Takes a row and processes everything it completes.
@@ -43,10 +51,16 @@ impl Runner {
     /// # Errors
     /// A row of the wrong width, which changes nothing; an observer that cannot go on.
     pub fn feed(&mut self, row: &Row<'_>, observer: &mut dyn Observer) -> Result<(), RunError> {
+        let from = self.released;
         self.watched(observer, |runner, watch| {
-            watch.monitor.row(row.stream, row.time);
+            watch.beat(row.stream, row.time);
             runner.take_row(row, watch)
-        })
+        })?;
+        let settled = self.released;
+        match &mut self.rewind {
+            Some(rewind) => Ok(rewind.feed(row, from, settled, observer)?),
+            None => Ok(()),
+        }
     }
 
     /// Processes everything that has been held back: the end of the log.
@@ -54,11 +68,15 @@ impl Runner {
     /// # Errors
     /// An observer that cannot go on.
     pub fn finish(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
-        self.watched(observer, |runner, watch| runner.take_end(watch))
+        self.watched(observer, |runner, watch| runner.take_end(watch))?;
+        match &mut self.rewind {
+            Some(rewind) => rewind.finish(observer),
+            None => Ok(()),
+        }
     }
 
-    /// Does `work` while the monitor hears. Meanwhile a copy of the runner, which looks ahead, has none.
-    fn watched<T>(&mut self, observer: &mut dyn Observer, work: impl FnOnce(&mut Self, &mut Watch<'_, '_>) -> T) -> T {
+    /// Does `work` while the monitor hears. Meanwhile the runner, which may look ahead, has none.
+    pub(super) fn watched<T>(&mut self, observer: &mut dyn Observer, work: impl FnOnce(&mut Self, &mut Watch<'_, '_>) -> T) -> T {
         let mut monitor = self.monitor.take().unwrap_or_else(|| Box::new(self.new_monitor()));
         let monitored = &mut *monitor;
         let done = work(

@@ -1,0 +1,439 @@
+//! Going back for rows that come late.
+//!
+//! A design that rewinds is run by two runners. One, *settled*, holds rows back by the horizon: what it
+//! tells is final, each event once. The other, *live*, uses rows as they arrive. Where one is valid before
+//! what has been used, it is restored to a snapshot from before that row, and is served everything since
+//! again, in order. It tells nothing but its newest estimate. After the last row both believe the same,
+//! bit for bit.
+//!
+//! ```text
+//! rows ─┬─▶ settled: held back by the horizon ────────────────▶ events
+//!       └─▶ log, by first validity ──▶ live ──▶ Event::Current
+//!             ▲ back to              │ every `spacing`
+//!             └────── snapshots ◀────┘
+//! ```
+//!
+//! Rows stay in the log, and snapshots in their ring, until the settled runner has passed them: until then
+//! a row may still come that is valid there. Their memory is used again.
+
+use super::quarantine::{Admission, Quarantine};
+use super::rows::Row;
+use super::{Event, Halt, Observer, Runner, StreamId};
+use crate::memory::{Memory, Tape, recall, save};
+use crate::time::{Time, nanos};
+use core::ops::Range;
+use std::collections::VecDeque;
+
+/// How often a runner went back, and what it keeps to do so.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Rewinds {
+    /// How often.
+    pub count: u64,
+    /// Rows that were used again, in all.
+    pub rows: u64,
+    /// The most rows that were used again at once.
+    pub most: u64,
+    /// Snapshots kept now, and the bytes of all.
+    pub snapshots: usize,
+    /// Bytes of the snapshots and rows kept now.
+    pub bytes: usize,
+}
+
+/// What going back takes at most.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RewindNeeds {
+    /// The longest time \[s\] from the newest row back to one that is still used.
+    pub deepest: f64,
+    /// The longest stretch of data \[s\] that is used again for one row.
+    pub replay: f64,
+    /// Snapshots kept.
+    pub snapshots: usize,
+    /// Bytes of one, before the first row; each row that waits in it takes some more.
+    pub snapshot_bytes: usize,
+}
+
+/// What uses rows as they arrive.
+#[derive(Debug)]
+pub(super) struct Rewind {
+    pub(super) live: Runner,
+    /// Time between two snapshots \[ns\].
+    spacing: i64,
+    quarantine: Quarantine,
+    log: Log,
+    ring: Ring,
+    /// The epoch of the estimate told last.
+    told: Time,
+    tally: Tally,
+}
+crate::memory!(Rewind { live, quarantine, log, ring, told, tally; spacing });
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Tally {
+    count: u64,
+    rows: u64,
+    most: u64,
+}
+crate::memory!(Tally { count, rows, most });
+
+/// A row that may have to be used again.
+#[derive(Debug, Default)]
+struct Logged {
+    /// When it is valid for the first of its consumers.
+    first: Time,
+    /// The latest stamp of all when it came.
+    arrival: Time,
+    /// For consumers for which it is valid earlier it came too late.
+    from: Time,
+    stream: StreamId,
+    time: Time,
+    values: Vec<f64>,
+    number: u64,
+    disturbed: Vec<Range<usize>>,
+}
+crate::memory!(Logged {
+    first,
+    arrival,
+    from,
+    stream,
+    time,
+    values,
+    number,
+    disturbed
+});
+
+impl Logged {
+    fn take(&mut self, row: &Row<'_>, first: Time, arrival: Time, from: Time) {
+        (self.first, self.arrival, self.from) = (first, arrival, from);
+        (self.stream, self.time, self.number) = (row.stream, row.time, row.number);
+        self.values.clear();
+        self.values.extend_from_slice(row.values);
+        self.disturbed.clear();
+        self.disturbed.extend_from_slice(row.disturbed);
+    }
+
+    fn row(&self) -> Row<'_> {
+        Row {
+            stream: self.stream,
+            time: self.time,
+            values: &self.values,
+            number: self.number,
+            disturbed: &self.disturbed,
+        }
+    }
+}
+
+/// Rows by their first validity, those of one time in order of arrival. They are counted from the first
+/// that there ever was.
+#[derive(Debug, Default)]
+struct Log {
+    rows: VecDeque<Logged>,
+    spare: Vec<Logged>,
+    /// The number of the first row kept.
+    start: u64,
+    /// The number of the first row that the live runner has not been given.
+    fed: u64,
+}
+
+impl Memory for Log {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        tape.pooled(&mut self.rows, &mut self.spare);
+        self.start.remember(tape);
+        self.fed.remember(tape);
+        if self.fed < self.start || self.fed - self.start > self.rows.len() as u64 {
+            tape.refuse("rows are missing");
+        }
+    }
+}
+
+impl Log {
+    /// Puts a row in its place; the number of that.
+    fn put(&mut self, row: &Row<'_>, first: Time, arrival: Time, from: Time) -> u64 {
+        let at = self.rows.partition_point(|logged| logged.first <= first);
+        let mut logged = self.spare.pop().unwrap_or_default();
+        logged.take(row, first, arrival, from);
+        self.rows.insert(at, logged);
+        self.start + at as u64
+    }
+
+    fn get(&self, number: u64) -> Option<&Logged> {
+        self.rows.get(usize::try_from(number.checked_sub(self.start)?).ok()?)
+    }
+
+    /// When the latest row that was given is valid first.
+    fn reach(&self) -> Time {
+        self.fed
+            .checked_sub(1)
+            .and_then(|last| self.get(last))
+            .map_or(Time::MIN, |logged| logged.first)
+    }
+
+    /// Forgets the rows before `number`.
+    fn forget(&mut self, number: u64) {
+        while self.start < number
+            && let Some(row) = self.rows.pop_front()
+        {
+            self.spare.push(row);
+            self.start += 1;
+        }
+    }
+}
+
+/// What the live runner remembered.
+#[derive(Debug, Default)]
+struct Snapshot {
+    bytes: Vec<u8>,
+    /// The number of the first row that it had not been given.
+    fed: u64,
+    /// Up to when it had been given rows; it had used none after that, nor looked at any.
+    reach: Time,
+    /// Up to when it had used rows.
+    released: Time,
+}
+crate::memory!(Snapshot {
+    bytes,
+    fed,
+    reach,
+    released
+});
+
+/// Snapshots in order of time, in memory that is used again.
+#[derive(Debug, Default)]
+struct Ring {
+    snapshots: VecDeque<Snapshot>,
+    spare: Vec<Snapshot>,
+}
+
+impl Memory for Ring {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        tape.pooled(&mut self.snapshots, &mut self.spare);
+    }
+}
+
+impl Ring {
+    fn take(&mut self, live: &mut Runner, log: &Log) {
+        let mut snapshot = self.spare.pop().unwrap_or_default();
+        snapshot.bytes.clear();
+        save(live, &mut snapshot.bytes);
+        snapshot.fed = log.fed;
+        snapshot.released = live.released;
+        snapshot.reach = log.reach().max(live.released).max(live.seen);
+        self.snapshots.push_back(snapshot);
+    }
+
+    /// Drops the newest while they are `unfit`, all but the oldest.
+    fn drop_newest(&mut self, unfit: impl Fn(&Snapshot) -> bool) {
+        while self.snapshots.len() > 1 && self.snapshots.back().is_some_and(&unfit) {
+            self.spare.extend(self.snapshots.pop_back());
+        }
+    }
+}
+
+impl Runner {
+    /// Rows are used as they arrive from now on: this runner holds them back by `horizon` seconds more and
+    /// tells what is final, `live` uses them at once, and goes back to a snapshot for one that is valid
+    /// earlier; there is one every `spacing` seconds. `live` is put together as this one is, and both have
+    /// seen no row.
+    pub fn rewind(&mut self, mut live: Self, horizon: f64, spacing: f64) {
+        live.is_live = true;
+        live.hold_back();
+        self.buffer += nanos(horizon);
+        self.hold_back();
+        self.rewind = Some(Box::new(Rewind {
+            quarantine: self.quarantine.clone(),
+            live,
+            spacing: nanos(spacing),
+            log: Log::default(),
+            ring: Ring::default(),
+            told: Time::MIN,
+            tally: Tally::default(),
+        }));
+    }
+
+    /// The runner whose belief is the newest: the live one where rows are used as they arrive.
+    #[must_use]
+    pub fn newest(&self) -> &Self {
+        self.rewind.as_ref().map_or(self, |rewind| &rewind.live)
+    }
+
+    /// The live runner, to be put together as this one is.
+    pub fn live_mut(&mut self) -> Option<&mut Self> {
+        self.rewind.as_mut().map(|rewind| &mut rewind.live)
+    }
+
+    /// The same, to be asked about the time to come.
+    pub(super) fn newest_mut(&mut self) -> &mut Self {
+        match self.rewind {
+            Some(ref mut rewind) => &mut rewind.live,
+            None => self,
+        }
+    }
+
+    /// What going back takes at most, where rows are used as they arrive.
+    pub fn rewind_needs(&mut self) -> Option<RewindNeeds> {
+        let deepest = self.lag();
+        let rewind = self.rewind.as_mut()?;
+        let mut bytes = Vec::new();
+        save(&mut rewind.live, &mut bytes);
+        let spacing = rewind.spacing as f64 * 1e-9;
+        Some(RewindNeeds {
+            deepest,
+            replay: deepest + spacing,
+            // One before the oldest row that may come, and the one being taken.
+            snapshots: (deepest / spacing).ceil() as usize + 2,
+            snapshot_bytes: bytes.len(),
+        })
+    }
+
+    /// How often it went back, where rows are used as they arrive.
+    #[must_use]
+    pub fn rewinds(&self) -> Option<Rewinds> {
+        let rewind = self.rewind.as_ref()?;
+        let row = |r: &Logged| size_of::<Logged>() + 8 * r.values.len();
+        let snapshots = &rewind.ring.snapshots;
+        Some(Rewinds {
+            count: rewind.tally.count,
+            rows: rewind.tally.rows,
+            most: rewind.tally.most,
+            snapshots: snapshots.len(),
+            bytes: snapshots.iter().map(|s| s.bytes.len()).sum::<usize>() + rewind.log.rows.iter().map(row).sum::<usize>(),
+        })
+    }
+
+    /// When `row` is valid for the first of its consumers, of those for which it is not before `from`; none
+    /// where there are none.
+    fn first_validity(&self, row: &Row<'_>, from: Time) -> Option<Time> {
+        let mut first: Option<Time> = None;
+        self.each_validity(row, |time, _| {
+            if time >= from {
+                first = Some(first.map_or(time, |first| first.min(time)));
+            }
+        });
+        first
+    }
+
+    /// Whether anything that comes after `row` has been used, or looked at.
+    fn has_passed(&self, row: &Row<'_>, from: Time) -> bool {
+        let mut has_passed = false;
+        self.each_validity(row, |time, consumer| {
+            let is_behind = (time, consumer) < (self.released, self.serving) || time <= self.seen;
+            has_passed |= time >= from && is_behind;
+        });
+        has_passed
+    }
+}
+
+impl Rewind {
+    /// Takes a row; of the settled runner, `from` is the time that it had reached before, and `settled`
+    /// the one that it has reached now.
+    pub(super) fn feed(&mut self, row: &Row<'_>, from: Time, settled: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
+        match self.quarantine.admit(row, self.live.watermark) {
+            Admission::Use | Admission::Refutes(_) => {}
+            Admission::Wait | Admission::Replaces(_) => return Ok(()),
+            Admission::Confirms(held) => self.arrive(&held.row(), from)?,
+        }
+        self.arrive(row, from)?;
+        self.age(settled);
+        self.tell(observer)
+    }
+
+    /// Uses what is left: the end of the log.
+    pub(super) fn finish(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
+        self.quarantine.finish();
+        self.live.watched(&mut nobody, |live, watch| live.take_end(watch))?;
+        self.tell(observer)
+    }
+
+    /// Tells the newest estimate, once.
+    fn tell(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
+        let belief = self.live.estimator.belief();
+        if !self.live.started || belief.time <= self.told.max(self.live.start_after) {
+            return Ok(());
+        }
+        self.told = belief.time;
+        observer.on(&Event::Current { belief })
+    }
+
+    fn arrive(&mut self, row: &Row<'_>, from: Time) -> Result<(), Halt> {
+        if self.ring.snapshots.is_empty() {
+            self.ring.take(&mut self.live, &self.log);
+        }
+        self.live.watermark = self.live.watermark.max(row.time);
+        let Some(first) = self.live.first_validity(row, from) else {
+            return self.go_on();
+        };
+        let number = self.log.put(row, first, self.live.watermark, from);
+        if self.live.has_passed(row, from) {
+            self.ring.drop_newest(|snapshot| snapshot.reach >= first);
+            self.go_back();
+        } else {
+            // What was remembered after rows that come later in the log would never see this one.
+            self.ring.drop_newest(|snapshot| snapshot.fed > number);
+            if number < self.log.fed {
+                self.log.fed += 1;
+                let Self { live, log, .. } = self;
+                if let Some(logged) = log.get(number) {
+                    give(live, logged)?;
+                }
+            }
+        }
+        self.go_on()
+    }
+
+    /// Back to the newest snapshot.
+    fn go_back(&mut self) {
+        let Some(snapshot) = self.ring.snapshots.back() else { return };
+        let watermark = self.live.watermark;
+        // The bytes are its own.
+        let _ = recall(&mut self.live, &snapshot.bytes);
+        self.live.watermark = watermark;
+        let again = self.log.fed.saturating_sub(snapshot.fed);
+        self.log.fed = snapshot.fed;
+        self.tally.count += 1;
+        self.tally.rows += again;
+        self.tally.most = self.tally.most.max(again);
+    }
+
+    /// Serves the live runner all that there is, in order. A row is given before anything is served that
+    /// might look at it.
+    fn go_on(&mut self) -> Result<(), Halt> {
+        let Self {
+            live, log, ring, spacing, ..
+        } = self;
+        let end = live.watermark.shifted(-live.lag);
+        loop {
+            let next = log.get(log.fed);
+            let before = next.map_or(Time::MAX, |row| row.first.shifted(-live.foresight - 1));
+            live.watched(&mut nobody, |live, watch| live.drain(before.min(end), watch))?;
+            let is_due = |last: &Snapshot| live.released > last.released.shifted(*spacing);
+            if ring.snapshots.back().is_some_and(is_due) {
+                ring.take(live, log);
+            }
+            let Some(next) = next else { return Ok(()) };
+            give(live, next)?;
+            log.fed += 1;
+        }
+    }
+
+    /// Forgets what no row can need any more that the settled runner, being at `settled`, would still take.
+    fn age(&mut self, settled: Time) {
+        let ring = &mut self.ring;
+        while ring.snapshots.get(1).is_some_and(|second| second.reach < settled) {
+            ring.spare.extend(ring.snapshots.pop_front());
+        }
+        if let Some(oldest) = ring.snapshots.front() {
+            // The last of them says how far it had come.
+            self.log.forget(oldest.fed.saturating_sub(1));
+        }
+    }
+}
+
+/// Hears and tells nothing: what is told here is told by the settled runner, once.
+fn nobody(_: &Event<'_>) {}
+
+/// Gives a row to the live runner.
+fn give(live: &mut Runner, logged: &Logged) -> Result<(), Halt> {
+    live.watched(&mut nobody, |live, watch| {
+        watch.beat(logged.stream, logged.time);
+        live.enqueue(&logged.row(), logged.arrival, logged.from, watch)
+    })
+}
