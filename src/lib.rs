@@ -33,5 +33,5 @@ pub mod world;
 pub use design::schema;
 pub use fusion_core as core;
 pub use fusion_models as models;
-pub use navigator::{FeedError, Navigator};
+pub use navigator::{CheckpointError, FeedError, Navigator};
 pub use run::examine;

@@ -17,6 +17,9 @@ mod campaigns;
 /// Charts of the attitude through loops that pass the vertical.
 #[path = "suite/charts.rs"]
 mod charts;
+/// Stopped at any row and gone on from a checkpoint.
+#[path = "suite/checkpoint.rs"]
+mod checkpoint;
 /// The built command: help, results, exit codes, files.
 #[path = "suite/command.rs"]
 mod command;

@@ -34,6 +34,8 @@ pub struct Assembly {
     pub filters: Vec<Inside>,
     /// The gravity model of the process.
     pub gravity: Gravity,
+    /// A number made of everything that the design says of the filter.
+    pub fingerprint: u64,
 }
 
 /// Builds `design` over streams whose channels are known; streams nobody declares take the
@@ -325,6 +327,7 @@ impl<'a, P> Assembler<'a, P> {
             streams,
             filters: std::mem::take(&mut self.inside),
             gravity: self.gravity,
+            fingerprint: crate::navigator::fingerprint(&design.document),
         })
     }
 }

@@ -1,7 +1,10 @@
 //! The embeddable filter: load, feed, read.
 
+mod checkpoint;
 mod error;
 
+pub use checkpoint::CheckpointError;
+pub(crate) use checkpoint::fingerprint;
 pub use error::FeedError;
 
 use crate::assembly::{Assembly, StreamLayout, assemble, declared_streams};
@@ -11,6 +14,7 @@ use crate::observe::Filters;
 use crate::rows::Aboard;
 use crate::run::examine::build;
 use crate::solution::{Solution, SolutionReader};
+use fusion_core::memory::{self, Memory, Tape};
 use fusion_core::runner::{Event, Observer, Row, RunError, StreamId};
 use fusion_core::state::{Belief, Layout};
 use fusion_core::time::Time;
@@ -228,9 +232,28 @@ impl Navigator {
     /// the rest of the time is predicted; where the input is missing, with the vehicle's agility, so that
     /// σ grows. `None` until the filter has started, and where it would have stopped by then. The
     /// filter itself does not change. For a time before that of [`Navigator::solution`] it is that one.
-    pub fn solution_at(&mut self, seconds: f64) -> Option<Solution> {
+    pub fn predict(&mut self, seconds: f64) -> Option<Solution> {
         let belief = self.assembly.runner.predicted(Time::from_seconds(seconds))?;
         Some(self.reader.read(&belief))
+    }
+
+    /// Everything that the filter remembers, with what rows it holds back and, where it goes back for late
+    /// rows, its snapshots. Another navigator of the same design that is [restored](Self::restore) to it
+    /// goes on, bit for bit, as this one would.
+    pub fn checkpoint(&mut self) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        memory::save(self, &mut bytes);
+        checkpoint::sealed(self.assembly.fingerprint, &bytes)
+    }
+
+    /// Goes on from a checkpoint.
+    ///
+    /// # Errors
+    /// [`CheckpointError`] where the bytes are not whole, or of another design or version; the navigator is
+    /// as it was.
+    pub fn restore(&mut self, checkpoint: &[u8]) -> Result<(), CheckpointError> {
+        let bytes = checkpoint::opened(self.assembly.fingerprint, checkpoint)?;
+        memory::restore(self, bytes).map_err(|_| CheckpointError::Damaged)
     }
 
     /// The whole belief: state and covariance; `None` until the filter has started.
@@ -278,7 +301,14 @@ impl Navigator {
 /// Carried by a vehicle of a simulated world, which it steers.
 impl Aboard for Navigator {
     fn solution(&mut self, now: Time) -> Option<Solution> {
-        self.solution_at(now.seconds())
+        self.predict(now.seconds())
+    }
+}
+
+impl Memory for Navigator {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.counts.as_mut_slice().remember(tape);
+        self.assembly.runner.remember(tape);
     }
 }
 

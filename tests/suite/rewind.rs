@@ -141,7 +141,7 @@ fn lateness(kind: usize, random: &mut Lcg, rows: &[Fed]) -> Vec<i64> {
     each.collect()
 }
 
-fn shuffled(kind: usize, random: &mut Lcg, rows: &[Fed]) -> Vec<Fed> {
+pub fn shuffled(kind: usize, random: &mut Lcg, rows: &[Fed]) -> Vec<Fed> {
     let late = lateness(kind, random, rows);
     let mut order: Vec<usize> = (0..rows.len()).collect();
     // Rows of one stream and one stamp stay in order: nothing else tells them apart.
@@ -174,7 +174,7 @@ fn obeys(name: &str, read: impl Fn(&[&str]) -> (Design, Options), most: usize) {
     }
 }
 
-fn designs(folder: &str) -> Vec<PathBuf> {
+pub fn designs(folder: &str) -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
     let files = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let mut files: Vec<PathBuf> = files.filter(|path| path.extension().is_some_and(|e| e == "toml")).collect();

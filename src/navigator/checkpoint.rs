@@ -1,0 +1,208 @@
+//! What a navigator remembers, kept longer than its process.
+//!
+//! ```text
+//! "fusion" 0x00 0x1a    8 bytes: what this is, text or truncated text by no chance
+//! version               u32: that of this format
+//! design                u64: a number made of everything that the design says of the filter
+//! length                u64: bytes that follow the checksum
+//! checksum              u64: of those
+//! memory                as `fusion_core::memory` writes it
+//! ```
+//!
+//! All little-endian. Numbers made of text and bytes are FNV-1a of 64 bits: they find accidents, not
+//! forgeries.
+
+use crate::config::{Document, Node, Value};
+use thiserror::Error;
+
+const MAGIC: [u8; 8] = *b"fusion\0\x1a";
+/// Raised whenever what is remembered, or how it is written, changes.
+const VERSION: u32 = 1;
+const HEADER: usize = 36;
+
+/// Why bytes are no checkpoint to go on from.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum CheckpointError {
+    /// They are something else.
+    #[error("this is no checkpoint")]
+    Other,
+    /// Another version of this program wrote them.
+    #[error("this checkpoint has version {found}, and this program reads version {VERSION}: start anew")]
+    Version {
+        /// The version found.
+        found: u32,
+    },
+    /// They end too early, or too late.
+    #[error("this checkpoint should have {wanted} bytes and has {found}: it was not written to its end, or something was added")]
+    Length {
+        /// Bytes that it says it has.
+        wanted: u64,
+        /// Bytes that there are.
+        found: u64,
+    },
+    /// They are not those that were written.
+    #[error("this checkpoint is damaged: its checksum is another")]
+    Damaged,
+    /// They are of another design.
+    #[error(
+        "this checkpoint is of another design; what the design says of process, sensors, stages, initialisers and filter must be as it was"
+    )]
+    Design,
+}
+
+/// The tables of a design that its filter does not depend on: where rows come from, and what becomes of
+/// the estimates.
+const OUTSIDE: [&str; 6] = ["source", "simulation", "reference", "stress", "variant", "include"];
+/// The same of the keys under `run`.
+const OUTSIDE_RUN: [&str; 7] = ["description", "data_dir", "start", "stop", "output_rate", "smooth", "seed"];
+
+/// A number made of everything that a design says of its filter, in the order of the file.
+#[must_use]
+pub(crate) fn fingerprint(document: &Document) -> u64 {
+    let mut hash = Fnv::new();
+    for entry in document.root().entries().iter().filter(|e| !OUTSIDE.contains(&e.key.as_str())) {
+        hash.text(&entry.key);
+        if entry.key == "run" {
+            let keys = entry.node.entries().iter();
+            for entry in keys.filter(|e| !OUTSIDE_RUN.contains(&e.key.as_str())) {
+                hash.text(&entry.key);
+                hash.node(&entry.node);
+            }
+        } else {
+            hash.node(&entry.node);
+        }
+    }
+    hash.0
+}
+
+/// A checkpoint of `memory`, of a filter with the `design`'s fingerprint.
+pub(crate) fn sealed(design: u64, memory: &[u8]) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(HEADER + memory.len());
+    bytes.extend(MAGIC);
+    bytes.extend(VERSION.to_le_bytes());
+    bytes.extend(design.to_le_bytes());
+    bytes.extend((memory.len() as u64).to_le_bytes());
+    bytes.extend(checksum(memory).to_le_bytes());
+    bytes.extend(memory);
+    bytes
+}
+
+/// The memory in a checkpoint.
+pub(crate) fn opened(design: u64, bytes: &[u8]) -> Result<&[u8], CheckpointError> {
+    let found = bytes.len() as u64;
+    let (magic, rest) = bytes.split_first_chunk::<8>().ok_or(CheckpointError::Other)?;
+    if *magic != MAGIC {
+        return Err(CheckpointError::Other);
+    }
+    let too_short = CheckpointError::Length {
+        wanted: HEADER as u64,
+        found,
+    };
+    let (version, rest) = rest.split_first_chunk().ok_or(too_short)?;
+    match u32::from_le_bytes(*version) {
+        VERSION => {}
+        found => return Err(CheckpointError::Version { found }),
+    }
+    let (of, rest) = rest.split_first_chunk().ok_or(too_short)?;
+    let (length, rest) = rest.split_first_chunk().ok_or(too_short)?;
+    let (sum, memory) = rest.split_first_chunk().ok_or(too_short)?;
+    let wanted = u64::from_le_bytes(*length).saturating_add(HEADER as u64);
+    if wanted != found {
+        return Err(CheckpointError::Length { wanted, found });
+    }
+    if u64::from_le_bytes(*sum) != checksum(memory) {
+        return Err(CheckpointError::Damaged);
+    }
+    if u64::from_le_bytes(*of) != design {
+        return Err(CheckpointError::Design);
+    }
+    Ok(memory)
+}
+
+fn checksum(bytes: &[u8]) -> u64 {
+    let mut hash = Fnv::new();
+    hash.bytes(bytes);
+    hash.0
+}
+
+/// FNV-1a.
+struct Fnv(u64);
+
+impl Fnv {
+    const fn new() -> Self {
+        Self(0xcbf2_9ce4_8422_2325)
+    }
+
+    fn bytes(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            self.0 = (self.0 ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+
+    /// Text and its length, so that no two lists of texts are alike.
+    fn text(&mut self, text: &str) {
+        self.bytes(&(text.len() as u64).to_le_bytes());
+        self.bytes(text.as_bytes());
+    }
+
+    fn node(&mut self, node: &Node) {
+        match node.value() {
+            Value::Table { entries, .. } => {
+                self.text("{");
+                for entry in entries {
+                    self.text(&entry.key);
+                    self.node(&entry.node);
+                }
+                self.text("}");
+            }
+            Value::Array(items) => {
+                self.text("[");
+                items.iter().for_each(|item| self.node(item));
+                self.text("]");
+            }
+            value => self.text(&format!("{value:?}")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_checkpoint_that_is_not_whole_is_refused() {
+        let bytes = sealed(7, b"everything");
+        assert_eq!(opened(7, &bytes), Ok(&b"everything"[..]));
+        assert_eq!(opened(8, &bytes), Err(CheckpointError::Design));
+        for end in 0..bytes.len() {
+            let refused = opened(7, &bytes[..end]).unwrap_err();
+            let is_told = matches!(refused, CheckpointError::Length { .. }) || end < 8;
+            assert!(is_told, "{end}: {refused}");
+        }
+        let longer = [bytes.as_slice(), b"!"].concat();
+        assert!(matches!(opened(7, &longer), Err(CheckpointError::Length { .. })));
+        for at in 0..bytes.len() {
+            let mut wrong = bytes.clone();
+            wrong[at] ^= 0x10;
+            assert!(opened(7, &wrong).is_err(), "byte {at}");
+        }
+    }
+
+    #[test]
+    fn what_says_nothing_of_the_filter_leaves_the_fingerprint() {
+        let of = |text: &str| fingerprint(&Document::parse("design.toml", text).0);
+        let text = "run.reorder = '1 s'\nprocess.type = 'hold'\nsource.a.path = 'x'";
+        assert_eq!(
+            of(text),
+            of("run.reorder = '1 s'\nrun.stop = 5\nprocess.type = 'hold'\nsource.a.path = 'y'")
+        );
+        for other in [
+            "run.reorder = '2 s'\nprocess.type = 'hold'",
+            "run.reorder = '1 s'\nprocess.type = 'holds'",
+            "run.reorder = '1 s'\nprocess.type = 'hold'\nprocess.x = 1",
+        ] {
+            assert_ne!(of(text), of(other), "{other}");
+        }
+    }
+}
