@@ -336,6 +336,13 @@ pub trait StageSpec: Debug + Send + Sync {
     /// What its rows consist of.
     fn output(&self) -> Vec<Channel>;
 
+    /// By how many seconds it sees the rows of each input before their stamps, so that what it emits may
+    /// be valid that much earlier; none for a stage that sees rows when they are stamped. All rows of the
+    /// run are held back as long as the longest of them.
+    fn ahead(&self) -> Vec<f64> {
+        Vec::new()
+    }
+
     /// Makes the stage. The layout is complete by then; quantities may be read, not declared.
     ///
     /// # Errors

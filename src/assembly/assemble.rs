@@ -10,6 +10,7 @@ use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::model::{Process, Size};
 use fusion_core::runner::{InitialiserUnit, InputLimits, Port, Runner, Sensor, StageUnit};
 use fusion_core::state::{Block, Dynamics, Layout, LayoutBuilder};
+use fusion_core::time::nanos;
 use fusion_models::block::{Build, BuildError};
 use fusion_models::earth::Gravity;
 use std::sync::Arc;
@@ -235,7 +236,10 @@ impl<'a, P> Assembler<'a, P> {
         for unit in &self.design.stages {
             let built = is_moved.then(|| self.build(unit, |s, b| s.build(b))).flatten();
             let inputs = self.listen(&unit.node, &unit.block.inputs());
-            if let (Some(stage), Some(inputs)) = (built, inputs) {
+            if let (Some(stage), Some(mut inputs)) = (built, inputs) {
+                for (port, seconds) in inputs.iter_mut().zip(unit.block.ahead()) {
+                    port.delay = port.delay.saturating_add(nanos(seconds));
+                }
                 let output = self.position(&unit.name);
                 let name = unit.name.clone();
                 units.push(StageUnit {

@@ -11,7 +11,7 @@ use fusion::models::block::Listen;
 use fusion::models::units::Dimension;
 use fusion::present::{Cell, Column, Page, Section, Table, Unit, short};
 use fusion::run::{Options, data_dir};
-use fusion::world::{SimulatedRows, UNITS};
+use fusion::world::{INSTRUMENTS, SimulatedRows};
 use std::path::Path;
 
 #[derive(Debug, Args)]
@@ -380,9 +380,9 @@ fn faults(design: &Design) -> Table {
         add(&named.node, &named.name);
     }
     let simulation = design.simulation.as_ref().map(|s| &s.node);
-    for unit in UNITS {
-        if let Some(table) = simulation.and_then(|s| s.get(unit)) {
-            add(table, unit);
+    for (stream, table) in INSTRUMENTS {
+        if let Some(table) = simulation.and_then(|s| s.at(table)) {
+            add(table, stream);
         }
     }
     if let Some(sensors) = simulation.and_then(|s| s.get("sensor")) {

@@ -13,6 +13,8 @@ use super::diagnostic::{Diagnostic, Place, Source};
 #[derive(Clone, Debug)]
 pub struct Document {
     pub(super) root: Node,
+    /// The same without the variants that were laid over it; none where none was.
+    pub(super) base: Option<Box<Node>>,
 }
 
 /// A value with its places.
@@ -84,12 +86,19 @@ impl Document {
             name: place.clone(),
             place,
         };
-        (Self { root }, grower.found)
+        (Self { root, base: None }, grower.found)
     }
 
     /// A document of one table of this one.
     pub(crate) fn within(&self, table: Node) -> Self {
-        Self { root: table }
+        Self { root: table, base: None }
+    }
+
+    /// The document without the variants that were laid over it.
+    #[must_use]
+    pub fn base(&self) -> Self {
+        let root = self.base.as_deref().unwrap_or(&self.root).clone();
+        Self { root, base: None }
     }
 
     /// The whole tree.

@@ -1,6 +1,7 @@
 //! Changing a declaration without touching its file: one value from the command line, or a whole
 //! variant kept in the file itself.
 
+use core::ops::Range;
 use std::sync::Arc;
 
 use toml::de::DeValue;
@@ -35,26 +36,10 @@ impl Document {
             return Err(wanted().label("a value is missing after `=`"));
         }
 
-        let mut node = &mut self.root;
-        let mut start = PREFIX.len();
-        while let Some(length) = text[start..equals].find('.') {
-            let key = text[start..start + length].trim();
-            node = child(node, key, &Place::text(&source, start..start + length))?;
-            start += length + 1;
-        }
-        let key = text[start..equals].trim();
-        let name = Place::text(&source, start..equals);
-        let new = parse_value(&source, equals + 1, &name)?;
-        if let Some(old) = node.get_mut(key) {
-            *old = new;
-            return Ok(());
-        }
-        match &mut node.value {
-            Value::Table { entries, .. } if !key.is_empty() => entries.push(Entry {
-                key: key.to_owned(),
-                node: new,
-            }),
-            _ => return Err(unknown(node, key, &name)),
+        assign(&mut self.root, &source, PREFIX.len()..equals)?;
+        if let Some(base) = &mut self.base {
+            // What only a variant has is not there.
+            drop(assign(base, &source, PREFIX.len()..equals));
         }
         Ok(())
     }
@@ -80,9 +65,35 @@ impl Document {
             return Err(Diagnostic::error(format!("`{path}` is not a table")).at(&node.place));
         };
         let over = node.clone();
+        self.base.get_or_insert_with(|| Box::new(self.root.clone()));
         merge(&mut self.root, &over);
         Ok(())
     }
+}
+
+/// Sets the value at the path that stands at `path` of an argument; the value follows it and `=`.
+fn assign(root: &mut Node, source: &Arc<Source>, path: Range<usize>) -> Result<(), Diagnostic> {
+    let (mut node, mut start) = (root, path.start);
+    while let Some(length) = source.text[start..path.end].find('.') {
+        let key = source.text[start..start + length].trim();
+        node = child(node, key, &Place::text(source, start..start + length))?;
+        start += length + 1;
+    }
+    let key = source.text[start..path.end].trim();
+    let name = Place::text(source, start..path.end);
+    let new = parse_value(source, path.end + 1, &name)?;
+    if let Some(old) = node.get_mut(key) {
+        *old = new;
+        return Ok(());
+    }
+    match &mut node.value {
+        Value::Table { entries, .. } if !key.is_empty() => entries.push(Entry {
+            key: key.to_owned(),
+            node: new,
+        }),
+        _ => return Err(unknown(node, key, &name)),
+    }
+    Ok(())
 }
 
 /// The child of that name, made where a table has none.

@@ -206,7 +206,7 @@ impl Composer {
                 return None;
             }
         };
-        let (Document { mut root }, mistakes) = Document::parse(&name, &text);
+        let (Document { mut root, .. }, mistakes) = Document::parse(&name, &text);
         self.found.extend(mistakes);
         self.chain.push((identity.clone(), name));
         self.compose(&mut root, folder(path));

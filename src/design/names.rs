@@ -2,7 +2,7 @@
 
 use super::Draft;
 use crate::config::{Diagnostic, Diagnostics, Entry, INCLUDE, Node};
-use fusion_models::sim::{REFERENCE, UNITS};
+use fusion_models::sim::{INSTRUMENTS, REFERENCE, SimulationSpec};
 
 /// Tables that may stand at the top of a design.
 pub(super) const TABLES: [&str; 12] = [
@@ -68,10 +68,16 @@ fn check_streams(design: &Draft, d: &mut Diagnostics) {
         if design.sources.iter().any(|s| s.name == name) {
             taken("a source and of a stage", "names of streams must differ; rename one of the two");
         }
-        if world.is_some_and(|w| UNITS.contains(&name) || name == REFERENCE || w.sensor.contains_key(name)) {
+        if world.is_some_and(|w| is_instrument(w, name) || name == REFERENCE || w.sensor.contains_key(name)) {
             taken("a stream of the simulated world", "rename the stage, here and where it is read");
         }
     }
+}
+
+/// Whether a stream of this name is that of an instrument of the world; those of a ship are free without one.
+fn is_instrument(world: &SimulationSpec, name: &str) -> bool {
+    let is_free = |table: &str| world.ship.is_none() && table.starts_with("ship.");
+    INSTRUMENTS.iter().any(|(stream, table)| *stream == name && !is_free(table))
 }
 
 /// What is simulated is a sensor.

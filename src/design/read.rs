@@ -7,7 +7,7 @@ use super::{
 use crate::config::{Diagnostic, Diagnostics, Document, Entry, Node, Value, did_you_mean};
 use fusion_models::block::{InitialiserSpec, StageSpec};
 use fusion_models::registry::{self, Role};
-use fusion_models::sim::UNITS;
+use fusion_models::sim::INSTRUMENTS;
 use serde::Deserialize;
 
 /// A whole design.
@@ -367,9 +367,10 @@ fn read_simulation(node: &Node, root: &Node, d: &mut Diagnostics) -> Option<Simu
         drop(sensors.split_off(&off));
     }
     let mut faults = Vec::new();
-    for unit in UNITS {
-        let Some(table) = own.get_mut(unit) else { continue };
-        faults.push((unit.to_owned(), read_faults(table.take("fault").as_ref(), d)));
+    for (stream, table) in INSTRUMENTS {
+        let found = table.split('.').try_fold(&mut own, |node, key| node.get_mut(key));
+        let Some(table) = found else { continue };
+        faults.push((stream.to_owned(), read_faults(table.take("fault").as_ref(), d)));
     }
     if let Some(sensors) = own.get_mut("sensor") {
         for sensor in sensors.entries_mut() {

@@ -261,12 +261,7 @@ impl Builder {
             }
         }
         for path in ["/imu", "/odometry", "/sensor/additionalProperties"] {
-            let name = properties
-                .pointer(path)
-                .and_then(|s| s[REF].as_str())
-                .and_then(|r| r.rsplit('/').next())
-                .map(str::to_owned);
-            let target = match name {
+            let target = match named(properties.pointer(path)) {
                 Some(name) => self.defs.get_mut(&name),
                 None => properties.pointer_mut(path),
             };
@@ -274,8 +269,23 @@ impl Builder {
                 property(target, "fault", faults.clone());
             }
         }
+        let ship = named(properties.get("ship")).and_then(|ship| self.defs.get(&ship));
+        let instruments = ["gps", "attitude", "usbl"].map(|of| named(ship.and_then(|ship| ship["properties"].get(of))));
+        for instrument in instruments.into_iter().flatten() {
+            if let Some(target) = self.defs.get_mut(&instrument) {
+                property(target, "fault", faults.clone());
+            }
+        }
         schema
     }
+}
+
+/// The definition that a schema refers to, or one of its choices.
+fn named(schema: Option<&Value>) -> Option<String> {
+    let schema = schema?;
+    let choices = schema["anyOf"].as_array().map_or(&[][..], Vec::as_slice);
+    let mut refers = core::iter::once(schema).chain(choices).filter_map(|s| s[REF].as_str());
+    refers.next()?.rsplit('/').next().map(str::to_owned)
 }
 
 fn property(schema: &mut Value, name: &str, value: Value) {

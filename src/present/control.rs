@@ -20,6 +20,8 @@ pub(super) fn section(record: Option<&Record>) -> Option<Section> {
         Column::with_unit("across RMS", metre()),
         Column::with_unit("max", metre()),
         Column::with_unit("at the end", metre()),
+        Column::with_unit("end north", metre()),
+        Column::with_unit("east", metre()),
     ]);
     for leg in &record.legs {
         legs.row(cells(leg));
@@ -45,6 +47,10 @@ fn cells(leg: &Leg) -> Vec<Cell> {
         Some(e) => cells.extend([e.rms, e.max, e.last].map(|d| Cell::Fixed(d, 3))),
         None => cells.extend([const { Cell::Empty }; 3]),
     }
+    match leg.miss {
+        Some(miss) => cells.extend(miss.map(|d| Cell::Fixed(d, 3))),
+        None => cells.extend([const { Cell::Empty }; 2]),
+    }
     cells
 }
 
@@ -53,7 +59,7 @@ pub(super) fn spread(campaign: &Campaign) -> Option<Section> {
     type Figure = fn(&Record) -> f64;
     let records = || campaign.rows.iter().filter_map(|row| row.control.as_ref());
     records().next()?;
-    let figures: [(&str, &str, Figure); 5] = [
+    let figures: [(&str, &str, Figure); 6] = [
         ("heading at the end of a task, largest", "rad", |r| {
             most(r, |leg| Some(leg.heading?.errors.last))
         }),
@@ -62,6 +68,9 @@ pub(super) fn spread(campaign: &Campaign) -> Option<Section> {
         }),
         ("across at the end of a task, largest", "m", |r| {
             most(r, |leg| Some(leg.across?.last))
+        }),
+        ("from the target at the end of a task, largest", "m", |r| {
+            most(r, |leg| leg.miss.map(|[n, e]| n.hypot(e)))
         }),
         ("from start to end", "m", |r| r.closure[0].hypot(r.closure[1])),
         ("way", "m", |r| r.way),

@@ -12,7 +12,7 @@ use fusion_core::time::{Time, nanos};
 use fusion_models::block::{Channel, Shape};
 use fusion_models::fault::{FaultContext, FaultSpec, ProvidedChannel, derive_seed};
 use fusion_models::registry::{self, Role};
-use fusion_models::sim::{REFERENCE, UNITS};
+use fusion_models::sim::{INSTRUMENTS, REFERENCE, UNITS};
 use fusion_models::units::{Dimension, Dimensional, dim};
 
 /// A fault, or a pair of them, on a design.
@@ -127,11 +127,11 @@ fn targets<'a>(design: &Design, assembly: &'a Assembly) -> Vec<Target<'a>> {
     for (stream, layout) in assembly.streams.iter().enumerate() {
         let name = layout.name.as_str();
         let is_reference = name == REFERENCE || design.reference.as_ref().is_some_and(|r| r.block.source == name);
-        let unit = UNITS.into_iter().find(|unit| stream_of(design, unit) == name);
+        let own = INSTRUMENTS.into_iter().find(|(stream, _)| stream_of(design, stream) == name);
         let path = if design.simulation.is_none() {
             format!("source.{name}.fault")
-        } else if let Some(unit) = unit {
-            format!("simulation.{unit}.fault")
+        } else if let Some((_, table)) = own {
+            format!("simulation.{table}.fault")
         } else {
             format!("simulation.sensor.{name}.fault")
         };

@@ -5,7 +5,7 @@ use crate::design::{Draft, Named, SimulationDesign};
 use crate::rows::{FaultChain, provided};
 use fusion_models::block::{Channel, imu_channels};
 use fusion_models::fault::{FaultSpec, derive_seed};
-use fusion_models::sim::{IMU, ODOMETRY, SensorError, UNITS, odometry_channels};
+use fusion_models::sim::{IMU, INSTRUMENTS, ODOMETRY, SHIP_STREAMS, SensorError, odometry_channels, ship_channels};
 
 /// Tells `d` every mistake of the trajectory, the rates, the errors of simulated sensors and the
 /// faults of simulated streams.
@@ -21,6 +21,9 @@ pub(crate) fn check(draft: &Draft, d: &mut Diagnostics) {
     let mistakes = |stream: &str, channels: &[Channel]| faults(simulation, stream, channels, 0).err().unwrap_or_default();
     d.extend(mistakes(IMU, &imu_channels()));
     d.extend(mistakes(ODOMETRY, &odometry_channels()));
+    for (i, stream) in SHIP_STREAMS.into_iter().enumerate() {
+        d.extend(mistakes(stream, &ship_channels(i)));
+    }
     for sensor in &draft.sensors {
         let (Some(errors), reading) = (world.sensor.get(&sensor.name), sensor.block.model.reading()) else {
             continue;
@@ -44,11 +47,8 @@ pub(super) fn no_origin(simulation: &Named<SimulationDesign>) -> Diagnostic {
 
 /// The table within `[simulation]` that declares a simulated stream.
 fn table(stream: &str) -> String {
-    if UNITS.contains(&stream) {
-        stream.to_owned()
-    } else {
-        format!("sensor.{stream}")
-    }
+    let own = INSTRUMENTS.iter().find(|(own, _)| *own == stream);
+    own.map_or_else(|| format!("sensor.{stream}"), |(_, table)| (*table).to_owned())
 }
 
 /// The faults declared for a simulated stream.

@@ -2,11 +2,12 @@
 //! faults, and the truth as the reference.
 
 mod check;
+mod pilot;
 mod simulated;
 #[cfg(test)]
 mod tests;
 
 pub(crate) use check::check;
-pub use fusion_models::sim::{REFERENCE, UNITS};
+pub use fusion_models::sim::{INSTRUMENTS, REFERENCE};
 pub use simulated::SimulatedRows;
 pub(crate) use simulated::drawn_start;

@@ -1,6 +1,7 @@
 //! The rows of a simulated world.
 
 use super::check::{faults, no_origin};
+use super::pilot;
 use crate::assembly::{Assembly, SensorInfo, stream_of};
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::{Design, Named, SimulationDesign};
@@ -12,7 +13,7 @@ use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::runner::{InitialiserUnit, StreamId};
 use fusion_core::time::Time;
 use fusion_models::earth::LocalFrame;
-use fusion_models::sim::{DrawnStart, Next, Record, Seen, Setup, SimulatedSensor, SimulatedStream, SimulationSpec, Simulator};
+use fusion_models::sim::{DrawnStart, Next, Record, Script, Seen, Setup, SimulatedSensor, SimulatedStream, SimulationSpec, Simulator};
 use fusion_models::vocabulary::state;
 use nalgebra::Vector2;
 
@@ -43,16 +44,22 @@ impl SimulatedRows {
     ///
     /// # Errors
     /// Mistakes of the declared world.
-    pub fn new(design: &Design, simulation: &Named<SimulationDesign>, assembly: &Assembly, seed: Option<u64>) -> Result<Self, Diagnostics> {
+    pub fn new(
+        design: &Design,
+        simulation: &Named<SimulationDesign>,
+        assembly: &Assembly,
+        given: Option<u64>,
+    ) -> Result<Self, Diagnostics> {
         let SimulationDesign { world, .. } = &simulation.block;
-        let seed = seed_of(design, world, seed);
+        let seed = seed_of(design, world, given);
         let Some(origin) = design.run.origin else {
             return Err(no_origin(simulation).into());
         };
-        let simulator = simulator(design, simulation, assembly, seed)?;
-        if world.vehicle.is_some() {
+        let script = pilot::script(design, simulation, given)?;
+        if world.vehicle.is_some() && script.is_none() {
             check_estimate(simulation, assembly)?;
         }
+        let simulator = simulator(design, simulation, assembly, (seed, script))?;
         let (mut d, mut outlets) = (Diagnostics::new(), Vec::new());
         for SimulatedStream { name, channels } in simulator.streams() {
             let read_as = stream_of(design, name);
@@ -99,7 +106,7 @@ impl SimulatedRows {
                 let stamp = self.outlets[from].faults.deliver(&mut self.values)?;
                 return Some((from, stamp));
             }
-            if let Some(now) = self.steers.take() {
+            if let Some(now) = self.steers.take().filter(|now| self.simulator.listens(*now)) {
                 let seen = aboard.solution(now).and_then(|solution| self.seen(now, &solution));
                 self.simulator.steer(now, seen.as_ref());
             }
@@ -127,6 +134,11 @@ impl SimulatedRows {
                 return Some((from, stamp));
             }
         }
+    }
+
+    /// The commands that a vehicle has had, where it is steered.
+    pub(super) fn script(&self) -> Option<Script> {
+        self.simulator.script()
     }
 
     /// The part of a solution that steers.
@@ -225,7 +237,12 @@ pub(crate) fn drawn_start(
 }
 
 /// The simulator of the declared world, with the sensors of the assembly that it simulates.
-fn simulator(design: &Design, simulation: &Named<SimulationDesign>, assembly: &Assembly, seed: u64) -> Result<Simulator, Diagnostics> {
+fn simulator(
+    design: &Design,
+    simulation: &Named<SimulationDesign>,
+    assembly: &Assembly,
+    (seed, script): (u64, Option<Script>),
+) -> Result<Simulator, Diagnostics> {
     let world = &simulation.block.world;
     let Some(origin) = design.run.origin else {
         return Err(no_origin(simulation).into());
@@ -249,5 +266,5 @@ fn simulator(design: &Design, simulation: &Named<SimulationDesign>, assembly: &A
         gravity: assembly.gravity,
         sensors: sensors.collect(),
     };
-    Simulator::new(world, setup, seed).map_err(|e| simulation.node.locate(&e).into())
+    Simulator::new(world, setup, seed, script).map_err(|e| simulation.node.locate(&e).into())
 }

@@ -243,9 +243,46 @@ fn an_estimate_that_runs_away_is_caught_within_45_seconds() {
 
 #[test]
 fn the_square_of_the_tracked_vehicle_is_driven_in_each_of_fifty_runs() {
-    let design = crate::steered::design("utv-square.toml", &[], &[]);
-    let c = monte_carlo(&design, &Options::default(), 50, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"));
+    let c = steered("utv-square.toml", &[], 50);
     let records: Vec<_> = c.rows.iter().filter_map(|row| row.control.as_ref()).collect();
     assert_eq!(records.len(), 50);
     records.into_iter().for_each(crate::steered::check_square);
+}
+
+/// The campaign of a design with a vehicle.
+fn steered(file: &str, variants: &[&str], runs: u64) -> Campaign {
+    let design = crate::steered::design(file, variants, &[]);
+    monte_carlo(&design, &Options::default(), runs, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"))
+}
+
+#[test]
+fn the_straight_run_of_the_robot_ends_near_its_target_in_nine_of_ten_runs() {
+    let c = steered("uri-r-straight.toml", &[], 50);
+    let near = c
+        .rows
+        .iter()
+        .filter(|row| row.control.as_ref().is_some_and(crate::steered::is_near))
+        .count();
+    println!("straight run: near its target in {near} of 50 runs");
+    assert!(near >= 45, "{near}");
+}
+
+#[test]
+fn the_sea_trial_is_better_with_the_filter_than_with_fixes_alone_in_each_of_twenty_runs() {
+    let (chna, usbl) = (
+        steered("uri-r-sea-trial.toml", &[], 20),
+        steered("uri-r-sea-trial.toml", &["usbl-only"], 20),
+    );
+    for (a, b) in chna.rows.iter().zip(&usbl.rows) {
+        assert!(a.control.as_ref().is_some_and(|c| c.is_done), "seed {}", a.seed);
+        assert!(
+            horizontal(a) < horizontal(b),
+            "seed {}: {} {}",
+            a.seed,
+            horizontal(a),
+            horizontal(b)
+        );
+    }
+    let mean = |c: &Campaign| c.spread(horizontal).unwrap().mean;
+    println!("sea trial: RMS {:.3} m, fixes alone {:.3} m", mean(&chna), mean(&usbl));
 }

@@ -20,6 +20,15 @@ use std::collections::VecDeque;
 /// A step of the vehicle \[ns\].
 const STEP: i64 = 10_000_000;
 
+/// Commands that a vehicle has had: given again, they lead it the same way.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Script {
+    /// By the instant from which on each holds, in order.
+    pub commands: VecDeque<(Time, Command)>,
+    /// When the run ends.
+    pub end: Time,
+}
+
 /// A controlled vehicle with its mission.
 #[derive(Debug)]
 pub struct ClosedLoop {
@@ -32,6 +41,9 @@ pub struct ClosedLoop {
     record: Record,
     start: Vector3<f64>,
     command: Command,
+    /// What was asked for so far, or will be.
+    script: Script,
+    is_replayed: bool,
     /// The ends of the step at hand.
     before: (Time, Motion),
     after: (Time, Motion),
@@ -70,6 +82,8 @@ impl ClosedLoop {
             record: Record::default(),
             start: motion.position,
             command: Command::default(),
+            script: Script::default(),
+            is_replayed: false,
             before: (Time::default(), motion),
             after: (Time::default(), motion),
             truth: Truth {
@@ -79,6 +93,26 @@ impl ClosedLoop {
             },
             plane,
             end: Time::from_seconds(crew.longest),
+        }
+    }
+
+    /// The vehicle of `crew` under the commands of `script`, whatever its controller would say.
+    #[must_use]
+    pub fn replayed(crew: Crew, plane: Plane, script: Script) -> Self {
+        let end = script.end;
+        Self {
+            script,
+            is_replayed: true,
+            end,
+            ..Self::new(crew, plane)
+        }
+    }
+
+    /// From here on the vehicle is asked for this.
+    fn ask(&mut self, command: Command) {
+        if command != self.command {
+            self.command = command;
+            self.script.commands.push_back((self.after.0, command));
         }
     }
 
@@ -99,10 +133,17 @@ impl ClosedLoop {
         }
     }
 
+    /// Where the vehicle truly is, north and east.
+    fn place(&self) -> Vector2<f64> {
+        let position = self.motion_at(self.truth.time).position;
+        Vector2::new(position.x, position.y)
+    }
+
     /// Ends the leg at hand, if there is one.
     fn end_leg(&mut self) {
         if let Some(leg) = self.leg.take() {
-            self.record.legs.push(leg.finish(self.truth.time));
+            let here = self.place();
+            self.record.legs.push(leg.finish(self.truth.time, &here));
         }
     }
 
@@ -112,7 +153,7 @@ impl ClosedLoop {
             if self.leg.is_none() {
                 task.begin(seen);
                 self.control.begin();
-                self.leg = Some(Running::new(task.name(), self.truth.time));
+                self.leg = Some(Running::new(task.name(), task.target(), self.truth.time));
             }
             if let Some(goal) = task.goal(seen) {
                 return Some(goal);
@@ -131,6 +172,10 @@ impl World for ClosedLoop {
 
     fn advance(&mut self, to: Time) -> &Truth {
         while self.after.0 < to {
+            let due = |script: &Script, now| script.commands.front().is_some_and(|(from, _)| *from <= now);
+            while self.is_replayed && due(&self.script, self.after.0) {
+                self.command = self.script.commands.pop_front().map_or(self.command, |(_, command)| command);
+            }
             self.before = self.after;
             self.vehicle.step(&self.command, STEP as f64 * 1e-9);
             let motion = self.vehicle.motion();
@@ -154,30 +199,48 @@ impl World for ClosedLoop {
     }
 
     fn control_rate(&self) -> Option<f64> {
-        Some(self.rate)
+        (!self.is_replayed).then_some(self.rate)
+    }
+
+    fn listens(&self, now: Time) -> bool {
+        let stands = self.command == Command::default() && self.leg.is_some();
+        !(stands && self.tasks.front().is_some_and(|task| task.is_idle(now)))
     }
 
     fn steer(&mut self, now: Time, seen: Option<&Seen>) {
         let Some(seen) = seen else {
-            self.command = Command::default();
+            self.ask(Command::default());
             return;
         };
         let Some(goal) = self.goal(seen) else {
-            self.command = Command::default();
+            self.ask(Command::default());
             self.record.is_done = true;
             self.end = self.end.min(now);
             return;
         };
-        self.command = self.control.command(&goal, seen);
+        let command = self.control.command(&goal, seen);
+        self.ask(command);
         let motion = self.motion_at(now.min(self.after.0));
         if let Some(leg) = &mut self.leg {
             leg.add(&goal, &Vector2::new(motion.position.x, motion.position.y), motion.rpy.z);
         }
     }
 
+    fn script(&self) -> Option<Script> {
+        (!self.is_replayed).then(|| Script {
+            end: self.end,
+            ..self.script.clone()
+        })
+    }
+
     fn record(&self) -> Option<Record> {
+        if self.is_replayed {
+            return None;
+        }
         let mut record = self.record.clone();
-        record.legs.extend(self.leg.as_ref().map(|leg| leg.finish(self.truth.time)));
+        record
+            .legs
+            .extend(self.leg.as_ref().map(|leg| leg.finish(self.truth.time, &self.place())));
         record.closure = (self.motion_at(self.truth.time).position - self.start).into();
         Some(record)
     }
@@ -214,7 +277,7 @@ mod tests {
 
     fn world() -> Box<dyn World> {
         let spec: SimulationSpec = toml::from_str(WORLD).unwrap();
-        spec.world(Geodetic::new(0.63, 2.2593, -23.0), Gravity::default(), 1).unwrap()
+        spec.world(Geodetic::new(0.63, 2.2593, -23.0), Gravity::default(), 1, None).unwrap()
     }
 
     /// A pilot that knows where it is: what is true, in the plane.
@@ -275,6 +338,29 @@ mod tests {
         let end = world.motion_at(world.truth.time).position - world.start;
         // 2 cm along the line: it is left at the least speed of 5 cm/s, ten times a second.
         assert!((end.y + 6.0).abs() < 0.02 && (end.x - 8.0).abs() < 0.1, "{end}");
+    }
+
+    #[test]
+    fn the_commands_of_a_run_lead_the_same_way_again() {
+        let mut world = closed();
+        let (mut way, mut k) = (Vec::new(), 0);
+        while world.truth.time < world.end() {
+            let seen = seen(&world);
+            world.steer(seen.time, Some(&seen));
+            k += 1;
+            way.push(world.advance(Time::from_nanos(k * 10 * STEP)).nav.position);
+        }
+        let spec: SimulationSpec = toml::from_str(WORLD).unwrap();
+        let crew = spec.crew(spec.vehicle.as_ref().unwrap().0.as_ref(), 1).unwrap();
+        let plane = Plane::new(Geodetic::new(0.63, 2.2593, -23.0), Gravity::default());
+        let mut again = ClosedLoop::replayed(crew, plane, world.script().unwrap());
+        assert_eq!(again.end(), world.end());
+        assert!(again.control_rate().is_none() && again.script().is_none());
+        for (k, place) in way.iter().enumerate() {
+            // Asked for at other instants.
+            again.advance(Time::from_nanos((10 * k as i64 + 3) * STEP + 1234));
+            assert_eq!(again.advance(Time::from_nanos((k as i64 + 1) * 10 * STEP)).nav.position, *place);
+        }
     }
 
     #[test]

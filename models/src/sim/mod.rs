@@ -19,6 +19,7 @@ mod profile;
 mod random;
 mod record;
 mod segment;
+mod ship;
 mod simulator;
 mod spec;
 mod start;
@@ -27,15 +28,17 @@ mod trajectory;
 mod vehicle;
 mod world;
 
-pub use closed_loop::{ClosedLoop, Crew};
+pub use closed_loop::{ClosedLoop, Crew, Script};
 pub use control::{Control, ControlSpec, Goal, Seen};
 pub use imu_error::{AccelerometerErrorSpec, GyroErrorSpec, ImuError, ImuErrorSpec, ImuPreset};
 pub use noise::{SensorError, SensorErrorSpec};
 pub use odometry::OdometryErrorSpec;
 pub use record::{Errors, HeadingErrors, Leg, Record};
 pub use segment::{Junction, Motion, Segment, SegmentSpec};
+pub use ship::{SHIP_STREAMS, ShipSpec, ship_channels};
 pub use simulator::{
-    IMU, Next, ODOMETRY, REFERENCE, Setup, SimulatedSensor, SimulatedStream, Simulator, UNITS, odometry_channels, reference_channels,
+    IMU, INSTRUMENTS, Next, ODOMETRY, REFERENCE, Setup, SimulatedSensor, SimulatedStream, Simulator, UNITS, odometry_channels,
+    reference_channels,
 };
 pub use spec::{SimulationSpec, StartSpec};
 pub use start::DrawnStart;

@@ -2,7 +2,7 @@
 //! that adding one purpose leaves all others as they were.
 
 use crate::seed::fnv1a;
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
@@ -22,6 +22,11 @@ impl Random {
     /// A standard normal number.
     pub(super) fn normal(&mut self) -> f64 {
         StandardNormal.sample(&mut self.0)
+    }
+
+    /// Uniform in [0, 1).
+    pub(super) fn unit(&mut self) -> f64 {
+        self.0.random()
     }
 }
 

@@ -19,6 +19,8 @@ pub struct Leg {
     pub heading: Option<HeadingErrors>,
     /// The distance from the line \[m\], where one was to be followed, right positive.
     pub across: Option<Errors>,
+    /// From where it was to end to where it ended: north, east \[m\].
+    pub miss: Option<[f64; 2]>,
 }
 
 /// Errors over a leg.
@@ -77,16 +79,18 @@ pub(super) struct Running {
     heading: Sum,
     across: Sum,
     wanted: f64,
+    target: Option<Vector2<f64>>,
     /// On which side of the heading wanted it began.
     side: Option<f64>,
     overshoot: f64,
 }
 
 impl Running {
-    pub(super) fn new(name: String, from: Time) -> Self {
+    pub(super) fn new(name: String, target: Option<Vector2<f64>>, from: Time) -> Self {
         Self {
             name,
             from,
+            target,
             heading: Sum::default(),
             across: Sum::default(),
             wanted: 0.0,
@@ -113,7 +117,8 @@ impl Running {
         self.overshoot = self.overshoot.max(side * error);
     }
 
-    pub(super) fn finish(&self, to: Time) -> Leg {
+    /// The leg where it ends at `to`, the vehicle truly being at `position`.
+    pub(super) fn finish(&self, to: Time, position: &Vector2<f64>) -> Leg {
         Leg {
             name: self.name.clone(),
             from: self.from.seconds(),
@@ -124,6 +129,7 @@ impl Running {
                 overshoot: self.overshoot,
             }),
             across: self.across.errors(),
+            miss: self.target.map(|target| (position - target).into()),
         }
     }
 }
@@ -148,7 +154,7 @@ mod tests {
     #[test]
     fn overshoot_is_counted_beyond_the_heading_wanted_whichever_way_the_turn_went() {
         for side in [1.0, -1.0] {
-            let mut leg = Running::new("turn".to_owned(), Time::default());
+            let mut leg = Running::new("turn".to_owned(), None, Time::default());
             for heading in [0.0, 1.0, 1.75, 1.5, 1.6] {
                 let goal = Goal::Heading {
                     heading: side * 1.6,
@@ -157,7 +163,7 @@ mod tests {
                 };
                 leg.add(&goal, &Vector2::zeros(), side * heading);
             }
-            let heading = leg.finish(Time::from_seconds(5.0)).heading.unwrap();
+            let heading = leg.finish(Time::from_seconds(5.0), &Vector2::zeros()).heading.unwrap();
             assert!((heading.overshoot - 0.15).abs() < 1e-12 && heading.errors.last.abs() < 1e-12); // rounding
             assert!((heading.errors.max - 1.6).abs() < 1e-12);
         }
@@ -165,7 +171,7 @@ mod tests {
 
     #[test]
     fn right_of_a_line_is_positive() {
-        let mut leg = Running::new("line".to_owned(), Time::default());
+        let mut leg = Running::new("line".to_owned(), None, Time::default());
         let goal = Goal::Line {
             from: Vector2::new(1.0, 0.0),
             course: core::f64::consts::FRAC_PI_2,
@@ -174,6 +180,6 @@ mod tests {
         };
         leg.add(&goal, &Vector2::new(0.5, 7.0), 1.5);
         // To the east, south is to the right. 1e-12: rounding.
-        assert!((leg.finish(Time::default()).across.unwrap().last - 0.5).abs() < 1e-12);
+        assert!((leg.finish(Time::default(), &Vector2::zeros()).across.unwrap().last - 0.5).abs() < 1e-12);
     }
 }

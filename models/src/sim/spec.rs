@@ -1,11 +1,12 @@
 //! What `[simulation]` says.
 
-use super::closed_loop::{ClosedLoop, Crew};
+use super::closed_loop::{ClosedLoop, Crew, Script};
 use super::control::ControlSpec;
 use super::imu_error::ImuErrorSpec;
 use super::noise::SensorErrorSpec;
 use super::odometry::OdometryErrorSpec;
 use super::segment::{Junction, SegmentSpec};
+use super::ship::ShipSpec;
 use super::task::TaskSpec;
 use super::trajectory::Trajectory;
 use super::vehicle::VehicleSpec;
@@ -33,6 +34,8 @@ pub struct SimulationSpec {
     pub imu: Option<ImuErrorSpec>,
     /// The odometry of a vehicle on level ground; needed by a process that is driven by one.
     pub odometry: Option<OdometryErrorSpec>,
+    /// A moored ship with an acoustic system: the streams `ship_gps`, `ship_attitude` and `transceiver`.
+    pub ship: Option<ShipSpec>,
     /// Rows per second of the `reference` stream: the truth; at most 1e9 rows in a run.
     #[serde(default = "reference_rate")]
     pub reference_rate: Positive<dim::Frequency>,
@@ -64,6 +67,9 @@ pub struct SimulationSpec {
     #[schemars(schema_with = "mission_schema")]
     #[serde(default, deserialize_with = "crate::block::nested")]
     pub mission: Vec<Box<dyn TaskSpec>>,
+    /// Which variant of the design steers the vehicle, `"base"` for the design itself; without it the filter
+    /// that is run does. So filters are compared on the same way: that of the variant, which runs first.
+    pub steered_by: Option<String>,
     /// When a run with a mission ends at the latest, done or not.
     pub longest: Option<Positive<dim::Duration>>,
     /// How each sensor is simulated, by its name; a sensor without an entry is not simulated.
@@ -160,16 +166,21 @@ impl SimulationSpec {
         }
     }
 
-    /// The world that it declares, in the local axes at `origin`; `seed` is that of the run.
+    /// The world that it declares, in the local axes at `origin`; `seed` is that of the run. A vehicle follows
+    /// `script`, if there is one.
     ///
     /// # Errors
     /// [`BuildError`] of the trajectory, or of the vehicle and its mission.
-    pub fn world(&self, origin: Geodetic, gravity: Gravity, seed: u64) -> Result<Box<dyn World>, BuildError> {
+    pub fn world(&self, origin: Geodetic, gravity: Gravity, seed: u64, script: Option<Script>) -> Result<Box<dyn World>, BuildError> {
         let Some(vehicle) = &self.vehicle else {
             return Ok(Box::new(OpenLoop::new(self.trajectory()?, origin, gravity)));
         };
         let crew = self.crew(vehicle.0.as_ref(), seed)?;
-        Ok(Box::new(ClosedLoop::new(crew, Plane::new(origin, gravity))))
+        let plane = Plane::new(origin, gravity);
+        Ok(Box::new(match script {
+            Some(script) => ClosedLoop::replayed(crew, plane, script),
+            None => ClosedLoop::new(crew, plane),
+        }))
     }
 
     /// What is wrong with the run for a process whose samples consist of `input`, as far as the
@@ -201,11 +212,18 @@ impl SimulationSpec {
         let imu = self.imu.iter().map(|imu| ("imu.rate".to_owned(), imu.rate));
         let odometry = self.odometry.iter().map(|odometry| ("odometry.rate".to_owned(), odometry.rate));
         let sensors = self.sensor.iter().map(|(name, s)| (format!("sensor.{name}.rate"), s.rate));
+        let ship = self.ship.iter().flat_map(|ship| {
+            [
+                ("ship.gps.rate".to_owned(), ship.gps.rate),
+                ("ship.attitude.rate".to_owned(), ship.attitude.rate),
+            ]
+        });
         let reference = ("reference_rate".to_owned(), self.reference_rate);
         let most = MOST_ROWS / duration.max(1.0);
         match imu
             .chain(odometry)
             .chain(sensors)
+            .chain(ship)
             .chain([reference])
             .find(|(_, rate)| rate.si() > most)
         {

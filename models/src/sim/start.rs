@@ -63,7 +63,7 @@ impl DrawnStart {
             return Err(BuildError::at("draw_start", message).help(help));
         }
         let begins = if spec.vehicle.is_some() {
-            Begins::Standing(*spec.world(origin, gravity, seed)?.truth())
+            Begins::Standing(*spec.world(origin, gravity, seed, None)?.truth())
         } else {
             Begins::On(Arc::new(OpenLoop::new(spec.trajectory()?, origin, gravity)))
         };

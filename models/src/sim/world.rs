@@ -8,6 +8,7 @@
 //! Earth for that plane ([`Gravity::Flat`]) level is level everywhere: velocity and attitude are true in
 //! the axes at the origin.
 
+use super::closed_loop::Script;
 use super::control::Seen;
 use super::inverse::{self, Sample};
 use super::record::Record;
@@ -51,9 +52,20 @@ pub trait World: Debug + Send {
         None
     }
 
+    /// Whether it makes a difference `now` where the vehicle takes itself to be.
+    fn listens(&self, now: Time) -> bool {
+        let _ = now;
+        true
+    }
+
     /// Hears where the vehicle takes itself to be `now`; nothing before its filter has started.
     fn steer(&mut self, now: Time, seen: Option<&Seen>) {
         let _ = (now, seen);
+    }
+
+    /// The commands that its vehicle has had, up to now.
+    fn script(&self) -> Option<Script> {
+        None
     }
 
     /// How well it was steered, up to now.

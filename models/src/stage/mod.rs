@@ -6,3 +6,4 @@ pub mod periodic;
 pub mod stationarity;
 pub mod steady_force;
 pub mod still;
+pub mod usbl_fix;

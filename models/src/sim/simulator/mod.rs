@@ -5,7 +5,8 @@
 //! there. A row stamped later than it is valid waits in a queue, so memory is bounded by the
 //! longest delay, not by the length of the run.
 //!
-//! Streams  `imu`, `odometry`, one per sensor, `reference`. All but the reference carry errors
+//! Streams  `imu`, `odometry`, those of a ship, one per sensor, `reference`. All but the reference carry
+//!          errors
 //! x_true   blocks named `position` (geodetic or local), `local_position`, `velocity`,
 //!          `attitude`, `heading`, `speed`, `yaw_rate` from the world; `gyro_bias`, `accel_bias`,
 //!          `gyro_scale`, `accel_scale` from the simulated unit; every other block at its declared
@@ -17,12 +18,14 @@
 mod delay;
 mod true_state;
 
+use super::closed_loop::Script;
 use super::control::Seen;
 use super::imu_error::ImuError;
 use super::inverse::{self, Correction, Sample, before_correction, pair_before_correction};
 use super::noise::SensorError;
 use super::odometry::Odometry;
 use super::record::Record;
+use super::ship::{SHIP_STREAMS, Ship, ship_channels};
 use super::spec::SimulationSpec;
 use super::world::{Truth, World};
 use crate::block::{BuildError, Channel, imu_channels};
@@ -94,6 +97,14 @@ pub const IMU: &str = "imu";
 pub const ODOMETRY: &str = "odometry";
 /// The streams of the units that may drive a process.
 pub const UNITS: [&str; 2] = [IMU, ODOMETRY];
+/// The streams of the simulator's own instruments, each with its table under `[simulation]`.
+pub const INSTRUMENTS: [(&str, &str); 5] = [
+    (IMU, IMU),
+    (ODOMETRY, ODOMETRY),
+    (SHIP_STREAMS[0], "ship.gps"),
+    (SHIP_STREAMS[1], "ship.attitude"),
+    (SHIP_STREAMS[ACOUSTIC], "ship.usbl"),
+];
 /// The stream of the truth.
 pub const REFERENCE: &str = "reference";
 
@@ -106,6 +117,8 @@ pub struct Simulator {
     truth: TrueState,
     imu: Option<Imu>,
     odometry: Option<(Odometry, usize)>,
+    /// And the first of its streams.
+    ship: Option<(Ship, usize)>,
     sensors: Vec<Sensor>,
     queue: BinaryHeap<Reverse<Row>>,
     spare: Vec<Vec<f64>>,
@@ -128,6 +141,7 @@ struct Clock {
 enum Source {
     Imu,
     Odometry,
+    Ship(usize),
     Sensor(usize),
     Reference,
     Control,
@@ -142,6 +156,9 @@ pub enum Next {
     /// have come.
     Control(Time),
 }
+
+/// The acoustic system among the streams of the ship.
+const ACOUSTIC: usize = 2;
 
 /// In place of a stream: a row that only marks when the world is steered, after all others of its stamp.
 const CONTROL: usize = usize::MAX;
@@ -208,12 +225,13 @@ struct Imu {
 }
 
 impl Simulator {
-    /// A run in the world of `spec`; `seed` is usually that of `spec`.
+    /// A run in the world of `spec`; `seed` is usually that of `spec`. With a `script` a vehicle is not
+    /// steered, but given these commands.
     ///
     /// # Errors
     /// [`BuildError`] whose field is within `[simulation]`.
-    pub fn new(spec: &SimulationSpec, setup: Setup<'_>, seed: u64) -> Result<Self, BuildError> {
-        let world = spec.world(setup.origin, setup.gravity, seed)?;
+    pub fn new(spec: &SimulationSpec, setup: Setup<'_>, seed: u64, script: Option<Script>) -> Result<Self, BuildError> {
+        let world = spec.world(setup.origin, setup.gravity, seed, script)?;
         spec.check_rates(world.end().seconds())?;
         Self::in_world(world, spec, setup, seed)
     }
@@ -229,7 +247,8 @@ impl Simulator {
             let help = format!("sensors to simulate: {known}");
             return Err(BuildError::at(format!("sensor.{name}"), "no sensor of this name takes data").help(help));
         }
-        if let Some(sensor) = setup.sensors.iter().find(|s| [IMU, ODOMETRY, REFERENCE].contains(&s.name.as_str())) {
+        let is_own = |name: &str| name == REFERENCE || INSTRUMENTS.iter().any(|(stream, _)| *stream == name);
+        if let Some(sensor) = setup.sensors.iter().find(|s| is_own(&s.name)) {
             let taken = format!("`{}` is the name of a stream of the simulator's own", sensor.name);
             return Err(BuildError::at("sensor", taken).help("give the sensor another name"));
         }
@@ -261,6 +280,17 @@ impl Simulator {
                 channels: odometry_channels(),
             });
             (Odometry::new(unit, setup.origin, seed), streams.len() - 1)
+        });
+        let ship = spec.ship.as_ref().map(|ship| {
+            let first = streams.len();
+            clocks.push(Clock::new(Source::Ship(0), ship.gps.rate.si()));
+            clocks.push(Clock::new(Source::Ship(1), ship.attitude.rate.si()));
+            clocks.push(Clock::new(Source::Ship(ACOUSTIC), f64::INFINITY));
+            streams.extend(SHIP_STREAMS.iter().enumerate().map(|(i, name)| SimulatedStream {
+                name: (*name).to_owned(),
+                channels: ship_channels(i),
+            }));
+            (Ship::new(ship, setup.origin, seed), first)
         });
         let duration = world.end().seconds();
         for sensor in setup.sensors {
@@ -294,6 +324,7 @@ impl Simulator {
             world,
             imu,
             odometry,
+            ship,
             least_delay: sensors.iter().map(|s| s.delay.least(truth.state())).min().unwrap_or(0).min(0),
             truth,
             sensors,
@@ -318,10 +349,22 @@ impl Simulator {
         self.world.end()
     }
 
+    /// Whether the world needs to be steered `now`.
+    #[must_use]
+    pub fn listens(&self, now: Time) -> bool {
+        self.world.listens(now)
+    }
+
     /// Tells the world where the vehicle takes itself to be at the instant of a [`Next::Control`];
     /// nothing before its filter has started.
     pub fn steer(&mut self, now: Time, seen: Option<&Seen>) {
         self.world.steer(now, seen);
+    }
+
+    /// The commands that a vehicle has had, where there is one.
+    #[must_use]
+    pub fn script(&self) -> Option<Script> {
+        self.world.script()
     }
 
     /// How well the world was steered, where it is.
@@ -400,6 +443,18 @@ impl Simulator {
                 data.clear();
                 data.extend_from_slice(&measured);
                 self.put(time, stream, data);
+            }
+            Source::Ship(i) => {
+                let Some((ship, first)) = &mut self.ship else { return };
+                let (stamp, data) = ship.measure(i, time, &self.world.truth().nav);
+                let stream = *first + i;
+                if i == ACOUSTIC {
+                    // Its clock has no rate: each interval begins where the one before has ended.
+                    let next = time.shifted(ship.interval()).nanos();
+                    let own = self.clocks.iter_mut().find(|c| c.source == Source::Ship(ACOUSTIC));
+                    own.into_iter().for_each(|clock| clock.start = next);
+                }
+                self.put(stamp, stream, data);
             }
             Source::Sensor(i) => {
                 self.refresh();

@@ -63,7 +63,7 @@ fn simulate(text: &str, seed: u64) -> Result<(Layout, Arc<dyn Process>, Simulato
         gravity,
         sensors,
     };
-    let simulator = Simulator::new(&design.simulation, setup, seed)?;
+    let simulator = Simulator::new(&design.simulation, setup, seed, None)?;
     Ok((layout, process, simulator))
 }
 
@@ -400,7 +400,7 @@ fn a_moved_state_that_the_world_does_not_know_is_refused_with_the_name_that_was_
             sensors: Vec::new(),
         };
         let spec: SimulationSpec = toml::from_str("trajectory = [{ rest = { duration = 1 } }]").unwrap();
-        Simulator::new(&spec, setup, 1).map_err(|e| e.message).err()
+        Simulator::new(&spec, setup, 1, None).map_err(|e| e.message).err()
     };
     assert_eq!(refusal("velocity"), None);
     let message = refusal("velocty").unwrap();

@@ -65,6 +65,10 @@ impl Task for GoTo {
         format!("go to {:.1} N, {:.1} E", self.to.x, self.to.y)
     }
 
+    fn target(&self) -> Option<Vector2<f64>> {
+        Some(self.to)
+    }
+
     fn begin(&mut self, seen: &Seen) {
         self.begun = self.from.unwrap_or(seen.position);
     }

@@ -11,14 +11,27 @@ mod wait;
 use super::control::{Goal, Seen};
 use crate::block::BuildError;
 use core::fmt::Debug;
+use fusion_core::Time;
+use nalgebra::Vector2;
 
 /// A task as it runs.
 pub trait Task: Debug + Send {
     /// What it is, in a few words.
     fn name(&self) -> String;
 
+    /// Whether it only lets time pass and will still do so `now`: nobody needs to know where the vehicle is.
+    fn is_idle(&self, now: Time) -> bool {
+        let _ = now;
+        false
+    }
+
     /// It begins here.
     fn begin(&mut self, seen: &Seen);
+
+    /// Where it leads to, north and east of the origin \[m\], if that is known before.
+    fn target(&self) -> Option<Vector2<f64>> {
+        None
+    }
 
     /// What it wants now; none once it is done.
     fn goal(&mut self, seen: &Seen) -> Option<Goal>;

@@ -74,6 +74,10 @@ impl Task for Wait {
         "wait".to_owned()
     }
 
+    fn is_idle(&self, now: Time) -> bool {
+        !self.ends.has_come(self.begun, now)
+    }
+
     fn begin(&mut self, seen: &Seen) {
         self.begun = seen.time;
     }

@@ -1,0 +1,339 @@
+//! A moored ship with an acoustic system: its GPS, its attitude reference, and the transceiver under it.
+//!
+//! Ship       its reference point runs round a circle about the mooring; roll, pitch and yaw are sines. The
+//!            phases are drawn. Axes of the ship forward-right-down
+//! Streams    `ship_gps`: position of the antenna. `ship_attitude`: attitude. `transceiver`: slant range r,
+//!            bearing β from the transceiver's x axis towards y, depression δ below its x-y plane
+//! Acoustic   s = C_usᵀ [C_snᵀ (p + C_nb l_t − p_s) − l_u], r = (1 + κ)|s|; κ, the error of the speed of
+//!            sound, is drawn once. What is measured is valid when the transponder replies; its row is
+//!            stamped r/c + `processing` later, when it is there
+//! Timing     the next measurement comes `least` plus the size of a normal number times `spread` later, or
+//!            anything from `least` to `most`, uniformly
+//! Not here   multipath, refraction, and the way of the sound down to the transponder
+
+use super::random::Random;
+use crate::block::Channel;
+use crate::earth::LocalFrame;
+use crate::process::strapdown::mechanisation::Nav;
+use crate::units::{Axes, NonNegative, Positive, Quantity, Vec3Of, dim, range};
+use crate::vocabulary::channel;
+use core::f64::consts::TAU;
+use fusion_core::Time;
+use fusion_core::geometry::so3;
+use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::time::nanos;
+use nalgebra::{UnitQuaternion, Vector3};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// A moored ship that measures where a transponder on the body is.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ShipSpec {
+    /// Where its reference point is on the mean: north, east, down of the origin of the run.
+    position: Vec3Of<dim::Length>,
+    /// Its mean heading.
+    heading: Quantity<dim::Angle>,
+    /// The circle that the reference point runs round, at its steady pace.
+    watch_circle: Option<CircleSpec>,
+    /// Its roll.
+    roll: Option<SineSpec>,
+    /// Its pitch.
+    pitch: Option<SineSpec>,
+    /// Its yaw about the mean heading.
+    yaw: Option<SineSpec>,
+    /// The GPS antenna in the axes of the ship, from the reference point.
+    antenna: Vec3Of<dim::Length>,
+    /// The transceiver in the axes of the ship, from the reference point.
+    transceiver: Vec3Of<dim::Length>,
+    /// Roll, pitch, yaw of the transceiver's axes in the ship: x_ship = C(mounting) x_transceiver.
+    #[serde(default)]
+    mounting: Option<Vec3Of<dim::Angle>>,
+    /// The transponder on the body, in body axes.
+    #[serde(default)]
+    transponder: Option<Vec3Of<dim::Length>>,
+    /// The stream `ship_gps`.
+    pub(super) gps: ShipGpsSpec,
+    /// The stream `ship_attitude`.
+    pub(super) attitude: ShipAttitudeSpec,
+    /// The stream `transceiver`.
+    pub(super) usbl: TransceiverSpec,
+}
+
+/// A circle at a steady pace.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct CircleSpec {
+    /// Its radius.
+    radius: NonNegative<dim::Length>,
+    /// Time for one round.
+    period: Positive<dim::Duration>,
+}
+
+/// An angle that swings.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct SineSpec {
+    /// Its amplitude.
+    amplitude: NonNegative<dim::Angle>,
+    /// Its period.
+    period: Positive<dim::Duration>,
+}
+
+/// The ship's GPS.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ShipGpsSpec {
+    /// Rows per second; at most 1e9 in a run.
+    pub(super) rate: Positive<dim::Frequency>,
+    /// 1σ of white noise, north, east, down.
+    #[serde(default)]
+    white: Option<Axes<dim::Length, range::NonNegative>>,
+}
+
+/// The ship's attitude reference.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ShipAttitudeSpec {
+    /// Rows per second; at most 1e9 in a run.
+    pub(super) rate: Positive<dim::Frequency>,
+    /// 1σ of white noise about the axes of the ship.
+    #[serde(default)]
+    white: Option<Axes<dim::Angle, range::NonNegative>>,
+    /// 1σ of a constant error about these axes, drawn once per run.
+    #[serde(default)]
+    bias_sigma: Option<Axes<dim::Angle, range::NonNegative>>,
+}
+
+/// The acoustic system.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TransceiverSpec {
+    /// Time from one measurement to the next.
+    interval: IntervalSpec,
+    /// 1σ of white noise of the range.
+    #[serde(default)]
+    range_white: NonNegative<dim::Length>,
+    /// 1σ of white noise of bearing and depression.
+    #[serde(default)]
+    angle_white: Option<Axes<dim::Angle, range::NonNegative, 2>>,
+    /// 1σ of the error of the assumed speed of sound over the true one, less one, drawn once per run.
+    #[serde(default)]
+    sound_speed_sigma: NonNegative<dim::Ratio>,
+    /// Assumed speed of sound.
+    sound_speed: Positive<dim::Speed>,
+    /// Time that the ship needs to make a row of what it has heard.
+    #[serde(default)]
+    processing: NonNegative<dim::Duration>,
+}
+
+/// How long until the next measurement.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct IntervalSpec {
+    /// The shortest interval, a millisecond at least.
+    least: Positive<dim::Duration>,
+    /// Intervals are longer by the size of a normal number times this.
+    #[serde(default)]
+    spread: NonNegative<dim::Duration>,
+    /// The longest interval, where all between are as likely.
+    most: Option<Positive<dim::Duration>>,
+}
+
+/// The streams of a ship: name and channels.
+pub const SHIP_STREAMS: [&str; 3] = ["ship_gps", "ship_attitude", "transceiver"];
+
+/// The channels of these streams.
+#[must_use]
+pub fn ship_channels(stream: usize) -> Vec<Channel> {
+    match stream {
+        0 => vec![channel::POSITION],
+        1 => vec![channel::ATTITUDE],
+        _ => vec![channel::RANGE, channel::BEARING, channel::DEPRESSION],
+    }
+}
+
+/// A sine with a phase.
+#[derive(Clone, Copy, Debug)]
+struct Sine {
+    amplitude: f64,
+    rate: f64,
+    phase: f64,
+}
+
+impl Sine {
+    fn new(spec: Option<SineSpec>, random: &mut Random) -> Self {
+        let phase = TAU * random.unit();
+        let (amplitude, rate) = spec.map_or((0.0, 0.0), |s| (s.amplitude.si(), TAU / s.period.si()));
+        Self { amplitude, rate, phase }
+    }
+
+    fn at(&self, t: f64) -> f64 {
+        self.amplitude * (self.rate * t + self.phase).sin()
+    }
+}
+
+/// The ship as it lies there: stateful, seeded.
+#[derive(Clone, Debug)]
+pub(super) struct Ship {
+    spec: ShipSpec,
+    frame: LocalFrame,
+    /// Angle on the watch circle: radius, rate, phase.
+    circle: Sine,
+    swing: [Sine; 3],
+    mounting: UnitQuaternion<f64>,
+    /// Constant error of the attitude about the ship's axes.
+    attitude_bias: Vector3<f64>,
+    /// κ.
+    sound_speed_error: f64,
+    gps: Random,
+    attitude: Random,
+    acoustic: Random,
+    timing: Random,
+}
+
+impl Ship {
+    pub(super) fn new(spec: &ShipSpec, origin: Geodetic, seed: u64) -> Self {
+        let random = |what: &str| Random::new(seed, &format!("ship/{what}"));
+        let mut phases = random("phases");
+        let mut circle = Sine::new(None, &mut phases);
+        if let Some(c) = spec.watch_circle {
+            (circle.amplitude, circle.rate) = (c.radius.si(), TAU / c.period.si());
+        }
+        let [roll, pitch, yaw] = spec.mounting.map_or([0.0; 3], Vec3Of::si);
+        let mut constant = random("attitude bias");
+        let bias = spec.attitude.bias_sigma.map_or([0.0; 3], Axes::si);
+        Self {
+            circle,
+            swing: [spec.roll, spec.pitch, spec.yaw].map(|s| Sine::new(s, &mut phases)),
+            mounting: so3::from_rpy(roll, pitch, yaw),
+            attitude_bias: Vector3::from(bias).map(|sigma| sigma * constant.normal()),
+            sound_speed_error: spec.usbl.sound_speed_sigma.si() * random("sound speed").normal(),
+            gps: random("gps"),
+            attitude: random("attitude"),
+            acoustic: random("acoustic"),
+            timing: random("timing"),
+            frame: LocalFrame::new(origin),
+            spec: *spec,
+        }
+    }
+
+    /// Where the reference point is, and the attitude C_sn.
+    fn pose(&self, time: Time) -> (Geodetic, UnitQuaternion<f64>) {
+        let t = time.seconds();
+        let (sin, cos) = (self.circle.rate * t + self.circle.phase).sin_cos();
+        let off = Vector3::new(cos, sin, 0.0) * self.circle.amplitude;
+        let place = self.frame.to_geodetic(&(Vector3::from(self.spec.position.si()) + off));
+        let [roll, pitch, yaw] = self.swing.map(|s| s.at(t));
+        (place, so3::from_rpy(roll, pitch, self.spec.heading.si() + yaw))
+    }
+
+    /// How long after a measurement the next one comes \[ns\].
+    pub(super) fn interval(&mut self) -> i64 {
+        let IntervalSpec { least, spread, most } = self.spec.usbl.interval;
+        let more = match most {
+            Some(most) => (most.si() - least.si()).max(0.0) * self.timing.unit(),
+            None => spread.si() * self.timing.normal().abs(),
+        };
+        nanos(least.si() + more).max(SHORTEST)
+    }
+
+    /// The row of a stream that is valid at `time`, where the body is at `nav`, and its stamp.
+    pub(super) fn measure(&mut self, stream: usize, time: Time, nav: &Nav) -> (Time, Vec<f64>) {
+        let (place, c_sn) = self.pose(time);
+        match stream {
+            0 => {
+                let white = Vector3::from(self.spec.gps.white.map_or([0.0; 3], Axes::si));
+                let noise = white.map(|sigma| sigma * self.gps.normal());
+                let antenna = place.offset(&(c_sn * Vector3::from(self.spec.antenna.si()) + noise));
+                (time, vec![antenna.lat, antenna.lon, antenna.height])
+            }
+            1 => {
+                let white = Vector3::from(self.spec.attitude.white.map_or([0.0; 3], Axes::si));
+                let noise = white.map(|sigma| sigma * self.attitude.normal()) + self.attitude_bias;
+                let q = so3::canonical(&(c_sn * so3::exp(&noise)));
+                (time, vec![q.w, q.i, q.j, q.k])
+            }
+            _ => {
+                let transponder = nav.q_nb * Vector3::from(self.spec.transponder.map_or([0.0; 3], Vec3Of::si));
+                let away = nav.position.difference(&place) + transponder;
+                let from = c_sn.inverse() * away - Vector3::from(self.spec.transceiver.si());
+                let s = self.mounting.inverse() * from;
+                let level = s.x.hypot(s.y);
+                let usbl = &self.spec.usbl;
+                let [bearing, depression] = usbl.angle_white.map_or([0.0; 2], Axes::si);
+                let mut noise = |sigma: f64| sigma * self.acoustic.normal();
+                let row = vec![
+                    s.norm() * (1.0 + self.sound_speed_error) + noise(usbl.range_white.si()),
+                    so3::wrap_angle(s.y.atan2(s.x) + noise(bearing)),
+                    s.z.atan2(level) + noise(depression),
+                ];
+                let late = s.norm() / usbl.sound_speed.si() + usbl.processing.si();
+                (time.shifted(nanos(late)), row)
+            }
+        }
+    }
+}
+
+/// The shortest time between two measurements \[ns\].
+const SHORTEST: i64 = 1_000_000;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ORIGIN: Geodetic = Geodetic::new(0.630_033_801_5, 2.259_327_747_1, 0.0);
+
+    fn ship(usbl: &str) -> Ship {
+        let text = format!(
+            "position = [-6, 20, -2]\nheading = '60 deg'\nwatch_circle = {{ radius = 2, period = 90 }}\n\
+             roll = {{ amplitude = '2 deg', period = 8 }}\nyaw = {{ amplitude = '2 deg', period = 120 }}\n\
+             antenna = [-3, 1, -8]\ntransceiver = [4, -2, 3]\nmounting = [0, 0, '45 deg']\ntransponder = [0.5, 0, -1]\n\
+             gps = {{ rate = 5 }}\nattitude = {{ rate = 10 }}\nusbl = {{ sound_speed = 1500, {usbl} }}"
+        );
+        Ship::new(&toml::from_str(&text).unwrap(), ORIGIN, 3)
+    }
+
+    #[test]
+    fn the_streams_lead_back_to_the_transponder() {
+        let mut ship = ship("interval = { least = 1 }");
+        let nav = Nav {
+            position: ORIGIN.offset(&Vector3::new(9.0, -4.0, 23.0)),
+            v_eb_n: Vector3::zeros(),
+            q_nb: so3::from_rpy(0.1, -0.2, 2.0),
+        };
+        for k in 0..200 {
+            let time = Time::from_seconds(0.9 * f64::from(k));
+            let (_, gps) = ship.measure(0, time, &nav);
+            let (_, q) = ship.measure(1, time, &nav);
+            let (stamp, polar) = ship.measure(2, time, &nav);
+            let c_sn = so3::from_scalar_first(&nalgebra::Vector4::new(q[0], q[1], q[2], q[3]));
+            let ((sb, cb), (sd, cd)) = (polar[1].sin_cos(), polar[2].sin_cos());
+            let s = Vector3::new(cd * cb, cd * sb, sd) * polar[0];
+            let arm = Vector3::new(7.0, -3.0, 11.0) + so3::from_rpy(0.0, 0.0, 45_f64.to_radians()) * s;
+            let found = Geodetic::new(gps[0], gps[1], gps[2]).offset(&(c_sn * arm));
+            let wanted = nav.position.offset(&(nav.q_nb * Vector3::new(0.5, 0.0, -1.0)));
+            // 5e-4 m: the axes at antenna and transponder differ over 40 m.
+            assert!(found.difference(&wanted).norm() < 5e-4, "{}", found.difference(&wanted));
+            assert!((stamp.seconds_since(time) - polar[0] / 1500.0).abs() < 1e-8);
+        }
+    }
+
+    #[test]
+    fn intervals_follow_their_law() {
+        let draw = |usbl| {
+            let mut ship = ship(usbl);
+            (0..4000).map(|_| ship.interval() as f64 * 1e-9).collect::<Vec<_>>()
+        };
+        let near_one = draw("interval = { least = 1, spread = 0.05 }");
+        let mean = near_one.iter().sum::<f64>() / 4000.0;
+        // The mean of a half-normal number is 0.798 σ; 3 %: 4000 of them.
+        assert!(
+            near_one.iter().all(|t| *t >= 1.0) && ((mean - 1.0) / 0.0399 - 1.0).abs() < 0.03,
+            "{mean}"
+        );
+        let deep = draw("interval = { least = 2, most = 10 }");
+        let mean = deep.iter().sum::<f64>() / 4000.0;
+        assert!(deep.iter().all(|t| (2.0..=10.0).contains(t)) && (mean - 6.0).abs() < 0.15, "{mean}");
+    }
+}

@@ -1,0 +1,45 @@
+//! Who steers the vehicle where it is not the filter that is run: another variant of the design, which runs
+//! first, and whose commands are given again.
+
+use super::simulated::{SimulatedRows, drawn_start};
+use crate::assembly::{assemble, declared_streams};
+use crate::config::{Diagnostic, Diagnostics};
+use crate::design::{Design, Named, SimulationDesign};
+use crate::navigator::Navigator;
+use crate::run::examine::build;
+use fusion_core::runner::Event;
+use fusion_models::sim::Script;
+
+/// What the design itself is called among its variants.
+const BASE: &str = "base";
+
+/// The commands that the variant which steers the vehicle of `design` gives, where it is another one.
+///
+/// # Errors
+/// There is no such variant, it is steered by another one itself, or its own mistakes.
+pub(super) fn script(design: &Design, simulation: &Named<SimulationDesign>, seed: Option<u64>) -> Result<Option<Script>, Diagnostics> {
+    let Some(name) = &simulation.block.world.steered_by else {
+        return Ok(None);
+    };
+    let place = simulation.node.place_of("steered_by");
+    let mistake = |message: String| Diagnostics::from(Diagnostic::error(message).at(place));
+    let mut document = design.document.base();
+    if name != BASE {
+        let unknown = |_| mistake(format!("no variant is called `{name}`"));
+        document.overlay(&format!("variant.{name}")).map_err(unknown)?;
+    }
+    let pilot = build(document)?;
+    let Some(own) = pilot.simulation.as_ref().filter(|s| s.block.world.steered_by.is_none()) else {
+        return Err(mistake(format!("`{name}` does not steer the vehicle itself")));
+    };
+    let mut assembly = assemble(&pilot, declared_streams(&pilot)?)?;
+    let drawn = drawn_start(&pilot, own, &assembly, seed)?;
+    drawn.into_iter().for_each(|unit| assembly.runner.add_initialiser(unit));
+    let mut rows = SimulatedRows::new(&pilot, own, &assembly, seed)?;
+    let mut aboard = Navigator::from_assembly(assembly);
+    while let Some(row) = rows.next(&mut aboard) {
+        let fed = aboard.feed_row(&row, &mut |_: &Event<'_>| {});
+        fed.map_err(|e| mistake(format!("`{name}`, which steers the vehicle: {e}")))?;
+    }
+    Ok(rows.script())
+}
