@@ -90,3 +90,6 @@ mod stress;
 /// A workspace of files for a test, and the command run in it.
 #[path = "suite/support.rs"]
 mod support;
+/// Recorded logs under water, scored on positions that the filter has not seen.
+#[path = "suite/water.rs"]
+mod water;
