@@ -37,7 +37,8 @@ pub fn check_measurement(
     for b in layout.blocks() {
         // Rounding of metres comes out in the units of z, as steeply as its steepest axis.
         let steepest = b.tangent_range().flat_map(|j| (0..m).map(move |i| (i, j)));
-        let steepest = steepest.fold(1.0, |most: f64, (i, j)| most.max(h.get(i, j).abs()));
+        let of_block = steepest.fold(0.0, |most: f64, (i, j)| most.max(h.get(i, j).abs()));
+        let steepest = of_block.max(1.0);
         for k in 0..b.kind.dim() {
             let numeric = column(layout, b, k, x, m, &mut |x, out| {
                 let mut moved = vec![0.0; value];
@@ -53,7 +54,8 @@ pub fn check_measurement(
             if numeric.doubt > 1e-2 * scale + (100.0 * rounding).max(1e-7 * steepest / numeric.step) {
                 return Err(format!("`{}`, axis {k}: h is too rough here for a numeric derivative", b.name));
             }
-            let tolerance = 1e-6 * scale + numeric.doubt + rounding;
+            // A millionth of the block's steepest axis: metres at a lever arm for metres at the body.
+            let tolerance = 1e-6 * scale.max(of_block) + numeric.doubt + rounding;
             for (i, (analytic, numeric)) in analytic.iter().zip(&numeric.value).enumerate() {
                 if !within(analytic - numeric, tolerance) {
                     return Err(format!(
