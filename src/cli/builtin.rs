@@ -22,7 +22,13 @@ const FILES: &[(&str, &str)] = parts! {
     "parts/gnss/single-frequency.toml"
     "parts/gnss/single-point.toml"
     "parts/imu/hg1700.toml"
+    "parts/navigator/tracked.toml"
+    "parts/usbl/moored-ship.toml"
+    "parts/usbl/sea-trial.toml"
     "parts/vehicle/car.toml"
+    "parts/vehicle/tracked.toml"
+    "parts/vehicle/uri-r.toml"
+    "parts/vehicle/utv.toml"
 };
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use fusion::world::SimulatedRows;
 
 /// A minute of the built-in design, started by levelling and the first fixes, with a GNSS that is
 /// stamped late by times that are not known.
-const DESIGN: &str = r#"
+pub const DESIGN: &str = r#"
 [run]
 origin = { latitude = "36.1 deg", longitude = "129.4 deg" }
 reorder = "0.5 s"

@@ -48,6 +48,14 @@ pub enum FormKind {
 }
 
 impl FormKind {
+    const ALL: [Self; 4] = [Self::Joseph, Self::Standard, Self::Udu, Self::SquareRoot];
+
+    /// The form of that name, if it is one of these.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.form().name() == name)
+    }
+
     /// The form itself.
     #[must_use]
     pub fn form(self) -> Arc<dyn Form> {

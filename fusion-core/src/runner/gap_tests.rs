@@ -107,30 +107,38 @@ fn rows(length: i64, silent: core::ops::Range<i64>) -> Rows {
 }
 
 fn feed(runner: &mut Runner, rows: &Rows, observer: &mut dyn Observer) {
+    feed_from(0, runner, rows, observer);
+}
+
+/// The first of `rows` being number `first`.
+fn feed_from(first: usize, runner: &mut Runner, rows: &[(StreamId, Time, f64)], observer: &mut dyn Observer) {
     for (number, (stream, time, value)) in rows.iter().enumerate() {
         let values = [*value];
         let row = Row {
-            number: number as u64,
+            number: (first + number) as u64,
             ..Row::new(*stream, *time, &values)
         };
         runner.feed(&row, observer).unwrap();
     }
 }
 
+/// An event as text that shows every bit.
+fn text(event: &Event<'_>) -> String {
+    match event {
+        Event::Estimate { belief } => format!("Estimate {} {:?} {:?}", belief.time, belief.x, belief.covariance.to_dense()),
+        // The arrival is what may differ.
+        Event::Updated { update, time, row, .. } => format!("Updated {time} {:?} {}", update.residual, row.number),
+        Event::Discarded {
+            consumer, time, row, why, ..
+        } => format!("Discarded {consumer} {time} {} {why:?}", row.number),
+        other => format!("{other:?}"),
+    }
+}
+
 /// Feeds rows and the end; every event as text that shows every bit.
 fn told(runner: &mut Runner, rows: &Rows) -> Vec<String> {
     let mut told = Vec::new();
-    let mut observer = |event: &Event<'_>| {
-        told.push(match event {
-            Event::Estimate { belief } => format!("Estimate {} {:?} {:?}", belief.time, belief.x, belief.covariance.to_dense()),
-            // The arrival is what may differ.
-            Event::Updated { update, time, row, .. } => format!("Updated {time} {:?} {}", update.residual, row.number),
-            Event::Discarded {
-                consumer, time, row, why, ..
-            } => format!("Discarded {consumer} {time} {} {why:?}", row.number),
-            other => format!("{other:?}"),
-        });
-    };
+    let mut observer = |event: &Event<'_>| told.push(text(event));
     feed(runner, rows, &mut observer);
     runner.finish(&mut observer).unwrap();
     told
@@ -267,6 +275,33 @@ impl Initialiser for First {
     fn write(&self, _: Time, layout: &Layout, belief: &mut Belief) {
         let block: &Block = layout.block("position").unwrap();
         belief.x[block.storage] = self.0.unwrap();
+    }
+}
+
+#[test]
+fn a_runner_that_takes_over_at_any_row_goes_on_bit_for_bit_through_spikes_and_gaps() {
+    let mut rows = rows(400, 150..280);
+    for spike in [60, 250] {
+        rows[spike].2 = 1e3;
+    }
+    let wanted = told(&mut runner(0.05), &rows);
+    for kind in ["Coasting", "Resumed", "Spike"] {
+        assert!(wanted.iter().any(|event| event.contains(kind)), "{kind}");
+    }
+    let mut bytes = Vec::new();
+    for at in 1..rows.len() {
+        let (before, after) = rows.split_at(at);
+        let mut events = Vec::new();
+        let mut observer = |event: &Event<'_>| events.push(text(event));
+        let mut first = runner(0.05);
+        feed_from(0, &mut first, before, &mut observer);
+        bytes.clear();
+        crate::memory::save(&mut first, &mut bytes);
+        let mut second = runner(0.05);
+        crate::memory::restore(&mut second, &bytes).unwrap();
+        feed_from(at, &mut second, after, &mut observer);
+        second.finish(&mut observer).unwrap();
+        assert_eq!(events, wanted, "taken over after row {at}");
     }
 }
 

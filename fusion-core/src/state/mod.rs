@@ -6,6 +6,7 @@ mod manifold;
 mod name;
 mod past;
 mod quantity;
+mod written;
 
 pub use belief::Belief;
 pub use layout::{Block, Declaration, Dynamics, Layout, LayoutBuilder, LayoutError, StateRole};
