@@ -172,7 +172,8 @@ fn obeys(name: &str, read: impl Fn(&[&str]) -> (Design, Options), most: usize) {
         let (end, rewinds) = ended(&rewinding, &late);
         assert_eq!(end, wanted, "{name}: rewinding, order {kind}");
         let alone = rows.iter().all(|row| row.stream == rows[0].stream);
-        assert!(rewinds > 0 || alone, "{name}: order {kind} never goes back");
+        // Of an input that is a little late, no other row need have come meanwhile.
+        assert!(rewinds > 0 || alone || kind == 4, "{name}: order {kind} never goes back");
     }
 }
 
