@@ -1,6 +1,7 @@
 //! From the cell of a stamp to the time of the log, to the nanosecond.
 
 use super::Cell;
+use super::raw::RawRows;
 use super::spec::TimeSpec;
 use fusion_core::time::nanos;
 use fusion_models::block::BuildError;
@@ -8,11 +9,16 @@ use fusion_models::units::{Dimensional, dim, parse_unit};
 
 /// Digits of a fraction that are read; what follows is below any unit's nanosecond.
 const FRACTION_DIGITS: u32 = 15;
+/// Nanoseconds beyond any log; two of them can be added.
+const LARGEST: i128 = i128::MAX / 4;
 
-/// Stamps of one column.
+/// Stamps of one column, or the sum of two.
 #[derive(Clone, Debug)]
 pub(super) struct Clock {
-    unit: i128,
+    /// The nanoseconds that one of each column stands for.
+    units: Vec<i128>,
+    /// The columns, once the file is open.
+    columns: Vec<usize>,
     epoch: i128,
     scale: f64,
     /// Where it is right: declared, or its first stamp.
@@ -39,6 +45,10 @@ impl Clock {
         if !(spec.scale.is_finite() && spec.scale > 0.0) {
             wrong("scale", format!("a clock's scale is a number near 1, not {}", spec.scale));
         }
+        let each = spec.plus.as_ref().map(|plus| i128::from(nanos(plus.each.si())));
+        if each == Some(0) {
+            wrong("plus.each", "this is less than the nanosecond in which time is counted".to_owned());
+        }
         let at = |d: fusion_models::units::Duration| nanos(d.si());
         let (start, stop) = (spec.start.map_or(i64::MIN, at), spec.stop.map_or(i64::MAX, at));
         if stop <= start {
@@ -46,7 +56,8 @@ impl Clock {
         }
         let (about, offset) = (spec.about.map(at), at(spec.offset));
         Self {
-            unit,
+            units: core::iter::once(unit).chain(each).collect(),
+            columns: Vec::new(),
             epoch: epoch.unwrap_or(0),
             scale: spec.scale,
             about,
@@ -57,6 +68,11 @@ impl Clock {
         }
     }
 
+    /// Says which columns of the file it reads, in order.
+    pub(super) fn place(&mut self, columns: Vec<usize>) {
+        self.columns = columns;
+    }
+
     /// The first stamp was wrong.
     pub(super) const fn forget_first(&mut self) {
         if !self.is_about_declared {
@@ -64,20 +80,29 @@ impl Clock {
         }
     }
 
-    /// The stamp in nanoseconds of the log's time; `Err` says what the cell is not.
-    pub(super) fn read(&mut self, cell: Cell<'_>) -> Result<i64, &'static str> {
-        let raw = match cell {
-            Cell::Text(bytes) => decimal_nanos(core::str::from_utf8(bytes).map_err(|_| "is not text")?, self.unit),
-            Cell::Integer(count) => i128::from(count).checked_mul(self.unit),
-            Cell::Number(value) => rounded_nanos(value, self.unit),
-        };
-        let raw = raw.ok_or("is not a number")?;
+    /// The stamp of the row at hand in nanoseconds of the log's time; `Err` says which column is not what.
+    pub(super) fn read(&mut self, row: &impl RawRows) -> Result<i64, (usize, &'static str)> {
         let beyond = "lies beyond the 292 years that a log spans: set `time.epoch`, or another `time.unit`";
-        let stamp = i64::try_from(raw - self.epoch).map_err(|_| beyond)?;
+        let (mut raw, mut last) = (-self.epoch, 0);
+        for (&column, &unit) in self.columns.iter().zip(&self.units) {
+            raw += cell_nanos(row.cell(column), unit).map_err(|what| (column, what))?;
+            last = column;
+        }
+        let stamp = i64::try_from(raw).map_err(|_| (last, beyond))?;
         let about = *self.about.get_or_insert(stamp);
         let stretched = (stamp.saturating_sub(about) as f64 * (self.scale - 1.0)).round() as i64;
         Ok(stamp.saturating_add(stretched).saturating_add(self.offset))
     }
+}
+
+/// What a cell says, in nanoseconds.
+fn cell_nanos(cell: Cell<'_>, unit: i128) -> Result<i128, &'static str> {
+    let nanos = match cell {
+        Cell::Text(bytes) => decimal_nanos(core::str::from_utf8(bytes).map_err(|_| "is not text")?, unit),
+        Cell::Integer(count) => i128::from(count).checked_mul(unit),
+        Cell::Number(value) => rounded_nanos(value, unit),
+    };
+    nanos.filter(|nanos| nanos.abs() < LARGEST).ok_or("is not a number")
 }
 
 /// A unit of time in whole nanoseconds.

@@ -40,7 +40,6 @@ pub(super) struct Refusal {
 #[derive(Debug)]
 pub(super) struct Judge {
     clock: Clock,
-    time_column: usize,
     jumps: Jumps,
     bad_rows: Policy,
     backwards: Policy,
@@ -68,10 +67,11 @@ pub(super) struct Judge {
 }
 
 impl Judge {
-    /// Of the rows of `plan`: the column of the stamp, the cells of all channels one after the
+    /// Of the rows of `plan`: the columns of the stamp, the cells of all channels one after the
     /// other, the conditions.
-    pub(super) fn new(plan: Plan<'_>, time_column: usize, cells: Vec<(usize, f64)>, valid: Vec<Test>) -> Self {
-        let Plan { spec, clock, channels } = plan;
+    pub(super) fn new(plan: Plan<'_>, stamp: Vec<usize>, cells: Vec<(usize, f64)>, valid: Vec<Test>) -> Self {
+        let Plan { spec, mut clock, channels } = plan;
+        clock.place(stamp);
         let mut end = 0;
         let place = |channel: ChannelPlan| {
             let start = end;
@@ -81,7 +81,6 @@ impl Judge {
         let nominal = spec.rate.map(|rate| 1.0 / rate.si());
         Self {
             clock,
-            time_column,
             jumps: Jumps::new(spec.time.max_jump.map(|d| d.si()), nominal),
             bad_rows: spec.bad_rows,
             backwards: spec.time.backwards,
@@ -153,9 +152,9 @@ impl Judge {
             self.is_interval_known = false;
             return Err(self.bad(malformed.message, Some(malformed.help)));
         }
-        self.clock.read(raw.cell(self.time_column)).map_err(|what| {
+        self.clock.read(raw).map_err(|(column, what)| {
             self.is_interval_known = false;
-            self.bad_cell(raw, self.time_column, what)
+            self.bad_cell(raw, column, what)
         })
     }
 
@@ -191,7 +190,7 @@ impl Judge {
             return Ok(());
         }
         let sound = raw.after().filter(|row| row.malformed().is_none());
-        let after = sound.and_then(|row| self.clock.read(row.cell(self.time_column)).ok());
+        let after = sound.and_then(|row| self.clock.read(row).ok());
         let after = after.map_or(After::Nothing, After::Stamp);
         let Some(message) = self.jumps.refute(self.stamp, stamp, after) else {
             return Ok(());

@@ -75,7 +75,7 @@ pub(in super::super) struct RowSpec<'a> {
     pub(in super::super) channels: &'a BTreeMap<String, ChannelSpec>,
 }
 
-/// The stamp of a row: log time = about + scale · (stamp − epoch − about) + offset.
+/// The stamp of a row: log time = about + scale · (stamp − epoch − about) + offset, of a stamp in two columns their sum.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(in super::super) struct TimeSpec {
@@ -84,6 +84,9 @@ pub(in super::super) struct TimeSpec {
     /// Its unit; decimal stamps of any length are read to the nanosecond.
     #[serde(default = "seconds")]
     pub(super) unit: String,
+    /// A second column, whose time is added: nanoseconds beside seconds, a week beside its seconds, the number
+    /// of a recording whose clock begins at zero.
+    pub(super) plus: Option<PlusSpec>,
     /// The stamp at time zero of the log, in the unit of the column and as exact as written.
     pub(super) epoch: Option<Epoch>,
     /// Seconds of true time per second of this clock.
@@ -115,6 +118,16 @@ fn seconds() -> String {
 
 const fn one() -> f64 {
     1.0
+}
+
+/// The second column of a stamp.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in super::super) struct PlusSpec {
+    /// The column.
+    pub(super) column: String,
+    /// The time that one of it stands for, such as `"1 ns"` or `"7 day"`.
+    pub(super) each: Positive<dim::Duration>,
 }
 
 /// A number kept as it was written, so that no digit is lost.

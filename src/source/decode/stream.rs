@@ -42,7 +42,10 @@ impl Plan<'_> {
             file,
             errors: Vec::new(),
         };
-        let time_column = columns.find("time.column", &self.spec.time.column);
+        let mut stamp = vec![columns.find("time.column", &self.spec.time.column)];
+        if let Some(plus) = &self.spec.time.plus {
+            stamp.push(columns.find("time.plus.column", &plus.column));
+        }
         let mut cells = Vec::new();
         for plan in &self.channels {
             for (field, column) in &plan.columns {
@@ -57,7 +60,7 @@ impl Plan<'_> {
         }
         Ok(Box::new(Decoded {
             file: file.name(),
-            judge: Judge::new(self, time_column, cells, valid),
+            judge: Judge::new(self, stamp, cells, valid),
             raw: Ahead::new(raw),
             provided,
             counts: RowCounts::default(),

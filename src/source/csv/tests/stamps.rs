@@ -20,6 +20,26 @@ fn a_clock_is_shifted_and_stretched_about_its_first_stamp_or_another() {
     assert_eq!(stamps("stop = '200 s'"), [100_000]);
 }
 
+#[test]
+fn a_stamp_in_two_columns_is_their_sum_to_the_nanosecond() {
+    let stamps = |time: &str, data: &str| read(&format!("time = {{ {time} }}"), data.as_bytes());
+    let of = |time: &str, data: &str| -> Vec<i64> { stamps(time, data).unwrap().0.into_iter().map(|(t, _)| t).collect() };
+    let whole = "column = 'sec', plus = { column = 'nsec', each = '1 ns' }, epoch = '1752003258'";
+    assert_eq!(
+        of(whole, "sec,nsec\n1752003258,999999999\n1752003259,1\n"),
+        [999_999_999, 1_000_000_001]
+    );
+    // The clock of every recording begins at zero.
+    let recordings = "column = 't', plus = { column = 'n', each = '10 s' }";
+    assert_eq!(of(recordings, "t,n\n0,0\n1.95,0\n0,1\n"), [0, 1_950_000_000, 10_000_000_000]);
+    let wrong = stamps(recordings, "t,n\n0,x\n").unwrap_err().to_string();
+    assert!(wrong.contains("`x` in column `n` is not a number"), "{wrong}");
+    let missing = stamps("column = 't', plus = { column = 'week', each = '7 day' }", "t,n\n0,0\n")
+        .unwrap_err()
+        .to_string();
+    assert!(missing.contains("no column `week`"), "{missing}");
+}
+
 /// A file of 10 Hz in which the stamp of one row is an hour ahead.
 fn spoilt(rows: usize, wrong: usize) -> String {
     let stamp = |k: usize| 0.1 * k as f64 + if k == wrong { 3600.0 } else { 0.0 };
