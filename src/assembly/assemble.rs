@@ -154,9 +154,13 @@ impl<'a, P> Assembler<'a, P> {
     /// The assembly, where nothing is wrong.
     fn assemble(&mut self) -> Option<Assembly> {
         let (process, parts, infos) = self.blocks();
+        self.check_restart();
         let mut assembly = self.finish(process?, parts, infos)?;
         let longest = self.design.run.longest_jump.map_or(LONGEST_JUMP, |t| t.si());
         assembly.runner.limit_jumps(longest);
+        if let Some(silence) = self.design.run.restart_after {
+            assembly.runner.restart_after(silence.si());
+        }
         Some(assembly)
     }
 
@@ -265,6 +269,20 @@ impl<'a, P> Assembler<'a, P> {
             }
         }
         units
+    }
+
+    /// A process with input says itself when it starts anew.
+    fn check_restart(&mut self) {
+        let is_driven = self.process.is_some_and(|process| !process.block.model.input().is_empty());
+        if is_driven && self.design.run.restart_after.is_some() {
+            let message = "this process has an input, whose silence starts the filter anew";
+            let place = self.design.document.root().get("run").map(|run| run.place_of("restart_after"));
+            let mistake = Diagnostic::error(message).help("write `input.longest_gap` under [process] in its place");
+            self.d.push(match place {
+                Some(place) => mistake.at(place),
+                None => mistake,
+            });
+        }
     }
 
     /// Blocks that the process moves start somewhere: an initialiser must write them.

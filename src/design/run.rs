@@ -71,6 +71,10 @@ pub struct RunSpec {
     /// How far ahead of all others a stamp may be, 10 s by default: a row whose stamp is further ahead
     /// waits until a second one confirms it, and is not used if none does.
     pub longest_jump: Option<Positive<dim::Duration>>,
+    /// A silence of all rows longer than this separates one recording from the next: the filter starts anew by
+    /// its initialisers and keeps its calibration. For a process without input; of one with input
+    /// `process.input.longest_gap` says it.
+    pub restart_after: Option<Positive<dim::Duration>>,
     /// How far out of order live rows may arrive: so long every row waits for others. With
     /// `order = "rewind"` a few milliseconds of it save going back for rows that are a little late.
     pub reorder: NonNegative<dim::Duration>,

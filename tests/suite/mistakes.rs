@@ -215,6 +215,8 @@ fn what_is_missing() {
     wrong_text("no_initialiser", &inertial.replace(INITIAL, ""));
     wrong("no_origin", "origin = { latitude = \"47 deg\", longitude = \"8 deg\" }\n", "");
     wrong_text("no_data", &DESIGN[..DESIGN.find("[source.gnss]").unwrap()]);
+    let restart = inertial.replace("[run]\n", "[run]\nrestart_after = \"5 s\"\n");
+    wrong_text("restart_of_a_process_with_input", &restart);
     wrong_text("no_input", &inertial.replacen("source = \"gnss\"\ngyro", "gyro", 1));
     wrong("input_for_nobody", "acceleration_noise", "source = \"gnss\"\nacceleration_noise");
 }

@@ -142,6 +142,24 @@ impl Runner {
         self.run_ready(observer)
     }
 
+    /// Where a silence before `time` was longer than any within a recording, another one begins.
+    pub(super) fn begin_recording(&mut self, time: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
+        let end = |silence| self.estimator.belief().time.shifted(silence);
+        if self.started && !self.is_driven() && self.longest_silence.is_some_and(|silence| time > end(silence)) {
+            self.tell_epoch(observer)?;
+            self.begin_again();
+        }
+        Ok(())
+    }
+
+    /// The initialisers begin anew; what is known of the calibration is kept for them.
+    fn begin_again(&mut self) {
+        self.started = false;
+        self.last = Some(self.estimator.belief().clone());
+        self.begin_anew();
+        self.outcomes.fill(None);
+    }
+
     /// Gives up: the filter waits for its initialisers, which begin anew.
     fn stop(&mut self, time: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
         self.tell_epoch(observer)?;
@@ -152,10 +170,7 @@ impl Runner {
         while let Some(waiting) = self.waiting.pop_front() {
             self.discard_early(waiting, observer)?;
         }
-        self.started = false;
-        self.last = Some(self.estimator.belief().clone());
-        self.begin_anew();
-        self.outcomes.fill(None);
+        self.begin_again();
         observer.on(&Event::Stopped { since, time })
     }
 }

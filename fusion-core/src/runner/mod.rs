@@ -68,4 +68,6 @@ impl From<Halt> for RunError {
 #[cfg(test)]
 mod gap_tests;
 #[cfg(test)]
+mod recording_tests;
+#[cfg(test)]
 mod tests;

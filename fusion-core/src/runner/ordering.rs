@@ -93,6 +93,8 @@ pub struct Runner {
     pub(super) process: Arc<dyn Process>,
     pub(super) estimator: Box<dyn Estimator>,
     pub(super) limits: Limits,
+    /// The longest silence that a process without input predicts through \[ns\].
+    pub(super) longest_silence: Option<i64>,
     /// None before the first row, and while a row is processed.
     pub(super) monitor: Option<Box<Monitor>>,
 }
@@ -141,6 +143,7 @@ impl Runner {
             process,
             estimator,
             limits: Limits::DEFAULT,
+            longest_silence: None,
             monitor: None,
         }
     }
@@ -176,6 +179,12 @@ impl Runner {
         if let Some(input) = &mut self.input {
             input.limit(limits);
         }
+    }
+
+    /// Where all rows are silent for more than `seconds`, a filter without input starts anew by its initialisers
+    /// and keeps its calibration.
+    pub fn restart_after(&mut self, seconds: f64) {
+        self.longest_silence = Some(nanos(seconds));
     }
 
     /// Rows whose stamps are more than `seconds` ahead of all others wait until a second one confirms
@@ -447,6 +456,7 @@ impl Runner {
                 return Ok(());
             };
             (self.released, self.serving) = (entry.time, entry.consumer);
+            self.begin_recording(entry.time, observer)?;
             if self.epoch.is_some_and(|epoch| epoch < entry.time) {
                 self.tell_epoch(observer)?;
             }

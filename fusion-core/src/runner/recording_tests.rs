@@ -1,0 +1,137 @@
+//! Recordings one after the other, for a process without input.
+
+use super::*;
+use crate::filter::tests::{Direct, declare};
+use crate::filter::{Backend, Filter};
+use crate::gate::Open;
+use crate::linear::Transition;
+use crate::loss::Quadratic;
+use crate::memory::{Memory, Tape};
+use crate::model::{Input, Process, Size};
+use crate::state::{Belief, Declaration, Dynamics, Layout, LayoutBuilder, Scalar, Slot, StateRole};
+use crate::time::Time;
+use nalgebra::Matrix1;
+use std::sync::Arc;
+
+/// A position that walks.
+#[derive(Debug)]
+struct Walk(Slot<Scalar>);
+
+impl Process for Walk {
+    fn input_dim(&self) -> usize {
+        0
+    }
+    fn propagate(&self, _: &mut [f64], _: &Input<'_>, _: f64) {}
+    fn linearise(&self, _: &[f64], _: &Input<'_>, dt: f64, out: &mut Transition) {
+        out.noise(self.0, self.0, &Matrix1::new(dt));
+    }
+}
+
+/// Begins at the first row.
+#[derive(Debug)]
+struct First(Option<f64>);
+
+impl Memory for First {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.0.remember(tape);
+    }
+}
+
+impl Initialiser for First {
+    fn row(&mut self, _: usize, _: Time, row: &[f64]) {
+        self.0.get_or_insert(row[0]);
+    }
+    fn waits_for(&self) -> Option<String> {
+        self.0.is_none().then(|| "a position".to_owned())
+    }
+    fn write(&self, _: Time, layout: &Layout, belief: &mut Belief) {
+        let block = layout.block("position").unwrap();
+        belief.x[block.storage] = self.0.unwrap();
+    }
+}
+
+/// Positions on stream 0, and on stream 1 the number that a calibration is.
+fn runner() -> Runner {
+    let mut b = LayoutBuilder::new();
+    let position = declare::<Scalar>(&mut b, "position", 0.0, &[1.0], Dynamics::Process);
+    let scale = b.declare::<Scalar>(Declaration {
+        name: "scale".to_owned(),
+        owner: String::new(),
+        unit: "",
+        initial: 1.0,
+        sigma: vec![0.5],
+        role: StateRole::Calibration,
+        dynamics: Dynamics::Constant,
+    });
+    let process: Arc<dyn Process> = Arc::new(Walk(position));
+    let filter = Filter::new(Arc::new(b.finish()), process.clone(), Backend::default(), Size::same(1));
+    let mut runner = Runner::new(Box::new(filter), process, 0.0);
+    for (stream, slot) in [("position", position), ("scale", scale.unwrap())] {
+        let stream = runner.add_stream(stream, 1);
+        runner.add_sensor(Sensor {
+            name: stream.to_string(),
+            model: Arc::new(Direct(slot)),
+            port: port(stream),
+            offset: None,
+            constant: Vec::new(),
+            noise: Noise::diagonal(&[0.1]),
+            quality: None,
+            gate: Box::new(Open),
+            loss: Arc::new(Quadratic),
+        });
+    }
+    runner.add_initialiser(InitialiserUnit {
+        name: "first".to_owned(),
+        initialiser: Box::new(First(None)),
+        inputs: vec![port(0)],
+    });
+    runner
+}
+
+fn port(stream: StreamId) -> Port {
+    Port {
+        stream,
+        columns: vec![0],
+        delay: 0,
+    }
+}
+
+/// Two seconds at a position of 5, the calibration measured once as 2; from `again` on at one of 90. What is told
+/// of starts, and the belief in the end.
+fn told(runner: &mut Runner, again: i64) -> (Vec<String>, Belief) {
+    let mut told = Vec::new();
+    let mut observer = |event: &Event<'_>| match event {
+        Event::Started { belief } => told.push(format!("started {} at {}", belief.time, belief.x[0])),
+        Event::Stopped { .. } => told.push("stopped".to_owned()),
+        _ => {}
+    };
+    let second = |s: i64| Time::from_nanos(s * 1_000_000_000);
+    let rows = [(0, 0, 5.0), (0, 1, 5.0), (1, 2, 2.0), (0, again, 90.0), (0, again + 1, 90.0)];
+    for (stream, at, value) in rows {
+        runner.feed(&Row::new(stream, second(at), &[value]), &mut observer).unwrap();
+    }
+    runner.finish(&mut observer).unwrap();
+    let belief = runner.belief().clone();
+    (told, belief)
+}
+
+#[test]
+fn a_long_silence_separates_recordings_and_calibration_is_kept() {
+    let mut apart = runner();
+    apart.restart_after(5.0);
+    let (starts, belief) = told(&mut apart, 8);
+    assert_eq!(starts, ["started 0.000000 s at 5", "started 8.000000 s at 90"]);
+    // 0.25/(0.25 + 0.01) of the way from 1 to 2; rounding.
+    assert!((belief.x[1] - (1.0 + 0.25 / 0.26)).abs() < 1e-15, "{:?}", belief.x);
+    assert_eq!(belief.x[0], 90.0);
+}
+
+#[test]
+fn a_silence_within_a_recording_and_one_that_nothing_is_declared_of_are_bridged() {
+    let mut together = runner();
+    together.restart_after(5.0);
+    let (starts, belief) = told(&mut together, 7);
+    assert_eq!(starts, ["started 0.000000 s at 5"]);
+    assert!(belief.x[0] > 80.0 && belief.x[0] < 90.0, "{:?}", belief.x);
+    assert_eq!(told(&mut runner(), 100).0, ["started 0.000000 s at 5"]);
+}
