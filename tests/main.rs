@@ -90,6 +90,9 @@ mod stress;
 /// A workspace of files for a test, and the command run in it.
 #[path = "suite/support.rs"]
 mod support;
+/// Track odometry of a skidding robot: parameters learnt on some of its log, judged on the rest.
+#[path = "suite/warthog.rs"]
+mod warthog;
 /// Recorded logs under water, scored on positions that the filter has not seen.
 #[path = "suite/water.rs"]
 mod water;

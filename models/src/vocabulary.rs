@@ -23,6 +23,8 @@ pub mod state {
     pub const SPEED: QuantityName<'static, Scalar> = QuantityName::new("speed");
     /// Rate of the heading \[rad/s\].
     pub const YAW_RATE: QuantityName<'static, Scalar> = QuantityName::new("yaw_rate");
+    /// Speed sideways out of a turn, over speed times yaw rate \[s\].
+    pub const SIDE_SLIP: QuantityName<'static, Scalar> = QuantityName::new("side_slip");
     /// Velocity of the body over ground in its own axes, forward, right, down \[m/s\].
     pub const BODY_VELOCITY: QuantityName<'static, Vector<3>> = QuantityName::new("body_velocity");
     /// From the heading of a reference to the true one, clockwise \[rad\].

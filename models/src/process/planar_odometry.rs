@@ -15,7 +15,7 @@
 //! Source     Barrau and Bonnabel 2017, §IV (the robot with wheel odometry)
 
 use super::strapdown::discrete::GAUSS;
-use super::unicycle::arc;
+use super::unicycle::{arc, quarter};
 use crate::block::{Build, BuildError, Channel, ProcessSpec};
 use crate::earth::frames::rotation_en;
 use crate::earth::{Gravity, LocalEarth, LocalFrame};
@@ -117,11 +117,6 @@ struct PlanarOdometry {
 fn rotation(psi: f64) -> Matrix2<f64> {
     let (sin, cos) = psi.sin_cos();
     Matrix2::new(cos, -sin, sin, cos)
-}
-
-/// A quarter turn clockwise: ∂R/∂ψ = R J.
-fn quarter(v: &Vector2<f64>) -> Vector2<f64> {
-    Vector2::new(-v.y, v.x)
 }
 
 impl PlanarOdometry {

@@ -1,24 +1,27 @@
 //! Unicycle: a vehicle that drives ahead and turns, in the horizontal plane.
 //!
 //! State      position (geodetic; its height stands still), heading ψ \[rad\], speed u \[m/s\],
-//!            yaw rate r \[rad/s\]
-//! Model      ṙ_N = u cos ψ, ṙ_E = u sin ψ, ψ̇ = r + w_ψ, u̇ = w_u, ṙ = w_r
-//! Discrete   exact on the arc of constant u and r: with x = rT/2,
-//!            Δ = u T sinc(x) [cos(ψ + x), sin(ψ + x)], ψ⁺ = ψ + rT
+//!            yaw rate r \[rad/s\]; where estimated the side slip σ \[s\]
+//! Model      ṗ = u [cos ψ, sin ψ] − σ u r [−sin ψ, cos ψ], ψ̇ = r + w_ψ, u̇ = w_u, ṙ = w_r
+//! Slip       a vehicle that skids slides out of its turn: friction that grows with the speed of sliding
+//!            balances the centripetal acceleration u r, so that it slides at σ u r
+//! Discrete   exact on the arc of constant u and r: with x = rT/2, J a quarter turn clockwise,
+//!            Δ = (1 − σ r J) u T sinc(x) [cos(ψ + x), sin(ψ + x)], ψ⁺ = ψ + rT
 //!            Φ its exact derivative, in the charts of the positions before and after
 //!            Q trapezoidal, ½(ΦQ_cΦᵀ + Q_c)T
 //! Signals    velocity (north east down), attitude (level), angular_rate (body, of turning),
 //!            acceleration (dv/dt, north east down)
-//! Valid      no slip sideways, no slopes; the Earth's rotation is left out of angular_rate
+//! Valid      no slopes; the Earth's rotation is left out of angular_rate
 
 use crate::block::{Build, BuildError, Channel, ProcessSpec};
+use crate::param::ScalarParam;
 use crate::units::{self, Axes, Duration, NonNegative, Positive, dim, range};
 use crate::vocabulary::state;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::{Radii, divisible_cos, radii, radii_derivative};
 use fusion_core::linear::Transition;
 use fusion_core::model::{Input, Process, SignalsOut};
-use fusion_core::state::{Angle, Attitude, Dynamics, Geodetic, Scalar, Signal, Slot, Vector, Velocity, wrap};
+use fusion_core::state::{Angle, Attitude, Dynamics, Geodetic, Param, Scalar, Signal, Slot, Vector, Velocity, wrap};
 use nalgebra::{Matrix1, Matrix3, Vector2, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -109,6 +112,10 @@ pub struct UnicycleSpec {
     speed_sigma: NonNegative<dim::Speed>,
     /// Initial 1σ of the yaw rate, which starts from zero.
     yaw_rate_sigma: NonNegative<dim::AngularRate>,
+    /// How a vehicle that skids slides out of its turn: the speed sideways over speed times yaw rate; 0.3 s for
+    /// a skid-steered one of half a ton. Estimated as the state `side_slip`.
+    #[serde(default)]
+    side_slip: ScalarParam<dim::Duration>,
     /// The longest step that one linearisation covers.
     #[serde(default = "tenth")]
     max_step: Positive<dim::Duration>,
@@ -138,6 +145,7 @@ heading_sigma = "10 deg"
 initial_speed = "1 m/s"
 speed_sigma = "1 m/s"
 yaw_rate_sigma = "5 deg/s"
+side_slip = { estimate = true, initial = "0.2 s", sigma = "0.2 s" }
 max_step = "0.1 s"
 "#
 );
@@ -163,6 +171,7 @@ impl ProcessSpec for UnicycleSpec {
                 Dynamics::Process,
             )?,
             yaw_rate: b.declare(state::YAW_RATE, "rad/s", 0.0, vec![self.yaw_rate_sigma.si()], Dynamics::Process)?,
+            side_slip: b.param_named(state::SIDE_SLIP, "side_slip", &self.side_slip)?,
             velocity: b.signal(state::VELOCITY)?,
             attitude: b.signal(state::ATTITUDE)?,
             angular_rate: b.signal(state::ANGULAR_RATE)?,
@@ -183,6 +192,7 @@ struct Unicycle {
     heading: Slot<Angle>,
     speed: Slot<Scalar>,
     yaw_rate: Slot<Scalar>,
+    side_slip: Param<Scalar>,
     velocity: Signal<Velocity>,
     attitude: Signal<Attitude>,
     angular_rate: Signal<Vector<3>>,
@@ -194,9 +204,30 @@ struct Unicycle {
     max_step: f64,
 }
 
+/// A quarter turn clockwise, J: ∂R/∂ψ = R J.
+pub(super) fn quarter(v: &Vector2<f64>) -> Vector2<f64> {
+    Vector2::new(-v.y, v.x)
+}
+
 impl Unicycle {
-    fn arc(&self, x: &[f64], dt: f64) -> Arc {
-        arc(self.heading.read(x), self.speed.read(x), self.yaw_rate.read(x), dt)
+    fn slip(&self, x: &[f64]) -> f64 {
+        self.side_slip.stored(x).unwrap_or_default()
+    }
+
+    /// The displacement and its derivatives, what the vehicle slides sideways included; the derivative by the
+    /// side slip.
+    fn arc(&self, x: &[f64], dt: f64) -> (Arc, Vector2<f64>) {
+        let (r, slip) = (self.yaw_rate.read(x), self.slip(x));
+        let rolling = arc(self.heading.read(x), self.speed.read(x), r, dt);
+        let sliding = |v: &Vector2<f64>| v - quarter(v) * (slip * r);
+        let across = quarter(&rolling.moved);
+        let slipping = Arc {
+            moved: sliding(&rolling.moved),
+            by_heading: sliding(&rolling.by_heading),
+            by_speed: sliding(&rolling.by_speed),
+            by_rate: sliding(&rolling.by_rate) - across * slip,
+        };
+        (slipping, across * -r)
     }
 }
 
@@ -210,13 +241,13 @@ impl Process for Unicycle {
     }
 
     fn propagate(&self, x: &mut [f64], _: &Input<'_>, dt: f64) {
-        let moved = self.arc(x, dt).moved;
+        let moved = self.arc(x, dt).0.moved;
         self.position.write(&self.position.read(x).offset(&moved.push(0.0)), x);
         self.heading.write(&wrap(self.heading.read(x) + self.yaw_rate.read(x) * dt), x);
     }
 
     fn linearise(&self, x: &[f64], _: &Input<'_>, dt: f64, out: &mut Transition) {
-        let arc = self.arc(x, dt);
+        let (arc, by_slip) = self.arc(x, dt);
         let position = self.position.read(x);
         let (carried, factor) = carried(&position, &position.offset(&arc.moved.push(0.0)), &arc.moved);
         let metres = |d: Vector2<f64>| d.component_mul(&factor).push(0.0);
@@ -224,6 +255,9 @@ impl Process for Unicycle {
         out.set(self.position, self.heading, &metres(arc.by_heading));
         out.set(self.position, self.speed, &metres(arc.by_speed));
         out.set(self.position, self.yaw_rate, &metres(arc.by_rate));
+        if let Param::State(slip) = self.side_slip {
+            out.set(self.position, slip, &metres(by_slip));
+        }
         out.set(self.heading, self.yaw_rate, &Matrix1::new(dt));
         out.noise_trapezoid(self.position, self.position, &Matrix3::from_diagonal(&(self.position_psd * dt)));
         out.noise_trapezoid(self.heading, self.heading, &Matrix1::new(self.heading_psd * dt));
@@ -235,18 +269,24 @@ impl Process for Unicycle {
         let (psi, u, r) = (self.heading.read(x), self.speed.read(x), self.yaw_rate.read(x));
         let (sin, cos) = psi.sin_cos();
         let (ahead, across) = (Vector3::new(cos, sin, 0.0), Vector3::new(-sin, cos, 0.0));
-        out.set(self.velocity, &(ahead * u));
+        let slip = self.slip(x);
+        // The way it goes at a speed of one, and that way turned right by a quarter.
+        let (way, aside) = (ahead - across * (slip * r), across + ahead * (slip * r));
+        out.set(self.velocity, &(way * u));
         out.set(self.attitude, &so3::from_rpy(0.0, 0.0, psi));
         out.set(self.angular_rate, &Vector3::new(0.0, 0.0, r));
-        out.set(self.acceleration, &(across * (u * r)));
+        out.set(self.acceleration, &(aside * (u * r)));
         if out.wants_jacobian() {
-            out.add(self.velocity, self.heading, &(across * u));
-            out.add(self.velocity, self.speed, &ahead);
+            out.add(self.velocity, self.heading, &(aside * u));
+            out.add(self.velocity, self.speed, &way);
+            out.add(self.velocity, self.yaw_rate, &(across * (-slip * u)));
+            out.add_quantity(self.velocity, &self.side_slip, &(across * (-u * r)));
             out.add(self.attitude, self.heading, &Vector3::z());
             out.add(self.angular_rate, self.yaw_rate, &Vector3::z());
-            out.add(self.acceleration, self.heading, &(ahead * (-u * r)));
-            out.add(self.acceleration, self.speed, &(across * r));
-            out.add(self.acceleration, self.yaw_rate, &(across * u));
+            out.add(self.acceleration, self.heading, &(way * (-u * r)));
+            out.add(self.acceleration, self.speed, &(aside * r));
+            out.add(self.acceleration, self.yaw_rate, &(aside * u + ahead * (slip * u * r)));
+            out.add_quantity(self.acceleration, &self.side_slip, &(ahead * (u * r * r)));
         }
     }
 }
@@ -302,6 +342,34 @@ mod tests {
         }
         let further = p.offset(&(moved + Vector2::new(0.0, 100.0)).push(0.0)).difference(&after);
         assert!((further.y - 100.0 * factor.y).abs() < 1e-6 && factor.y < 0.99); // meridians converge
+    }
+
+    #[test]
+    fn a_vehicle_that_skids_is_further_out_after_half_a_circle_and_where_it_would_be_after_a_whole_one() {
+        let text = "speed_noise = 1\nyaw_rate_noise = 1\nposition_sigma = 1\nheading_sigma = 1\nspeed_sigma = 1\nyaw_rate_sigma = 1";
+        let spec: UnicycleSpec = toml::from_str(&format!("{text}\nside_slip = 0.3")).unwrap();
+        let mut layout = fusion_core::state::LayoutBuilder::new();
+        let place = Geodetic::new(0.6, 2.2, 0.0);
+        let mut build = Build {
+            name: "process",
+            layout: &mut layout,
+            origin: Some(place),
+            gravity: crate::earth::Gravity::default(),
+        };
+        let process = spec.build(&mut build).unwrap();
+        let (u, r) = (2.0, 0.5);
+        let after = |dt: f64| {
+            let mut x = layout.so_far().initial().to_vec();
+            x[4..6].copy_from_slice(&[u, r]);
+            process.propagate(&mut x, &Input::held(&[]), dt);
+            Geodetic::new(x[0], x[1], x[2]).difference(&place)
+        };
+        let half = core::f64::consts::PI / r;
+        // The integral of −σ u r [−sin, cos] over half a circle is 2 σ u north. 1e-5: 8 m squared over the radius of
+        // the Earth; 1e-8: coordinates of 6e6 m.
+        let moved = after(half);
+        assert!((moved - Vector3::new(2.0 * 0.3 * u, 2.0 * u / r, 0.0)).amax() < 1e-5, "{moved}");
+        assert!(after(2.0 * half).amax() < 1e-8);
     }
 
     #[test]
