@@ -14,6 +14,7 @@
 
 pub mod assembly;
 pub mod campaign;
+mod checkpoint;
 pub mod config;
 pub mod design;
 pub mod health;
@@ -30,8 +31,9 @@ pub mod source;
 pub mod stress;
 pub mod world;
 
+pub use checkpoint::CheckpointError;
 pub use design::schema;
 pub use fusion_core as core;
 pub use fusion_models as models;
-pub use navigator::{CheckpointError, FeedError, Navigator};
+pub use navigator::{FeedError, Navigator};
 pub use run::examine;

@@ -331,6 +331,9 @@ fn the_runner_allocates_nothing_in_steady_state() {
         assert_eq!(offered, [100, 100, 40, 20]);
         // The velocity, right throughout, goes with the position.
         assert_eq!(rejected, [10, 10, 0, 0]);
+        let mut bytes = Vec::with_capacity(1 << 16);
+        let saved = allocations(|| fusion::core::memory::save(&mut nav, &mut bytes));
+        assert!(saved == 0 && bytes.len() > 2000, "{saved} for {} bytes", bytes.len());
     }
 }
 

@@ -69,6 +69,10 @@ mod reacquisition;
 /// Real recorded logs, scored against their references.
 #[path = "suite/real.rs"]
 mod real;
+/// Runs that are stopped, and gone on with from what was saved.
+#[cfg(unix)]
+#[path = "suite/resumed.rs"]
+mod resumed;
 /// Rows that come late, used by going back: every design, any order of arrival.
 #[path = "suite/rewind.rs"]
 mod rewind;

@@ -11,7 +11,7 @@
 
 use crate::time::Time;
 use core::ops::Range;
-use nalgebra::{SMatrix, UnitQuaternion};
+use nalgebra::{DVector, SMatrix, UnitQuaternion};
 use smallvec::{Array, SmallVec};
 use std::collections::VecDeque;
 use thiserror::Error;
@@ -242,7 +242,7 @@ macro_rules! by_bytes {
     };
 }
 
-by_bytes!(u8, u16, u32, u64, i64);
+by_bytes!(u8, u16, u32, u64, i64, f32);
 
 impl Memory for f64 {
     fn remember(&mut self, tape: &mut Tape<'_>) {
@@ -295,6 +295,24 @@ impl<const R: usize, const C: usize> Memory for SMatrix<f64, R, C> {
 impl Memory for UnitQuaternion<f64> {
     fn remember(&mut self, tape: &mut Tape<'_>) {
         self.as_mut_unchecked().coords.remember(tape);
+    }
+}
+
+/// Of a length that the design gives.
+impl Memory for DVector<f64> {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        tape.numbers(self.as_mut_slice());
+    }
+}
+
+impl Memory for String {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        let Some(read) = tape.blob(self.as_bytes()) else { return };
+        match core::str::from_utf8(read) {
+            Ok(read) if read == self => {}
+            Ok(read) => *self = read.to_owned(),
+            Err(_) => tape.refuse("a text is none"),
+        }
     }
 }
 
@@ -358,7 +376,7 @@ impl<A: Array<Item: Memory + Default>> Memory for SmallVec<A> {
 macro_rules! by_parts {
     ($($name:ident),+) => {
         impl<$($name: Memory),+> Memory for ($($name,)+) {
-            #[allow(non_snake_case, reason = "the names of the types")]
+            #[expect(non_snake_case, reason = "the names of the types")]
             fn remember(&mut self, tape: &mut Tape<'_>) {
                 let ($($name,)+) = self;
                 $($name.remember(tape);)+
@@ -378,10 +396,11 @@ mod tests {
     #[derive(Clone, Debug, Default, PartialEq)]
     struct Inner {
         names: Vec<f64>,
+        text: String,
         last: Option<(Time, [f64; 2])>,
         limit: f64,
     }
-    crate::memory!(Inner { names, last; limit });
+    crate::memory!(Inner { names, text, last; limit });
 
     #[derive(Clone, Debug, Default, PartialEq)]
     struct Outer {
@@ -402,6 +421,7 @@ mod tests {
     fn outer() -> Outer {
         let inner = |k: usize| Inner {
             names: (0..k).map(|i| 1.0 / (i as f64 - 1.0)).collect(),
+            text: "σ".repeat(k),
             last: (k > 1).then_some((Time::from_nanos(-5), [0.1, -0.0])),
             limit: 0.0,
         };

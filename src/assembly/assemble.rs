@@ -349,7 +349,7 @@ impl<'a, P> Assembler<'a, P> {
             streams,
             filters: std::mem::take(&mut self.inside),
             gravity: self.gravity,
-            fingerprint: crate::navigator::fingerprint(&design.document),
+            fingerprint: crate::checkpoint::fingerprint(&design.document),
         })
     }
 }

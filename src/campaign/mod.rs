@@ -132,11 +132,11 @@ pub fn monte_carlo(
         let seed = seed_of(seed, number);
         let options = Options {
             seed: Some(seed),
-            out: None,
             data: options.data.clone(),
             base: options.base.clone(),
             // No row of a campaign tells of it.
             smooth: Smoothing::Never,
+            ..Options::default()
         };
         let summary = run(design, &options, &mut |_| {})?;
         progress(done.fetch_add(1, Ordering::Relaxed) + 1);

@@ -98,13 +98,13 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
             let options = Options {
                 data: args.data.clone(),
                 base: named.base(),
-                out: None,
                 seed: args.seed,
                 smooth: if args.smooth {
                     Smoothing::Whole(Keep::Memory)
                 } else {
                     Smoothing::Declared
                 },
+                ..Options::default()
             };
             let design = named.design(&file, Missing::Told)?;
             let path = config.as_ref().filter(|_| configs.len() > 1).map(|p| p.display().to_string());

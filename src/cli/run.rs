@@ -6,10 +6,12 @@ use clap::{Args, ValueEnum};
 use fusion::config::Diagnostics;
 use fusion::core::time::Time;
 use fusion::design::Design;
+use fusion::models::units::{self, Dimensional, dim};
 use fusion::present::{Section, Table};
 use fusion::report;
-use fusion::run::{Keep, Options, Smoothing, Summary, run as run_design};
+use fusion::run::{Checkpoints, Keep, Options, Smoothing, Summary, run as run_design};
 use std::path::PathBuf;
+use std::time::Duration;
 
 #[derive(Debug, Default, Args)]
 pub(super) struct RunArgs {
@@ -28,11 +30,35 @@ pub(super) struct RunArgs {
     /// an `--out`.
     #[arg(long, value_enum, value_name = "disk|memory", require_equals = true, hide_possible_values = true)]
     smooth: Option<Option<SmoothArg>>,
+    /// With `order = "rewind"`: estimates.csv holds what was believed at the time, before later rows changed it, and
+    /// revised.csv what they made of it; otherwise current.csv and estimates.csv hold them.
+    #[arg(long, requires = "out")]
+    causal: bool,
+    /// Saves the run in FILE while it goes on, so that `--resume` goes on with it after a crash or a kill; with
+    /// `--out`, files that are not finished then stay there too. FILE is removed at the end of the run.
+    #[arg(long, value_name = "FILE")]
+    checkpoint: Option<PathBuf>,
+    /// Time between two checkpoints, by the clock.
+    #[arg(long, value_name = "TIME", default_value = "10 s", value_parser = period, requires = "checkpoint")]
+    every: Duration,
+    /// Goes on with the run that was saved in FILE; everything else must be as it was begun with. What comes out
+    /// is the same, to the last bit, as without a stop. Give `--checkpoint FILE` too to save it further.
+    #[arg(long, value_name = "FILE")]
+    resume: Option<PathBuf>,
     /// Exit code 3 unless every filter was in good health from its alignment to the end.
     #[arg(long)]
     strict: bool,
     #[command(flatten)]
     output: OutputArgs,
+}
+
+/// A time as a design writes it.
+fn period(text: &str) -> Result<Duration, String> {
+    let (seconds, dimension) = units::parse(text).map_err(|error| error.to_string())?;
+    if dimension != dim::Duration::KIND.dimension {
+        return Err("a time is wanted, such as `10 s`".to_owned());
+    }
+    Duration::try_from_secs_f64(seconds).map_err(|error| error.to_string())
 }
 
 /// Where steps are kept for smoothing.
@@ -60,6 +86,9 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
         out: args.out.clone(),
         seed: args.seed,
         smooth: args.smoothing(),
+        checkpoint: args.checkpoint.clone().map(|file| Checkpoints { file, every: args.every }),
+        resume: args.resume.clone(),
+        causal: args.causal,
     };
     let mut progress = Progress::new(&design);
     let mut at = |time| progress.at(time);
@@ -74,7 +103,11 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
         Some(out) => {
             let smoothed = summary.smoothed.as_ref().map(|_| "smoothed.csv");
             let others = ["updates.csv", "summary.json", "report.html"];
-            let names = ["estimates.csv"].into_iter().chain(smoothed).chain(others);
+            let revised = summary
+                .current
+                .as_ref()
+                .map(|_| if args.causal { "revised.csv" } else { "current.csv" });
+            let names = ["estimates.csv"].into_iter().chain(revised).chain(smoothed).chain(others);
             written(names.map(|f| out.join(f)))
         }
         None => Section::new("", []).note("Nothing written; `--out DIR` keeps estimates, updates, summary and report."),

@@ -4,10 +4,11 @@ use crate::assembly::Assembly;
 use crate::observe::Heard;
 use core::fmt;
 use fusion_core::health::{Reason, State};
+use fusion_core::memory::{Memory, Tape};
 use serde::{Serialize, Serializer};
 
 /// A reason for the health of a filter, in the names of the design.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct NamedReason {
     /// What it is: `no_input`, `stopped`, `refused`, `unsound`, `floor`, `calibration`,
     /// `pulled`, `innovations`, `rejected`, `reacquired`, `silent`.
@@ -17,6 +18,35 @@ pub struct NamedReason {
     /// The state that it stands for.
     #[serde(serialize_with = "word")]
     pub state: State,
+}
+
+/// Every word that a reason can have.
+const WORDS: [&str; 17] = [
+    "",
+    "no_input",
+    "stopped",
+    "refused",
+    "unsound",
+    "floor",
+    "calibration",
+    "pulled",
+    "innovations",
+    "rejected",
+    "reacquired",
+    "silent",
+    State::Good.word(),
+    State::Aligning.word(),
+    State::Coasting.word(),
+    State::Degraded.word(),
+    State::Lost.word(),
+];
+
+impl Memory for NamedReason {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        tape.choice(&mut self.reason, &WORDS);
+        self.of.remember(tape);
+        self.state.remember(tape);
+    }
 }
 
 impl NamedReason {

@@ -4,6 +4,7 @@ use super::reason::{NamedReason, Names, word};
 use crate::assembly::Assembly;
 use crate::observe::{Filters, RunEvent, RunObserver};
 use fusion_core::health::{Health, State};
+use fusion_core::memory::Memory;
 use fusion_core::runner::{Event, Halt};
 use fusion_core::time::Time;
 use serde::Serialize;
@@ -12,7 +13,7 @@ use serde::Serialize;
 const KEPT: usize = 1000;
 
 /// A change of the health.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Transition {
     /// When \[s\].
     pub time: f64,
@@ -143,7 +144,7 @@ impl FilterHealth {
 #[derive(Debug)]
 pub struct HealthRecord {
     /// By filter.
-    followed: Vec<Followed>,
+    followed: Box<[Followed]>,
 }
 
 #[derive(Debug)]
@@ -208,7 +209,32 @@ impl Followed {
     }
 }
 
+fusion_core::memory!(HealthRecord { followed });
+fusion_core::memory!(Followed { health, counted; names });
+fusion_core::memory!(FilterHealth {
+    state,
+    aligned,
+    worst,
+    spent,
+    until,
+    transitions,
+    further_transitions;
+    filter
+});
+fusion_core::memory!(Transition { time, state, reasons });
+fusion_core::memory!(Spent {
+    good,
+    aligning,
+    coasting,
+    degraded,
+    lost
+});
+
 impl RunObserver for HealthRecord {
+    fn memory(&mut self) -> Option<&mut dyn Memory> {
+        Some(self)
+    }
+
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
         match event {
             RunEvent::Row(row) => {

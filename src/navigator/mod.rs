@@ -1,17 +1,15 @@
 //! The embeddable filter: load, feed, read.
 
-mod checkpoint;
 mod error;
 
-pub use checkpoint::CheckpointError;
-pub(crate) use checkpoint::fingerprint;
 pub use error::FeedError;
 
 use crate::assembly::{Assembly, StreamLayout, assemble, declared_streams};
+use crate::checkpoint::{self, CheckpointError, Of};
 use crate::config::{Diagnostics, Document, Files};
 use crate::health::{Health, NamedReason, Names};
 use crate::observe::Filters;
-use crate::rows::Aboard;
+use crate::rows::{Aboard, Pose};
 use crate::run::examine::build;
 use crate::solution::{Solution, SolutionReader};
 use fusion_core::memory::{self, Memory, Tape};
@@ -243,7 +241,7 @@ impl Navigator {
     pub fn checkpoint(&mut self) -> Vec<u8> {
         let mut bytes = Vec::new();
         memory::save(self, &mut bytes);
-        checkpoint::sealed(self.assembly.fingerprint, &bytes)
+        checkpoint::sealed(Of::Navigator, self.assembly.fingerprint, &bytes)
     }
 
     /// Goes on from a checkpoint.
@@ -252,7 +250,7 @@ impl Navigator {
     /// [`CheckpointError`] where the bytes are not whole, or of another design or version; the navigator is
     /// as it was.
     pub fn restore(&mut self, checkpoint: &[u8]) -> Result<(), CheckpointError> {
-        let bytes = checkpoint::opened(self.assembly.fingerprint, checkpoint)?;
+        let bytes = checkpoint::opened(Of::Navigator, self.assembly.fingerprint, checkpoint)?;
         memory::restore(self, bytes).map_err(|_| CheckpointError::Damaged)
     }
 
@@ -300,8 +298,8 @@ impl Navigator {
 
 /// Carried by a vehicle of a simulated world, which it steers.
 impl Aboard for Navigator {
-    fn solution(&mut self, now: Time) -> Option<Solution> {
-        self.predict(now.seconds())
+    fn pose(&mut self, now: Time) -> Option<Pose> {
+        Pose::of(&self.predict(now.seconds())?)
     }
 }
 

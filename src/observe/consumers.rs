@@ -2,6 +2,7 @@
 
 use super::{RunEvent, RunObserver};
 use fusion_core::filter::Verdict;
+use fusion_core::memory::Memory;
 use fusion_core::runner::{Discard, Event, Halt, Runner, StreamId};
 use serde::Serialize;
 
@@ -100,17 +101,38 @@ struct Followed {
     counts: ConsumerCounts,
 }
 
+fusion_core::memory!(Followed { counts; consumer, input, stream });
+fusion_core::memory!(ConsumerCounts {
+    rows,
+    used,
+    rejected,
+    unusable,
+    not_needed,
+    before_run,
+    after_run,
+    before_start,
+    late,
+    not_finite,
+    out_of_range,
+    spikes,
+    frozen,
+    time_jumps,
+    otherwise;
+    name,
+    stream
+});
+
 /// Follows the rows to the consumers of the outermost filter.
 #[derive(Debug)]
 pub struct Consumers {
     /// First those that take rows in silence, then the initialisers, then the sensors.
-    followed: Vec<Followed>,
+    followed: Box<[Followed]>,
     /// Where the initialisers begin.
     first_starter: usize,
     /// Where the sensors begin, in order of their numbers.
     first_sensor: usize,
     /// Rows fed, and those outside the run: before and after; by stream.
-    fed: Vec<[u64; 3]>,
+    fed: Box<[[u64; 3]]>,
 }
 
 impl Consumers {
@@ -138,10 +160,10 @@ impl Consumers {
         let first_sensor = followed.len();
         followed.extend(sensors.map(follow));
         Self {
-            followed,
+            followed: followed.into(),
             first_starter,
             first_sensor,
-            fed: vec![[0; 3]; streams.len()],
+            fed: vec![[0; 3]; streams.len()].into(),
         }
     }
 
@@ -176,7 +198,13 @@ impl Consumers {
     }
 }
 
+fusion_core::memory!(Consumers { followed, fed; first_starter, first_sensor });
+
 impl RunObserver for Consumers {
+    fn memory(&mut self) -> Option<&mut dyn Memory> {
+        Some(self)
+    }
+
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
         match event {
             RunEvent::Row(row) => self.fed[row.stream][0] += 1,

@@ -1,6 +1,7 @@
 //! Counts of a run: its start, its epochs, what was not used, what failed.
 
 use super::{RunEvent, RunObserver};
+use fusion_core::memory::Memory;
 use fusion_core::runner::{Discard, Event, Halt};
 
 /// Failures that are told with their reason.
@@ -30,7 +31,19 @@ impl Counters {
     }
 }
 
+fusion_core::memory!(Counters {
+    started,
+    epochs,
+    unused_rows,
+    failures,
+    further_failures
+});
+
 impl RunObserver for Counters {
+    fn memory(&mut self) -> Option<&mut dyn Memory> {
+        Some(self)
+    }
+
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
         match event {
             RunEvent::Estimate { filter, .. } => self.epochs += u64::from(filter.is_outermost()),

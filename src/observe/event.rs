@@ -4,6 +4,7 @@ use super::Heard;
 use crate::rows::Row;
 use crate::score::{EpochError, ReferenceEpoch};
 use crate::solution::Solution;
+use fusion_core::memory::Memory;
 use fusion_core::runner::{Event, Halt};
 use fusion_core::state::Belief;
 
@@ -63,6 +64,28 @@ pub trait RunObserver {
     /// # Errors
     /// Where it cannot go on: the run stops at once with this error.
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt>;
+
+    /// What it has heard so far, as far as it matters later, for a checkpoint of the run; none of one that
+    /// cannot go on from it.
+    fn memory(&mut self) -> Option<&mut dyn Memory> {
+        None
+    }
+
+    /// Its memory is about to be saved: what it has written so far is put where it outlives the process.
+    ///
+    /// # Errors
+    /// Where it cannot.
+    fn flush(&mut self) -> Result<(), Halt> {
+        Ok(())
+    }
+
+    /// Its memory was restored: what was written after it is taken back.
+    ///
+    /// # Errors
+    /// Where what was written before is not there any more.
+    fn resume(&mut self) -> Result<(), Halt> {
+        Ok(())
+    }
 
     /// Whether it needs the steps of the filters: [`Event::Step`].
     fn wants_steps(&self) -> bool {

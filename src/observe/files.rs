@@ -1,7 +1,8 @@
 //! Files that are written while a run goes on.
 
 use super::{Filters, Heard, RunEvent, RunObserver};
-use crate::output::{EstimateWriter, FileSet, Origin, OutputFile, Unwritable, UpdateWriter};
+use crate::output::{EstimateWriter, FileSet, Origin, OutputFile, Sink, Unwritable, UpdateWriter};
+use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::{Event, Halt};
 use fusion_core::time::Time;
 use std::io::{self, Write};
@@ -12,6 +13,34 @@ use std::path::PathBuf;
 struct Written<T> {
     path: PathBuf,
     writer: T,
+    /// Its length when its memory was saved.
+    length: u64,
+}
+
+/// What writes a file.
+trait Writer {
+    fn flush(&mut self) -> io::Result<()>;
+    fn sink(&self) -> &impl Sink;
+}
+
+impl<W: Sink> Writer for EstimateWriter<W> {
+    fn flush(&mut self) -> io::Result<()> {
+        Self::flush(self)
+    }
+
+    fn sink(&self) -> &impl Sink {
+        Self::sink(self)
+    }
+}
+
+impl<W: Sink> Writer for UpdateWriter<W> {
+    fn flush(&mut self) -> io::Result<()> {
+        Self::flush(self)
+    }
+
+    fn sink(&self) -> &impl Sink {
+        Self::sink(self)
+    }
 }
 
 impl<T> Written<T> {
@@ -20,7 +49,7 @@ impl<T> Written<T> {
         let file = set.create(name)?;
         let path = file.path().to_owned();
         match begin(file) {
-            Ok(writer) => Ok(Self { path, writer }),
+            Ok(writer) => Ok(Self { path, writer, length: 0 }),
             Err(error) => Err(Unwritable { path, error }),
         }
     }
@@ -33,8 +62,28 @@ impl<T> Written<T> {
     }
 
     fn finish<W>(self, finish: impl FnOnce(T) -> io::Result<W>) -> Result<W, Unwritable> {
-        let Self { path, writer } = self;
+        let Self { path, writer, .. } = self;
         finish(writer).map_err(|error| Unwritable { path, error })
+    }
+}
+
+impl<T: Writer> Written<T> {
+    fn flush(&mut self) -> Result<(), Unwritable> {
+        self.write(|writer| {
+            writer.flush()?;
+            writer.sink().sync()
+        })?;
+        self.length = self.writer.sink().length();
+        Ok(())
+    }
+
+    fn resume(&mut self) -> Result<(), Unwritable> {
+        let length = self.length;
+        self.write(|writer| {
+            // The header, which is there already.
+            writer.flush()?;
+            writer.sink().cut(length)
+        })
     }
 }
 
@@ -45,6 +94,8 @@ pub struct Thinning {
     period: i64,
     next: Time,
 }
+
+fusion_core::memory!(Thinning { next; period });
 
 impl Thinning {
     /// A row per `period` \[ns\]; 0 for every estimate.
@@ -103,7 +154,27 @@ impl<W: Write> EstimateFile<W> {
     }
 }
 
-impl<W: Write> RunObserver for EstimateFile<W> {
+impl<W: Sink> Memory for EstimateFile<W> {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.file.length.remember(tape);
+        self.file.writer.remember(tape);
+        self.thinning.remember(tape);
+    }
+}
+
+impl<W: Sink> RunObserver for EstimateFile<W> {
+    fn memory(&mut self) -> Option<&mut dyn Memory> {
+        Some(self)
+    }
+
+    fn flush(&mut self) -> Result<(), Halt> {
+        Ok(self.file.flush()?)
+    }
+
+    fn resume(&mut self) -> Result<(), Halt> {
+        Ok(self.file.resume()?)
+    }
+
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
         let RunEvent::Estimate { filter, solution, belief } = event else {
             return Ok(());
@@ -157,7 +228,25 @@ impl<W: Write> UpdateFile<W> {
     }
 }
 
-impl<W: Write> RunObserver for UpdateFile<W> {
+impl<W: Sink> Memory for UpdateFile<W> {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.0.length.remember(tape);
+    }
+}
+
+impl<W: Sink> RunObserver for UpdateFile<W> {
+    fn memory(&mut self) -> Option<&mut dyn Memory> {
+        Some(self)
+    }
+
+    fn flush(&mut self) -> Result<(), Halt> {
+        Ok(self.0.flush()?)
+    }
+
+    fn resume(&mut self) -> Result<(), Halt> {
+        Ok(self.0.resume()?)
+    }
+
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
         if let RunEvent::Filter {
             filter,
@@ -197,6 +286,8 @@ mod tests {
         }
     }
 
+    impl Sink for Disk {}
+
     const DESIGN: &str = "
         [process]
         type = 'constant_velocity'
@@ -225,6 +316,7 @@ mod tests {
             file: Written {
                 path: PathBuf::from("out/estimates.csv"),
                 writer: EstimateWriter::new(Disk(20_000), &layout, Origin::default()).unwrap(),
+                length: 0,
             },
             filter: 0,
             thinning: Thinning::new(0),

@@ -1,23 +1,35 @@
 //! The parameters of the filters inside stages, at the end of a run.
 
-use super::{Filters, RunEvent, RunObserver};
+use super::{Filters, Heard, RunEvent, RunObserver};
 use crate::run::FinalState;
+use fusion_core::covariance::FormKind;
+use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::Halt;
 use fusion_core::state::Belief;
+use fusion_core::time::Time;
 
 /// Keeps the last estimate of every filter inside a stage.
 #[derive(Debug)]
 pub struct Finals<'a> {
     filters: &'a Filters,
     /// By filter; none of the outermost.
-    last: Vec<Option<Belief>>,
+    last: Box<[Last]>,
+}
+
+/// The last estimate of a filter.
+#[derive(Debug)]
+enum Last {
+    None,
+    Told(Belief),
+    /// What a checkpoint keeps of it.
+    Kept(Vec<FinalState>),
 }
 
 impl<'a> Finals<'a> {
     /// Without an estimate yet.
     #[must_use]
     pub fn new(filters: &'a Filters) -> Self {
-        let last = filters.iter().map(|_| None).collect();
+        let last = filters.iter().map(|_| Last::None).collect();
         Self { filters, last }
     }
 
@@ -25,7 +37,7 @@ impl<'a> Finals<'a> {
     #[must_use]
     pub fn finish(self) -> Vec<FinalState> {
         let ended = self.filters.iter().zip(&self.last);
-        let states = ended.filter_map(|(filter, last)| Some((filter, FinalState::of(&filter.layout, last.as_ref()?))));
+        let states = ended.filter_map(|(filter, last)| Some((filter, last.states(filter)?)));
         let named = states.flat_map(|(filter, states)| {
             states.into_iter().map(|state| FinalState {
                 name: filter.named(&state.name),
@@ -36,16 +48,107 @@ impl<'a> Finals<'a> {
     }
 }
 
+impl Last {
+    fn states(&self, filter: &Heard) -> Option<Vec<FinalState>> {
+        match self {
+            Self::None => None,
+            Self::Told(belief) => Some(FinalState::of(&filter.layout, belief)),
+            Self::Kept(states) => Some(states.clone()),
+        }
+    }
+
+    fn remember(&mut self, filter: &Heard, tape: &mut Tape<'_>) {
+        let known = self.states(filter);
+        let mut is_some = known.is_some();
+        is_some.remember(tape);
+        let blank = || {
+            FinalState::of(
+                &filter.layout,
+                &Belief::initial(&filter.layout, &FormKind::Joseph.form(), Time::default()),
+            )
+        };
+        let mut states = if is_some { known.unwrap_or_else(blank) } else { Vec::new() };
+        for state in &mut states {
+            tape.numbers(&mut state.value);
+            tape.numbers(&mut state.sigma);
+            tape.numbers(&mut state.covariance);
+        }
+        if tape.is_reading() {
+            *self = if is_some { Self::Kept(states) } else { Self::None };
+        }
+    }
+}
+
+impl Memory for Finals<'_> {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        let both = self.filters.iter().zip(&mut self.last);
+        both.for_each(|(filter, last)| last.remember(filter, tape));
+    }
+}
+
 impl RunObserver for Finals<'_> {
+    fn memory(&mut self) -> Option<&mut dyn Memory> {
+        Some(self)
+    }
+
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
         if let RunEvent::Estimate { filter, belief, .. } = event
             && !filter.is_outermost()
         {
             match &mut self.last[filter.number] {
-                Some(last) => last.clone_from(belief),
-                none => *none = Some((*belief).clone()),
+                Last::Told(last) => last.clone_from(belief),
+                other => *other = Last::Told((*belief).clone()),
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::solution::Solution;
+    use fusion_core::memory::{restore, save};
+
+    #[test]
+    fn what_a_filter_inside_a_stage_ended_with_is_remembered() {
+        let nav = crate::Navigator::from_toml(
+            "[process]
+            type = 'attitude_only'
+            source = 'inner'
+            gyro_noise = 1e-2
+            [initial.start]
+            type = 'explicit'
+            attitude = [0, 0, 0]
+            attitude_sigma = 1
+            [stage.inner]
+            type = 'filter'
+            [stage.inner.process]
+            type = 'attitude_only'
+            source = 'imu'
+            gyro_noise = 1e-3
+            gyro_bias = { estimate = true, initial = [0.01, 0, 0], sigma = 0.02 }
+            [stage.inner.initial.start]
+            type = 'explicit'
+            attitude = [0, 0, 0]
+            attitude_sigma = 1",
+        );
+        let nav = nav.unwrap_or_else(|d| panic!("{d}"));
+        let filters = Filters::of(nav.assembly());
+        let filter = filters.iter().nth(1).unwrap();
+        let belief = Belief::initial(&filter.layout, &FormKind::Joseph.form(), Time::default());
+        let mut finals = Finals::new(&filters);
+        let solution = &Solution::default();
+        let (mut bytes, belief) = (Vec::new(), &belief);
+        finals.on(&RunEvent::Estimate { filter, solution, belief }).unwrap();
+        save(&mut finals, &mut bytes);
+        let mut twin = Finals::new(&filters);
+        restore(&mut twin, &bytes).unwrap();
+        let mut again = Vec::new();
+        save(&mut twin, &mut again);
+        assert_eq!(again, bytes);
+        let found = twin.finish().remove(0);
+        assert_eq!((found.name.as_str(), &found.value[..]), ("inner.gyro_bias", &[0.01, 0.0, 0.0][..]));
+        assert_eq!(found.sigma, [0.02; 3]);
     }
 }

@@ -4,6 +4,7 @@ use super::{Filters, RunEvent, RunObserver};
 use crate::rows::Row;
 use crate::score::{Comparison, ReferenceEpoch};
 use crate::solution::SolutionReader;
+use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::{Event, Halt, Observer};
 use fusion_core::time::Time;
 use std::collections::VecDeque;
@@ -15,7 +16,7 @@ pub struct Hub<'a> {
     /// By filter.
     readers: Vec<SolutionReader>,
     /// By filter.
-    comparisons: Vec<Comparison>,
+    comparisons: Box<[Comparison]>,
     /// True states of the outermost filter that its estimates have not reached.
     truths: VecDeque<(Time, Vec<f64>)>,
     observers: Vec<&'a mut dyn RunObserver>,
@@ -53,6 +54,29 @@ impl<'a> Hub<'a> {
     /// that hears no other events. It is compared with the same reference.
     pub fn add_current(&mut self, hub: Self) {
         self.current = Some(Box::new(hub));
+    }
+
+    /// Whether all who hear it can go on from what they remember.
+    pub fn has_memory(&mut self) -> bool {
+        self.observers.iter_mut().all(|o| o.memory().is_some()) && self.current.as_mut().is_none_or(|c| c.has_memory())
+    }
+
+    /// Everything that was written so far is put where it outlives the process.
+    ///
+    /// # Errors
+    /// The first of an observer.
+    pub fn flush(&mut self) -> Result<(), Halt> {
+        self.observers.iter_mut().try_for_each(|o| o.flush())?;
+        self.current.as_mut().map_or(Ok(()), |current| current.flush())
+    }
+
+    /// After a restore, everything that was written later is taken back.
+    ///
+    /// # Errors
+    /// The first of an observer.
+    pub fn resume(&mut self) -> Result<(), Halt> {
+        self.observers.iter_mut().try_for_each(|o| o.resume())?;
+        self.current.as_mut().map_or(Ok(()), |current| current.resume())
     }
 
     /// A row that is about to be fed.
@@ -103,6 +127,18 @@ impl<'a> Hub<'a> {
             }
         }
         self.current.as_mut().map_or(Ok(()), |current| current.finish())
+    }
+}
+
+impl Memory for Hub<'_> {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.comparisons.remember(tape);
+        self.truths.remember(tape);
+        let memories = self.observers.iter_mut().filter_map(|o| o.memory());
+        memories.for_each(|memory| memory.remember(tape));
+        if let Some(current) = &mut self.current {
+            current.remember(tape);
+        }
     }
 }
 

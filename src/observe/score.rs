@@ -3,6 +3,7 @@
 use super::{Heard, RunEvent, RunObserver};
 use crate::score::{BlockScorer, Rules, Score, Scorer};
 use fusion_core::filter::Verdict;
+use fusion_core::memory::Memory;
 use fusion_core::runner::{Event, Halt};
 
 /// Scores one filter.
@@ -35,7 +36,13 @@ impl FilterScore {
     }
 }
 
+fusion_core::memory!(FilterScore { scorer, blocks; filter });
+
 impl RunObserver for FilterScore {
+    fn memory(&mut self) -> Option<&mut dyn Memory> {
+        Some(self)
+    }
+
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
         match event {
             RunEvent::Reference {

@@ -10,6 +10,7 @@
 
 use super::{Hub, RunEvent, RunObserver, Thinning};
 use fusion_core::filter::Step;
+use fusion_core::memory::{self, Memory};
 use fusion_core::runner::{Event, Halt, Observer};
 use fusion_core::smoother::{FixedInterval, FixedLag, Link, Tape};
 use fusion_core::state::Belief;
@@ -36,6 +37,8 @@ pub struct Smoother<'a> {
     /// The latest estimate, until the next step.
     latest: Option<Asked>,
     smoothed: u64,
+    /// A belief as the filter has them.
+    blank: Belief,
 }
 
 /// An estimate, and whether it is asked for.
@@ -47,8 +50,9 @@ struct Asked {
 
 impl<'a> Smoother<'a> {
     /// For the observers of `hub`, which hear of no other run; `rows` of the estimates are wanted for a file.
+    /// The filter's beliefs are like `blank`.
     #[must_use]
-    pub const fn new(by: By, hub: Hub<'a>, rows: Option<Thinning>) -> Self {
+    pub const fn new(by: By, hub: Hub<'a>, rows: Option<Thinning>, blank: Belief) -> Self {
         Self {
             by,
             hub,
@@ -57,6 +61,7 @@ impl<'a> Smoother<'a> {
             between: Vec::new(),
             latest: None,
             smoothed: 0,
+            blank,
         }
     }
 
@@ -159,7 +164,49 @@ fn told<'h>(hub: &'h mut Hub<'_>, smoothed: &'h mut u64) -> impl FnMut(&Belief) 
     }
 }
 
+/// Only with a lag: what smoothing by all of the log keeps is as long as the log.
+impl Memory for Smoother<'_> {
+    fn remember(&mut self, tape: &mut memory::Tape<'_>) {
+        if let By::Lag(lag) = &mut self.by {
+            lag.remember(tape);
+        }
+        self.hub.remember(tape);
+        if let Some(rows) = &mut self.rows {
+            rows.remember(tape);
+        }
+        for asked in [&mut self.previous, &mut self.latest] {
+            let mut is_some = asked.is_some();
+            is_some.remember(tape);
+            if is_some {
+                let asked = asked.get_or_insert_with(|| Asked {
+                    belief: self.blank.clone(),
+                    is_wanted: false,
+                });
+                asked.belief.remember(tape);
+                asked.is_wanted.remember(tape);
+            } else {
+                *asked = None;
+            }
+        }
+        self.between.remember(tape);
+        self.smoothed.remember(tape);
+    }
+}
+
 impl RunObserver for Smoother<'_> {
+    fn memory(&mut self) -> Option<&mut dyn Memory> {
+        let has_memory = matches!(self.by, By::Lag(_)) && self.hub.has_memory();
+        has_memory.then_some(self)
+    }
+
+    fn flush(&mut self) -> Result<(), Halt> {
+        self.hub.flush()
+    }
+
+    fn resume(&mut self) -> Result<(), Halt> {
+        self.hub.resume()
+    }
+
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
         match event {
             RunEvent::Filter { filter, event } if filter.is_outermost() => match event {

@@ -5,6 +5,7 @@ use crate::score::Consistency;
 use core::ops::Range;
 use fusion_core::filter::{Update, Verdict};
 use fusion_core::gate::Mode;
+use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::{Event, Halt, StreamId};
 use fusion_core::time::Time;
 use serde::Serialize;
@@ -24,7 +25,7 @@ pub struct Disturbed {
 }
 
 /// Measurements rejected one after the other.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct RejectionStreak {
     /// Time of the first \[s\].
     pub from: f64,
@@ -82,7 +83,7 @@ pub struct SensorStatistics {
 
 /// Follows the sensors of all filters through a run.
 #[derive(Debug)]
-pub struct Statistics(Vec<Follower>);
+pub struct Statistics(Box<[Follower]>);
 
 impl Statistics {
     /// Innovations count from `from` on. Faults may change the numbers `disturbable` of the streams
@@ -105,7 +106,43 @@ impl Statistics {
     }
 }
 
+impl Memory for Statistics {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.0.remember(tape);
+    }
+}
+
+fusion_core::memory!(Follower { statistics, nis, power, squares, streak; from });
+fusion_core::memory!(SensorStatistics {
+    accepted,
+    rejected,
+    reacquired,
+    unusable,
+    disturbed,
+    longest_rejection_streak,
+    ends_denied,
+    innovations;
+    name,
+    nis,
+    gate_power
+});
+fusion_core::memory!(Disturbed {
+    missed,
+    caught,
+    false_rejections
+});
+fusion_core::memory!(RejectionStreak {
+    from,
+    measurements,
+    seconds
+});
+fusion_core::memory!(Innovations { count, max; axis, unit, rms });
+
 impl RunObserver for Statistics {
+    fn memory(&mut self) -> Option<&mut dyn Memory> {
+        Some(self)
+    }
+
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
         if let RunEvent::Filter {
             filter,

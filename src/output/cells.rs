@@ -54,6 +54,11 @@ impl<W: Write> Cells<W> {
         self.out.flush()
     }
 
+    /// What is written to; what is held back is not there yet.
+    pub(crate) fn sink(&self) -> &W {
+        self.out.get_ref()
+    }
+
     /// Writes what is held back, and returns what was written to.
     pub(crate) fn finish(mut self) -> io::Result<W> {
         self.flush()?;

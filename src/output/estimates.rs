@@ -5,6 +5,7 @@ use crate::solution::{Solution, sigmas};
 use core::fmt;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::memory::{Memory, Tape};
 use fusion_core::state::{Attitude, Belief, Block, Kind, Layout, Manifold};
 use fusion_models::earth::LocalFrame;
 use fusion_models::vocabulary::state;
@@ -68,6 +69,15 @@ impl Origin {
         Self(Arc::new(declared.map_or_else(OnceLock::new, OnceLock::from)))
     }
 
+    fn remember(&self, tape: &mut Tape<'_>) {
+        let mut frame = self.0.get().cloned();
+        frame.remember(tape);
+        if let Some(frame) = frame {
+            // The same, where there is one.
+            let _ = self.0.set(frame);
+        }
+    }
+
     fn frame(&self, first: Geodetic) -> &LocalFrame {
         self.0.get_or_init(|| LocalFrame::new(first))
     }
@@ -82,6 +92,13 @@ pub struct EstimateWriter<W: Write> {
     cells: Cells<W>,
     origin: Origin,
     further: Vec<Block>,
+}
+
+/// What was written is not remembered.
+impl<W: Write> Memory for EstimateWriter<W> {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.origin.remember(tape);
+    }
 }
 
 impl<W: Write> EstimateWriter<W> {
@@ -169,6 +186,19 @@ impl<W: Write> EstimateWriter<W> {
             }
         }
         Ok(())
+    }
+
+    /// Writes what is held back.
+    ///
+    /// # Errors
+    /// What the writer reports.
+    pub fn flush(&mut self) -> io::Result<()> {
+        self.cells.flush()
+    }
+
+    /// What is written to; what is held back is not there yet.
+    pub fn sink(&self) -> &W {
+        self.cells.sink()
     }
 
     /// Writes what is held back, and returns what was written to.

@@ -8,10 +8,13 @@
 //! leaves the files of an earlier one as they were. At [`commit`](FileSet::commit) the file that
 //! was closed last, the summary, is removed first and put back last: where it stands, every other
 //! file is of the same run.
+//!
+//! The unfinished files of a set may also be kept when its process ends, for another one to go on with.
 
 use super::{Spill, Unwritable};
+use core::cell::Cell;
 use std::fs::{self, File, TryLockError};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -47,6 +50,14 @@ pub fn abandon() -> Abandoned {
     Abandoned { _held: held, folders }
 }
 
+/// What becomes of files that are not finished.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Unfinished {
+    Removed,
+    /// They stay, for [`FileSet::go_on`].
+    Kept,
+}
+
 /// The files of one result in one folder.
 #[derive(Debug)]
 pub struct FileSet {
@@ -58,6 +69,7 @@ pub struct FileSet {
     closed: Vec<String>,
     /// Names of files that this result does not have.
     absent: Vec<String>,
+    unfinished: Unfinished,
 }
 
 /// A file that is being written.
@@ -69,6 +81,32 @@ pub struct OutputFile {
     /// Whether it gets its name at the end; a pipe or a device is written where it is.
     is_staged: bool,
     out: BufWriter<File>,
+    /// Bytes that have been written to it.
+    length: Cell<u64>,
+}
+
+/// Something that is written to, and that may be gone on with by another process.
+pub trait Sink: Write {
+    /// Bytes in it, once it is flushed.
+    fn length(&self) -> u64 {
+        0
+    }
+
+    /// What was flushed is put where it outlives the process, and the machine.
+    ///
+    /// # Errors
+    /// What the system reports.
+    fn sync(&self) -> io::Result<()> {
+        Ok(())
+    }
+
+    /// Takes back everything after the first `length` bytes.
+    ///
+    /// # Errors
+    /// It does not have as many, or what the system reports.
+    fn cut(&self, _length: u64) -> io::Result<()> {
+        Ok(())
+    }
 }
 
 impl FileSet {
@@ -77,6 +115,26 @@ impl FileSet {
     /// # Errors
     /// Where nothing can be written there, or another process is at it.
     pub fn begin(folder: &Path) -> Result<Self, Unwritable> {
+        Self::open(folder, Unfinished::Removed, false)
+    }
+
+    /// The same, and its unfinished files are kept when this process ends, for another one to go on with.
+    ///
+    /// # Errors
+    /// As [`FileSet::begin`].
+    pub fn begin_kept(folder: &Path) -> Result<Self, Unwritable> {
+        Self::open(folder, Unfinished::Kept, false)
+    }
+
+    /// Goes on with the unfinished files that another process has kept in `folder`.
+    ///
+    /// # Errors
+    /// There are none, nothing can be written there, or another process is at it.
+    pub fn go_on(folder: &Path) -> Result<Self, Unwritable> {
+        Self::open(folder, Unfinished::Kept, true)
+    }
+
+    fn open(folder: &Path, unfinished: Unfinished, goes_on: bool) -> Result<Self, Unwritable> {
         let failed = |error| Unwritable::new(folder, error);
         if folder.exists() && !folder.is_dir() {
             return Err(failed(io::Error::other("it is a file, not a folder")));
@@ -84,17 +142,29 @@ impl FileSet {
         fs::create_dir_all(folder).map_err(failed)?;
         let lock = lock(folder).map_err(failed)?;
         let partial = folder.join(PARTIAL);
-        let mut unfinished = unfinished();
-        // Left by a process that was killed: the folder is locked by nobody else.
-        let _ = fs::remove_dir_all(&partial);
-        fs::create_dir(&partial).map_err(failed)?;
-        unfinished.push(partial.clone());
+        let mut all = self::unfinished();
+        if goes_on {
+            if !partial.is_dir() {
+                return Err(failed(io::Error::other(
+                    "the files of the run that was stopped are not there any more",
+                )));
+            }
+        } else {
+            // Left by a process that was killed: the folder is locked by nobody else.
+            let _ = fs::remove_dir_all(&partial);
+            fs::create_dir(&partial).map_err(failed)?;
+        }
+        if unfinished == Unfinished::Removed {
+            all.push(partial.clone());
+        }
+        drop(all);
         Ok(Self {
             folder: folder.to_owned(),
             partial,
             lock,
             closed: Vec::new(),
             absent: Vec::new(),
+            unfinished,
         })
     }
 
@@ -111,7 +181,10 @@ impl FileSet {
         let is_staged = found.is_none_or(|f| f.is_file());
         let file = if is_staged {
             let _unfinished = unfinished();
-            File::create(self.partial.join(name))
+            // One that is gone on with is cut by whoever remembers its length.
+            let goes_on = self.unfinished == Unfinished::Kept;
+            let mut options = File::options();
+            options.write(true).create(true).truncate(!goes_on).open(self.partial.join(name))
         } else {
             // Waits for the reader of a pipe.
             File::options().write(true).open(&path)
@@ -122,6 +195,7 @@ impl FileSet {
                 name: name.to_owned(),
                 is_staged,
                 out: BufWriter::new(file),
+                length: Cell::new(0),
             }),
             Err(error) => Err(Unwritable { path, error }),
         }
@@ -145,7 +219,12 @@ impl FileSet {
         let mut end = || {
             file.out.flush()?;
             // A full disk may show only when the data reach it.
-            if file.is_staged { file.out.get_ref().sync_all() } else { Ok(()) }
+            if !file.is_staged {
+                return Ok(());
+            }
+            // An earlier process may have written more.
+            file.out.get_ref().set_len(file.length.get())?;
+            file.out.get_ref().sync_all()
         };
         end().map_err(|error| Unwritable::new(&file.path, error))?;
         if file.is_staged {
@@ -189,6 +268,7 @@ impl FileSet {
             fs::rename(self.partial.join(name), &path).map_err(|error| Unwritable { path, error })?;
         }
         unfinished.retain(|partial| *partial != self.partial);
+        self.unfinished = Unfinished::Removed;
         Ok(())
     }
 }
@@ -207,7 +287,9 @@ impl Drop for FileSet {
     fn drop(&mut self) {
         let mut unfinished = unfinished();
         unfinished.retain(|partial| *partial != self.partial);
-        let _ = fs::remove_dir_all(&self.partial);
+        if self.unfinished == Unfinished::Removed {
+            let _ = fs::remove_dir_all(&self.partial);
+        }
         // Unlocked after that, so that no other process finds the folder of unfinished files.
         self.lock = None;
     }
@@ -221,9 +303,35 @@ impl OutputFile {
     }
 }
 
+impl Sink for OutputFile {
+    fn length(&self) -> u64 {
+        self.length.get()
+    }
+
+    fn sync(&self) -> io::Result<()> {
+        if self.is_staged { self.out.get_ref().sync_data() } else { Ok(()) }
+    }
+
+    fn cut(&self, length: u64) -> io::Result<()> {
+        if !self.is_staged {
+            return Ok(());
+        }
+        let mut file = self.out.get_ref();
+        if file.metadata()?.len() < length {
+            return Err(io::Error::other("it is shorter than it was"));
+        }
+        file.set_len(length)?;
+        file.seek(SeekFrom::Start(length))?;
+        self.length.set(length);
+        Ok(())
+    }
+}
+
 impl Write for OutputFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.out.write(bytes)
+        let written = self.out.write(bytes)?;
+        self.length.set(self.length.get() + written as u64);
+        Ok(written)
     }
 
     fn flush(&mut self) -> io::Result<()> {

@@ -56,6 +56,19 @@ impl<W: Write> UpdateWriter<W> {
         self.cells.put(format_args!("{value:.6e}"))
     }
 
+    /// Writes what is held back.
+    ///
+    /// # Errors
+    /// What the writer reports.
+    pub fn flush(&mut self) -> io::Result<()> {
+        self.cells.flush()
+    }
+
+    /// What is written to; what is held back is not there yet.
+    pub fn sink(&self) -> &W {
+        self.cells.sink()
+    }
+
     /// Writes what is held back, and returns what was written to.
     ///
     /// # Errors

@@ -71,11 +71,17 @@ impl Summary {
                 rewinds,
                 rows_again,
                 most_rows_again,
+                longest_seconds,
                 memory,
                 ..
             } = current;
             let again = format!("{rewinds} times, {rows_again} rows used again, at most {most_rows_again} at once");
             t.row(["went back", &again]);
+            let longest = [
+                Cell::text("longest row, with all that it takes"),
+                Cell::Fixed(longest_seconds * 1e3, 2),
+            ];
+            t.row_in(Unit::shown("ms"), longest);
             t.row_in(
                 Unit::shown("kB"),
                 [Cell::text("kept to go back to"), Cell::Fixed(*memory as f64 * 1e-3, 0)],

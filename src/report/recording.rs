@@ -12,6 +12,7 @@ use fusion_core::filter::{Update, Verdict};
 use fusion_core::gate::Mode;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::{Event, Halt};
 use fusion_core::state::Manifold;
 use fusion_core::time::Time;
@@ -159,6 +160,52 @@ impl<const N: usize> Unwrapped<N> {
         let near = std::array::from_fn(|i| angles[i] - 360.0 * ((angles[i] - last[i]) / 360.0).round());
         self.last = Some(near);
         near
+    }
+}
+
+/// The tracks that the design gives are there before.
+impl Memory for Recording {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.local.remember(tape);
+        self.position.remember(tape);
+        self.velocity.remember(tape);
+        self.attitude.remember(tape);
+        self.mounted.remember(tape);
+        self.path.remember(tape);
+        self.true_path.remember(tape);
+        self.sensors.as_mut_slice().remember(tape);
+        self.inputs.as_mut_slice().remember(tape);
+        self.true_angles.remember(tape);
+        self.angles.remember(tape);
+    }
+}
+
+fusion_core::memory!(Quantity {
+    estimate,
+    truth,
+    error,
+    turns
+});
+fusion_core::memory!(SensorTrack { own_statistic, gated, updates, fixes; name, rows, is_place });
+
+impl Memory for InputTrack {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.trace.remember(tape);
+        if let Some(angle) = &mut self.angle {
+            angle.remember(tape);
+        }
+    }
+}
+
+impl<const N: usize> Memory for Unwrapped<N> {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        let mut has_last = self.last.is_some();
+        has_last.remember(tape);
+        let mut last = self.last.unwrap_or([0.0; N]);
+        if has_last {
+            last.remember(tape);
+        }
+        self.last = has_last.then_some(last);
     }
 }
 
@@ -446,6 +493,10 @@ impl Recording {
 }
 
 impl RunObserver for Recording {
+    fn memory(&mut self) -> Option<&mut dyn Memory> {
+        Some(self)
+    }
+
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
         match event {
             RunEvent::Row(row) => self.row(row),

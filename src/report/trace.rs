@@ -5,6 +5,8 @@
 //! at one pixel per bucket looks like the whole series. [`Samples`] keeps whole samples instead,
 //! every n-th of them, where channels belong together: the points of a path.
 
+use fusion_core::memory::{Memory, Tape};
+
 /// A merged row has this many numbers per channel: its two extremes in the order they came.
 const ENDS: usize = 2;
 
@@ -21,6 +23,18 @@ pub struct Trace {
     spans: Vec<(f64, f64)>,
     /// Per bucket and channel, the two extremes in the order they came; NaN where there is none.
     ends: Vec<[f32; ENDS]>,
+}
+
+impl Memory for Trace {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.stride.remember(tape);
+        self.filled.remember(tape);
+        self.spans.remember(tape);
+        self.ends.remember(tape);
+        if self.ends.len() != self.channels * self.spans.len() || self.spans.len() > self.capacity {
+            tape.refuse("a trace has another size");
+        }
+    }
 }
 
 /// A trace laid out for drawing: one or two rows per bucket.
@@ -192,6 +206,27 @@ pub struct Samples<const N: usize> {
     seen: u64,
     rows: Vec<(f64, [f64; N])>,
     last: Option<(f64, [f64; N])>,
+}
+
+impl<const N: usize> Memory for Samples<N> {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.stride.remember(tape);
+        self.seen.remember(tape);
+        let nothing = (0.0, [0.0; N]);
+        let length = tape.length(self.rows.len(), 8);
+        self.rows.resize(length, nothing);
+        self.rows.as_mut_slice().remember(tape);
+        let mut has_last = self.last.is_some();
+        has_last.remember(tape);
+        self.last = has_last.then(|| {
+            let mut last = self.last.unwrap_or(nothing);
+            last.remember(tape);
+            last
+        });
+        if self.stride == 0 {
+            tape.refuse("every 0th sample");
+        }
+    }
 }
 
 impl<const N: usize> Samples<N> {

@@ -5,15 +5,37 @@ use crate::config::Diagnostics;
 use crate::solution::Solution;
 use core::fmt::Debug;
 use core::ops::Range;
+use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::time::Time;
 use fusion_models::sim::Record;
+use nalgebra::UnitQuaternion;
 use serde::Serialize;
 
 /// The filter that is fed, as a world sees it that is steered by what its vehicle knows.
 pub trait Aboard {
-    /// What the vehicle knows of itself `now`, from all rows that have been fed: what is held back is
-    /// used, the rest predicted. None while there is no estimate.
-    fn solution(&mut self, now: Time) -> Option<Solution>;
+    /// Where the vehicle believes to be `now`, from all rows that have been fed: what is held back is
+    /// used, the rest predicted. None while there is no estimate of both.
+    fn pose(&mut self, now: Time) -> Option<Pose>;
+}
+
+/// A place and an attitude.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Pose {
+    /// Of the body origin.
+    pub position: Geodetic,
+    /// q_nb.
+    pub attitude: UnitQuaternion<f64>,
+}
+
+fusion_core::memory!(Pose { position, attitude });
+
+impl Pose {
+    /// That of a solution which has both.
+    #[must_use]
+    pub fn of(solution: &Solution) -> Option<Self> {
+        let ((position, _), (attitude, _)) = solution.position.zip(solution.attitude)?;
+        Some(Self { position, attitude })
+    }
 }
 
 /// No filter: a vehicle that it is to steer stands still.
@@ -21,7 +43,7 @@ pub trait Aboard {
 pub struct Nobody;
 
 impl Aboard for Nobody {
-    fn solution(&mut self, _: Time) -> Option<Solution> {
+    fn pose(&mut self, _: Time) -> Option<Pose> {
         None
     }
 }

@@ -19,7 +19,7 @@ mod stream;
 pub use error::{DataError, SourceError};
 pub use fault::Faulted;
 pub(crate) use fault::{FaultChain, outages};
-pub use feed::{Aboard, Feed, Nobody, SourceStatistics};
+pub use feed::{Aboard, Feed, Nobody, Pose, SourceStatistics};
 pub use fusion_core::runner::Row;
 pub use fusion_models::fault::ProvidedChannel;
 pub use merge::{Failed, Merged};

@@ -1,7 +1,7 @@
 //! The filter of a run, as the world sees it that it steers.
 
-use crate::rows::Aboard;
-use crate::solution::{Solution, SolutionReader};
+use crate::rows::{Aboard, Pose};
+use crate::solution::SolutionReader;
 use fusion_core::runner::Runner;
 use fusion_core::time::Time;
 
@@ -10,17 +10,39 @@ use fusion_core::time::Time;
 pub(super) struct Carried<'a> {
     pub(super) runner: &'a mut Runner,
     pub(super) reader: &'a mut SolutionReader,
+    /// What it has said, for a run that is saved.
+    pub(super) said: Option<&'a mut Vec<Option<Pose>>>,
 }
 
-impl Aboard for Carried<'_> {
-    fn solution(&mut self, now: Time) -> Option<Solution> {
+impl Carried<'_> {
+    fn now(&mut self, now: Time) -> Option<Pose> {
         if !self.runner.started() {
             return None;
         }
         // Where nothing is held back, the belief is what is known.
         if self.runner.lag() <= 0.0 && self.runner.belief().time >= now {
-            return Some(self.reader.read(self.runner.belief()));
+            return Pose::of(&self.reader.read(self.runner.belief()));
         }
-        Some(self.reader.read(&self.runner.predicted(now)?))
+        Pose::of(&self.reader.read(&self.runner.predicted(now)?))
+    }
+}
+
+impl Aboard for Carried<'_> {
+    fn pose(&mut self, now: Time) -> Option<Pose> {
+        let pose = self.now(now);
+        if let Some(said) = &mut self.said {
+            said.push(pose);
+        }
+        pose
+    }
+}
+
+/// Says again what a filter has said.
+#[derive(Debug)]
+pub(super) struct Again<'a>(pub(super) core::slice::Iter<'a, Option<Pose>>);
+
+impl Aboard for Again<'_> {
+    fn pose(&mut self, _: Time) -> Option<Pose> {
+        self.0.next().copied().flatten()
     }
 }

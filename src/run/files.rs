@@ -6,10 +6,13 @@ use crate::observe::{EstimateFile, Filters, Thinning, UpdateFile};
 use crate::output::{FileSet, Origin, Spill, Unwritable};
 use fusion_core::time::nanos;
 use fusion_models::earth::LocalFrame;
+use std::path::PathBuf;
+use std::{fs, io};
 
 /// Smoothed estimates, and those that the filter had at the time, where there are any.
 const SMOOTHED: &str = "smoothed.csv";
 const CURRENT: &str = "current.csv";
+const REVISED: &str = "revised.csv";
 
 /// The files that are written while a design is run.
 #[derive(Debug, Default)]
@@ -30,24 +33,38 @@ impl Files {
         let Some(out) = &options.out else {
             return Ok(Self::default());
         };
-        let mut set = FileSet::begin(out)?;
+        let mut set = match (&options.resume, &options.checkpoint) {
+            (Some(_), _) => FileSet::go_on(out)?,
+            (None, Some(_)) => FileSet::begin_kept(out)?,
+            (None, None) => FileSet::begin(out)?,
+        };
         if !is_smoothed {
             set.without(SMOOTHED);
         }
-        if !is_current {
+        let is_causal = options.causal && is_current;
+        if !is_current || is_causal {
             set.without(CURRENT);
         }
+        if !is_causal {
+            set.without(REVISED);
+        }
+        let [estimated, at_the_time] = if is_causal {
+            ["revised", "estimates"]
+        } else {
+            ["estimates", "current"]
+        };
         let declared = design.run.origin.map(|place| LocalFrame::new(place.into()));
         let thinning = thinning(design);
         let (mut estimates, mut smoothed, mut current) = (Vec::new(), None, None);
         for filter in filters.iter() {
             let origin = Origin::new(declared);
-            estimates.push(EstimateFile::create(&set, "estimates", filter, origin.clone(), thinning)?);
+            let name = if filter.is_outermost() { estimated } else { "estimates" };
+            estimates.push(EstimateFile::create(&set, name, filter, origin.clone(), thinning)?);
             if is_smoothed && filter.is_outermost() {
                 smoothed = Some(EstimateFile::create(&set, "smoothed", filter, origin.clone(), thinning)?);
             }
             if is_current && filter.is_outermost() {
-                current = Some(EstimateFile::create(&set, "current", filter, origin, thinning)?);
+                current = Some(EstimateFile::create(&set, at_the_time, filter, origin, thinning)?);
             }
         }
         Ok(Self {
@@ -89,10 +106,12 @@ pub struct Finished {
     pub summary: Summary,
     /// Its files, without their names yet; none without a folder to write to.
     pub files: Option<FileSet>,
+    /// Where it was saved while it went on.
+    pub(super) checkpoints: Vec<PathBuf>,
 }
 
 impl Finished {
-    /// Writes summary.json and gives all files their names.
+    /// Writes summary.json, gives all files their names, and removes the checkpoints.
     ///
     /// # Errors
     /// Where one cannot be written.
@@ -100,6 +119,12 @@ impl Finished {
         if let Some(mut files) = self.files {
             files.write("summary.json", |file| Ok(serde_json::to_writer_pretty(file, &self.summary)?))?;
             files.commit()?;
+        }
+        for path in self.checkpoints {
+            match fs::remove_file(&path) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(Unwritable { path, error }),
+                _ => {}
+            }
         }
         Ok(self.summary)
     }

@@ -5,12 +5,14 @@ pub mod examine;
 mod files;
 mod recorded;
 mod reference;
+mod saving;
 mod smoothing;
 mod summary;
 
 pub use crate::rows::SourceStatistics;
 pub use files::Finished;
 pub use recorded::open_one;
+pub use saving::Checkpoints;
 pub use summary::{Current, FinalState, InsideScore, Smoothed, Summary};
 
 use crate::assembly::{Assembly, assemble, declared_streams, stream_of};
@@ -27,6 +29,7 @@ use files::Files;
 use fusion_core::runner::Runner;
 use fusion_core::time::Time;
 use reference::Reference;
+use saving::Saving;
 use smoothing::Planned;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -66,6 +69,13 @@ pub struct Options {
     pub seed: Option<u64>,
     /// Whether estimates are smoothed.
     pub smooth: Smoothing,
+    /// estimates.csv holds what was believed at the time, and revised.csv what later rows have made of it, where a
+    /// design goes back for late rows; otherwise there is nothing to revise.
+    pub causal: bool,
+    /// Saves the run while it goes on.
+    pub checkpoint: Option<Checkpoints>,
+    /// Goes on with the run that was saved there.
+    pub resume: Option<PathBuf>,
 }
 
 /// Runs `design`; `progress` hears the share of the data that is done, from time to time.
@@ -125,6 +135,7 @@ impl<'a> Run<'a> {
     /// # Errors
     /// What is wrong with the data, a file that cannot be written, or the first of an observer.
     pub fn go(mut self, further: &mut [&mut dyn RunObserver], progress: &mut dyn FnMut(Time)) -> Result<Finished, Diagnostics> {
+        let mut saving = Saving::begin(self.design, self.options)?;
         let filters = Filters::of(&self.assembly);
         let reference = &mut self.data.reference;
         let from = self.design.reference.as_ref().and_then(|r| r.block.from);
@@ -158,6 +169,7 @@ impl<'a> Run<'a> {
                 Some(smoothing::smoother(
                     self.design,
                     by,
+                    self.assembly.runner.belief().clone(),
                     hub,
                     files.smoothed.as_mut(),
                     smoothed_score.as_mut(),
@@ -182,11 +194,14 @@ impl<'a> Run<'a> {
             hub.add_current(current);
         }
         let mut reader = SolutionReader::new(&self.assembly.layout, self.assembly.process.clone());
-        let timing = feed(
+        let mut timing = Timing::default();
+        saving.resume((&mut self.assembly.runner, &mut hub, &mut timing), &mut self.data)?;
+        feed(
             self.design,
             (&mut self.assembly.runner, &mut reader),
             &mut self.data,
-            &mut hub,
+            (&mut hub, &mut timing),
+            &mut saving,
             progress,
         )?;
         let smoothed = smoother.map(Smoother::finish).transpose().map_err(stopped)?;
@@ -218,6 +233,7 @@ impl<'a> Run<'a> {
                 rewinds: rewinds.count,
                 rows_again: rewinds.rows,
                 most_rows_again: rewinds.most,
+                longest_seconds: timing.longest(),
                 memory: rewinds.bytes,
             }),
             inside: inside
@@ -237,7 +253,12 @@ impl<'a> Run<'a> {
             wall_seconds: self.begun.elapsed().as_secs_f64(),
             filter_ns_per_epoch: timing.ns_per_epoch(counters.epochs),
         };
-        Ok(Finished { summary, files })
+        let checkpoints = self.options.checkpoint.iter().map(|c| &c.file).chain(&self.options.resume);
+        Ok(Finished {
+            summary,
+            files,
+            checkpoints: checkpoints.cloned().collect(),
+        })
     }
 }
 
@@ -246,13 +267,20 @@ fn feed(
     design: &Design,
     (runner, reader): (&mut Runner, &mut SolutionReader),
     data: &mut RunData,
-    hub: &mut Hub<'_>,
+    (hub, timing): (&mut Hub<'_>, &mut Timing),
+    saving: &mut Saving<'_>,
     progress: &mut dyn FnMut(Time),
-) -> Result<Timing, Diagnostics> {
+) -> Result<(), Diagnostics> {
     let start = design.run.start.map_or(Time::MIN, |t| Time::from_seconds(t.si()));
     let stop = design.run.stop.map_or(Time::MAX, |t| Time::from_seconds(t.si()));
-    let (mut timing, mut count) = (Timing::default(), 0_u32);
-    while let Some(row) = data.rows.next(&mut Carried { runner, reader })? {
+    let mut count = 0_u32;
+    loop {
+        saving.save_in_time(runner, hub, timing)?;
+        let said = saving.said();
+        let Some(row) = data.rows.next(&mut Carried { runner, reader, said })? else {
+            break;
+        };
+        saving.used((row.stream, row.time));
         if row.time < start || row.time > stop {
             hub.outside(&row, row.time > stop).map_err(stopped)?;
             continue;
@@ -271,8 +299,7 @@ fn feed(
         timing.feed(runner, &row, hub).map_err(stopped)?;
     }
     runner.finish(hub).map_err(stopped)?;
-    hub.finish().map_err(stopped)?;
-    Ok(timing)
+    hub.finish().map_err(stopped)
 }
 
 /// The reference names a source that is not there.

@@ -8,6 +8,7 @@ use crate::design::Design;
 use crate::observe::{By, EstimateFile, FilterScore, Hub, Smoother};
 use fusion_core::filter::Parts;
 use fusion_core::smoother::{FixedInterval, FixedLag, Shelf, Tape};
+use fusion_core::state::Belief;
 use fusion_core::time::nanos;
 
 /// By which data a run is smoothed.
@@ -65,6 +66,7 @@ impl Planned {
 pub(super) fn smoother<'a>(
     design: &Design,
     by: By,
+    blank: Belief,
     mut hub: Hub<'a>,
     file: Option<&'a mut EstimateFile>,
     score: Option<&'a mut FilterScore>,
@@ -76,7 +78,7 @@ pub(super) fn smoother<'a>(
     if let Some(file) = file {
         hub.add(file);
     }
-    Smoother::new(by, hub, rows)
+    Smoother::new(by, hub, rows, blank)
 }
 
 fn no_folder() -> Diagnostics {

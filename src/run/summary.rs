@@ -59,6 +59,8 @@ pub struct Current {
     pub rows_again: u64,
     /// The most at once.
     pub most_rows_again: u64,
+    /// The longest that a row took, with all that was used again for it \[s\].
+    pub longest_seconds: f64,
     /// Snapshots and rows that are kept to go back to at the end of the run, in bytes.
     pub memory: usize,
 }

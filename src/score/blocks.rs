@@ -35,7 +35,7 @@ pub struct BlockScore {
 /// Scores the blocks of a filter against a true state in its layout.
 #[derive(Debug)]
 pub struct BlockScorer {
-    followers: Vec<Follower>,
+    followers: Box<[Follower]>,
     /// Errors count from here on.
     from: Option<Time>,
 }
@@ -52,6 +52,9 @@ struct Follower {
     last: (DVector<f64>, DVector<f64>),
     nees: NeesSeries,
 }
+
+fusion_core::memory!(BlockScorer { followers; from });
+fusion_core::memory!(Follower { count, squares, sigmas, estimated, inside, last, nees; block });
 
 impl BlockScorer {
     /// Of those blocks of `layout` whose truth `is_known`, from `from` on.

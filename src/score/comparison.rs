@@ -4,6 +4,7 @@ use super::ReferenceEpoch;
 use crate::solution::{Solution, sigmas};
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::memory::{Memory, Tape};
 use fusion_core::state::wrap;
 use fusion_core::time::Time;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -23,7 +24,7 @@ pub struct EpochError {
 }
 
 /// An error of three axes, and what the filter and the reference say of it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Deviation {
     /// Estimate less reference.
     pub error: Vector3<f64>,
@@ -32,6 +33,8 @@ pub struct Deviation {
     /// Covariance of the reference's own error.
     pub reference: Matrix3<f64>,
 }
+
+fusion_core::memory!(Deviation { error, own, reference });
 
 impl Deviation {
     /// 1σ that the error is expected to have, filter and reference together.
@@ -168,7 +171,27 @@ pub struct Comparison {
     lever_arm: Vector3<f64>,
     /// Epochs that no estimate has reached, in order of time.
     ahead: VecDeque<ReferenceEpoch>,
+    /// How many of them were there from the beginning: they are the first.
+    given: usize,
     previous: Option<Solution>,
+}
+
+/// Epochs that were there from the beginning are not remembered, but how many of them are left.
+impl Memory for Comparison {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        let mut left = self.given;
+        left.remember(tape);
+        if left > self.given {
+            tape.refuse("the reference has fewer epochs");
+            return;
+        }
+        self.ahead.drain(..self.given - left);
+        self.given = left;
+        let mut pushed = self.ahead.split_off(left);
+        pushed.remember(tape);
+        self.ahead.append(&mut pushed);
+        self.previous.remember(tape);
+    }
 }
 
 impl Comparison {
@@ -176,9 +199,11 @@ impl Comparison {
     /// in body axes \[m\].
     #[must_use]
     pub fn new(lever_arm: Vector3<f64>, epochs: impl IntoIterator<Item = ReferenceEpoch>) -> Self {
+        let ahead: VecDeque<ReferenceEpoch> = epochs.into_iter().collect();
         Self {
             lever_arm,
-            ahead: epochs.into_iter().collect(),
+            given: ahead.len(),
+            ahead,
             previous: None,
         }
     }
@@ -212,6 +237,7 @@ impl Comparison {
         let previous = self.previous.replace(*now).unwrap_or(*now);
         let rate = previous.rate_to(now);
         while let Some(epoch) = self.ahead.pop_front_if(|e| e.time <= now.time) {
+            self.given = self.given.saturating_sub(1);
             let is_known = epoch.time >= previous.time;
             let error = is_known.then(|| EpochError::new(&epoch, &Solution::between(&previous, now, epoch.time), &self.lever_arm, rate));
             tell(&epoch, error.as_ref())?;
@@ -221,6 +247,7 @@ impl Comparison {
 
     /// The epochs that no estimate has reached.
     pub fn rest(&mut self) -> impl Iterator<Item = ReferenceEpoch> {
+        self.given = 0;
         self.ahead.drain(..)
     }
 }

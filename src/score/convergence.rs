@@ -41,7 +41,7 @@ struct Limited {
 }
 
 /// Follows a run.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Tracker {
     /// Position, velocity, heading.
     limited: [Limited; 3],
@@ -51,6 +51,9 @@ pub(super) struct Tracker {
     /// The first of the latest epochs at which all are within their limits without a break.
     since: Option<Time>,
 }
+
+fusion_core::memory!(Tracker { limited, span, since; by });
+fusion_core::memory!(Limited { is_known, is_within; limit });
 
 impl Tracker {
     pub(super) fn new(limits: Limits) -> Self {

@@ -8,6 +8,7 @@
 //! latest a window ends where the next one of its outage begins. Where no sensor reads the source it
 //! ends with the outage.
 
+use fusion_core::memory::{Memory, Tape};
 use fusion_core::time::Time;
 use fusion_models::fault::{Repeated, Window, Windows};
 use nalgebra::Vector3;
@@ -15,7 +16,7 @@ use serde::Serialize;
 use std::collections::VecDeque;
 
 /// The drift over one outage.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Drift {
     /// Start of the outage \[s\].
     pub from: f64,
@@ -50,7 +51,7 @@ struct Tracked {
     running: Option<Running>,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Running {
     window: Window,
     /// The time and the horizontal error that it began with.
@@ -61,10 +62,33 @@ struct Running {
     growth: f64,
 }
 
+fusion_core::memory!(Drifts { tracked, used, found });
+fusion_core::memory!(Tracked { running; repeated, sensors });
+fusion_core::memory!(Running {
+    window,
+    first,
+    last,
+    max,
+    growth
+});
+fusion_core::memory!(Drift {
+    from,
+    to,
+    until,
+    max_horizontal,
+    growth
+});
+
+impl Memory for Used {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.0.remember(tape);
+    }
+}
+
 /// The drift of a run in its outages.
 #[derive(Clone, Debug)]
 pub(super) struct Drifts {
-    tracked: Vec<Tracked>,
+    tracked: Box<[Tracked]>,
     used: Used,
     found: Vec<Drift>,
 }
@@ -86,7 +110,7 @@ impl Drifts {
             }
         }
         Self {
-            tracked,
+            tracked: tracked.into(),
             used: Used::default(),
             found: Vec::new(),
         }

@@ -57,6 +57,8 @@ pub(super) struct NeesSeries {
     undefined: usize,
 }
 
+fusion_core::memory!(NeesSeries { values, dof, undefined });
+
 impl NeesSeries {
     /// Takes what [`nees`] found at an epoch.
     pub(super) fn add(&mut self, found: Option<(f64, usize)>) {

@@ -19,6 +19,19 @@ pub struct ReferenceEpoch {
     pub sigma: ReferenceSigma,
 }
 
+fusion_core::memory!(ReferenceEpoch {
+    time,
+    position,
+    velocity,
+    attitude,
+    sigma
+});
+fusion_core::memory!(ReferenceSigma {
+    position,
+    velocity,
+    attitude
+});
+
 /// 1σ of the reference's own errors; 0 where nothing is known of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ReferenceSigma {

@@ -36,6 +36,16 @@ struct Sums {
     inside: Vector3<f64>,
 }
 
+fusion_core::memory!(Sums {
+    count,
+    sum,
+    squares,
+    max,
+    sigma,
+    estimated,
+    inside
+});
+
 impl Sums {
     fn add(&mut self, d: &Deviation) {
         let (e, sigma) = (&d.error, d.sigma());
@@ -75,6 +85,20 @@ pub struct Scorer {
     drifts: Drifts,
     convergence: Option<Tracker>,
 }
+
+fusion_core::memory!(Scorer {
+    position,
+    velocity,
+    attitude,
+    horizontal,
+    attitudes,
+    nees_position,
+    nees_velocity,
+    nees_attitude,
+    drifts,
+    convergence;
+    rules
+});
 
 impl Scorer {
     /// Without an error yet.

@@ -28,6 +28,14 @@ pub struct Solution {
     pub with_attitude: [Matrix3<f64>; 2],
 }
 
+fusion_core::memory!(Solution {
+    time,
+    position,
+    velocity,
+    attitude,
+    with_attitude
+});
+
 impl Solution {
     /// The solution at `time` between those at `a` and `b`.
     ///

@@ -180,9 +180,9 @@ fn outcome(design: &Design, case: &Case, watch: f64, options: &Options, survey: 
     let options = Options {
         data: options.data.clone(),
         base: options.base.clone(),
-        out: None,
         seed: options.seed,
         smooth: Smoothing::Never,
+        ..Options::default()
     };
     let run = Run::open(&disturbed, &options)?;
     let mut watch = Watch::new(survey, case, watch, run.assembly().runner.lag());

@@ -5,8 +5,7 @@ use super::pilot;
 use crate::assembly::{Assembly, SensorInfo, stream_of};
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::{Design, Named, SimulationDesign};
-use crate::rows::{Aboard, FaultChain, Feed, Row, SourceReport, SourceStatistics, Stamp};
-use crate::solution::Solution;
+use crate::rows::{Aboard, FaultChain, Feed, Pose, Row, SourceReport, SourceStatistics, Stamp};
 use core::ops::Range;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
@@ -107,7 +106,7 @@ impl SimulatedRows {
                 return Some((from, stamp));
             }
             if let Some(now) = self.steers.take().filter(|now| self.simulator.listens(*now)) {
-                let seen = aboard.solution(now).and_then(|solution| self.seen(now, &solution));
+                let seen = aboard.pose(now).map(|pose| self.seen(now, &pose));
                 self.simulator.steer(now, seen.as_ref());
             }
             let (from, time) = match self.simulator.next_row(&mut self.values) {
@@ -141,15 +140,14 @@ impl SimulatedRows {
         self.simulator.script()
     }
 
-    /// The part of a solution that steers.
-    fn seen(&self, now: Time, solution: &Solution) -> Option<Seen> {
-        let ((place, _), (attitude, _)) = solution.position.zip(solution.attitude)?;
-        let position = self.frame.to_ned(&place);
-        Some(Seen {
+    /// The part of a pose that steers.
+    fn seen(&self, now: Time, pose: &Pose) -> Seen {
+        let position = self.frame.to_ned(&pose.position);
+        Seen {
             time: now,
             position: Vector2::new(position.x, position.y),
-            heading: so3::to_rpy(&attitude).z,
-        })
+            heading: so3::to_rpy(&pose.attitude).z,
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Stopped at any row and gone on from a checkpoint: the same as without a stop.
 
 use super::real::real_design;
-use super::rewind::{Fed, designs, feed, navigator, rows, shipped, shuffled};
+use super::rewind::{Fed, designs, feed, navigator, rows, shipped, shuffled, troubled};
 use fusion::core::runner::Event;
 use fusion::core::testing::Lcg;
 use fusion::design::Design;
@@ -83,6 +83,13 @@ fn every_backend_goes_on_from_a_checkpoint_as_without_a_stop() {
     for backend in ["ekf", "iekf", "ukf", "invariant", "error_state+udu", "error_state+square_root"] {
         let table = fusion::design::FilterSpec::table_of(backend).unwrap();
         obeys(backend, |sets| shipped(&file, &[sets, &[&table]].concat()), 1500);
+    }
+}
+
+#[test]
+fn every_gate_goes_on_from_a_checkpoint_through_gaps_and_outliers() {
+    for (gate, read) in troubled() {
+        obeys(gate, read, 2200);
     }
 }
 

@@ -1,9 +1,11 @@
 //! Rows that come late, used by going back: every shipped design, any order of arrival.
 
 use super::real::real_design;
+use super::support::Workspace;
 use fusion::Navigator;
 use fusion::assembly::{assemble, declared_streams};
 use fusion::config::Document;
+use fusion::core::gate::Mode;
 use fusion::core::runner::{Discard, Event, Halt, Row};
 use fusion::core::testing::Lcg;
 use fusion::core::time::{Time, nanos};
@@ -215,15 +217,103 @@ fn every_backend_ends_as_in_time_order_whatever_the_order_of_arrival() {
     }
 }
 
+/// Estimated offsets, leaders, stages and initialisers.
+fn offsets_and_leaders(sets: &[&str]) -> (Design, Options) {
+    with(super::order::DESIGN, sets)
+}
+
+/// The same, started without standing still: by a fix and an attitude that is hardly known.
+fn starting_anywhere(sets: &[&str]) -> (Design, Options) {
+    let (before, rest) = super::order::DESIGN.split_once("[initial.level]").unwrap();
+    let (_, fix) = rest.split_once("[initial.fix]").unwrap();
+    let (fix, rest) = fix.split_once("[initial.heading]").unwrap();
+    let (_, world) = rest.split_once("[simulation]").unwrap();
+    let start = "[initial.level]\ntype = \"explicit\"\nattitude = [0, 0, 0]\nattitude_sigma = \"30 deg\"\n";
+    with(&format!("{before}{start}[initial.fix]{fix}[simulation]{world}"), sets)
+}
+
+fn with(text: &str, sets: &[&str]) -> (Design, Options) {
+    let (mut document, _) = Document::parse("order.toml", text);
+    sets.iter().for_each(|set| document.set(set).unwrap());
+    (Design::read(document).unwrap_or_else(|d| panic!("{d}")), Options::default())
+}
+
 /// Estimated offsets look at the input after them: where that comes later it has to be looked at, too.
 #[test]
 fn what_has_been_looked_at_is_looked_at_again() {
-    let read = |sets: &[&str]| {
-        let (mut document, _) = Document::parse("order.toml", super::order::DESIGN);
-        sets.iter().for_each(|set| document.set(set).unwrap());
-        (Design::read(document).unwrap_or_else(|d| panic!("{d}")), Options::default())
-    };
-    obeys("offsets and leaders", read, 2500);
+    obeys("offsets and leaders", offsets_and_leaders, 2500);
+}
+
+/// What goes wrong with the instruments: gaps that are coasted through, one after which the filter starts anew,
+/// spikes, an instrument that freezes, fixes that are wrong one by one and for a while.
+const TROUBLE: [&str; 7] = [
+    "process.input.longest_gap=\"1.2 s\"",
+    "simulation.imu.fault.gap={ type = \"outage\", window = { from = \"7 s\", duration = \"0.4 s\", every = \"2.9 s\" } }",
+    "simulation.imu.fault.long={ type = \"outage\", window = { from = \"12 s\", duration = \"1.5 s\" } }",
+    "simulation.imu.fault.spike={ type = \"spike\", channel = \"angular_rate\", value = [9, 0, 0], window = { from = \"8.501 s\", duration = \"0.01 s\" } }",
+    "simulation.imu.fault.frozen={ type = \"frozen\", window = { from = \"15 s\", duration = \"0.3 s\" } }",
+    "simulation.sensor.position.fault.outliers={ type = \"outliers\", rate = 0.05, size = [\"10 m\", \"30 m\"] }",
+    "simulation.sensor.position.fault.track={ type = \"spike\", channel = \"position\", value = [40, 0, 0], window = { from = \"9 s\", duration = \"2.8 s\" } }",
+];
+/// Every gate, so quick to deny, to resume and to believe against the estimate that it does all of it.
+const GATES: [(&str, &[&str]); 4] = [
+    ("none", &["sensor.position.gate={ type = \"none\" }"]),
+    (
+        "nis",
+        &[
+            "sensor.position.gate={ type = \"nis\", probability = 0.99, recovery = { deny_after = 2, resume_after = 2, reacquire_after = \"0.5 s\" } }",
+        ],
+    ),
+    (
+        "two_condition",
+        &[
+            "sensor.position.gate={ type = \"two_condition\", probability = 0.95, recovery = { deny_after = 2, resume_after = 2, reacquire_after = \"0.5 s\" } }",
+        ],
+    ),
+    (
+        "hypotheses",
+        &[
+            "sensor.position.gate={ type = \"hypotheses\", false_rate = 0.1, false_ends = 0.2, reach = \"100 m\" }",
+            "filter.bank={ hypotheses = 6 }",
+        ],
+    ),
+];
+
+/// A design for each gate, with trouble.
+pub fn troubled() -> impl Iterator<Item = (&'static str, impl Fn(&[&str]) -> (Design, Options))> {
+    GATES
+        .into_iter()
+        .map(|(gate, own)| (gate, move |sets: &[&str]| starting_anywhere(&[&TROUBLE, own, sets].concat())))
+}
+
+#[test]
+fn every_gate_ends_as_in_time_order_through_gaps_and_outliers() {
+    for (gate, read) in troubled() {
+        let (design, options) = read(&[]);
+        let (mut starts, mut denied, mut resumed, mut was_denied) = (0, 0, 0, false);
+        feed(
+            &mut navigator(&design),
+            &rows(&design, &options, 2200),
+            true,
+            &mut |event| match event {
+                Event::Started { .. } => starts += 1,
+                Event::Updated { sensor: 0, update, .. } => {
+                    let is_denied = update.mode == Mode::Denied;
+                    denied += usize::from(is_denied);
+                    resumed += usize::from(was_denied && !is_denied);
+                    was_denied = is_denied;
+                }
+                _ => {}
+            },
+        );
+        assert!(starts >= 2, "{gate}: {starts} starts");
+        let has_modes = !["none", "hypotheses"].contains(&gate);
+        assert!(
+            !has_modes || denied > 5 && resumed > 0,
+            "{gate}: {denied} denied, {resumed} resumed"
+        );
+        obeys(gate, read, 2200);
+    }
 }
 
 #[test]
@@ -306,4 +396,29 @@ fn snapshots_of_fifteen_states_are_quick() {
     eprintln!("{n} states: {} bytes in {:.0} ns", bytes.len(), best * 1e9);
     // Ten thousand a second at a tenth of the time; 1 us is what it takes on an idle machine.
     assert!(best < 1e-5, "{best} s");
+}
+
+#[test]
+fn what_was_believed_at_the_time_and_what_later_rows_made_of_it_have_a_file_each() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/ins-gps.toml");
+    let late = "simulation.sensor.position.fault.late={ type = \"late\", by = \"2 s\" }";
+    let (design, options) = shipped(&file, &[&REWIND[..], &[late, "run.output_rate=5"]].concat());
+    let w = Workspace::new("causal");
+    let folders = [("other", false), ("causal", true)].map(|(out, causal)| {
+        let out = w.path(out);
+        let options = Options {
+            out: Some(out.clone()),
+            causal,
+            base: options.base.clone(),
+            ..Options::default()
+        };
+        fusion::run::run(&design, &options, &mut |_| {}).unwrap_or_else(|d| panic!("{d}"));
+        out
+    });
+    let read = |folder: usize, name: &str| std::fs::read_to_string(folders[folder].join(name)).unwrap();
+    let [revised, current] = ["estimates.csv", "current.csv"].map(|name| read(0, name));
+    assert!(read(1, "revised.csv") == revised && read(1, "estimates.csv") == current);
+    assert!(!folders[0].join("revised.csv").exists() && !folders[1].join("current.csv").exists());
+    assert!(revised != current, "fixes 2 s late change what was believed");
+    assert_eq!(revised.lines().count(), current.lines().count());
 }

@@ -69,7 +69,7 @@ pub struct Filter {
     pub(super) transition: Transition,
     signals: Signals,
     pub(super) work: Innovation,
-    reset: BlockMatrix,
+    pub(super) reset: BlockMatrix,
     x_before: Vec<f64>,
     pub(super) p_before: Covariance,
     /// The steps of the latest call, where they are kept.

@@ -1,4 +1,5 @@
 use super::*;
+use crate::chart::Reset;
 use crate::covariance::FormKind;
 use crate::gate::{Answer, Decision, Gate, GateInput, Mode, Nis, Open, Recovery};
 use crate::linear::{Jacobian, Transition};
@@ -580,6 +581,38 @@ fn gauss_markov_of_60_s_keeps_0_98347_and_gains_0_032784_of_its_variance_in_a_se
     assert!((f.belief().x[0] - 0.983_47).abs() < 5e-6, "{}", f.belief().x[0]);
     let q = dense(&f)[(0, 0)] / 4.0;
     assert!((q - 0.032_784).abs() < 5e-7, "{q}");
+}
+
+/// What a pattern lists decides in which order numbers are summed up.
+#[test]
+fn patterns_that_were_learnt_are_remembered() {
+    let mut b = LayoutBuilder::new();
+    let position = declare::<Scalar>(&mut b, "position", 0.0, &[100.0], Dynamics::Process);
+    let velocity = declare::<Scalar>(&mut b, "velocity", 0.0, &[10.0], Dynamics::Process);
+    let q = nalgebra::UnitQuaternion::identity();
+    declare::<Attitude>(&mut b, "attitude", q, &[0.1; 3], Dynamics::RandomWalk { psd: vec![1e-6; 3] });
+    let track = Track {
+        position,
+        velocity,
+        sigma: 0.01,
+    };
+    let backend = Backend {
+        reset: Reset::Full,
+        ..Backend::ERROR_STATE
+    };
+    let new = Filter::new(Arc::new(b.finish()), Arc::new(track), backend, Size::same(1));
+    let mut f = new.clone();
+    f.predict(second(1), &Input::held(&[0.0])).unwrap();
+    accept(&mut f, &Direct(position), &[1.0], &[1.0]);
+    let (mut bytes, mut twin) = (Vec::new(), new.clone());
+    crate::memory::save(&mut f, &mut bytes);
+    crate::memory::restore(&mut twin, &bytes).unwrap();
+    let patterns = |f: &Filter| [&f.transition.phi, &f.reset].map(|m| (0..5).map(|i| m.row(i).1.to_vec()).collect::<Vec<_>>());
+    let learnt = patterns(&f);
+    assert_eq!(patterns(&twin), learnt);
+    for (learnt, before) in learnt.iter().zip(patterns(&new)) {
+        assert_ne!(*learnt, before, "something was learnt");
+    }
 }
 
 #[test]

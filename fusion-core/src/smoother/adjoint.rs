@@ -6,6 +6,7 @@ use crate::chart::{Chart, Reset};
 use crate::covariance::axpy;
 use crate::filter::Parts;
 use crate::linear::{BlockMatrix, padded};
+use crate::memory::{Memory, Tape};
 use crate::state::{Belief, Layout};
 use std::sync::Arc;
 
@@ -22,6 +23,14 @@ pub(super) struct Adjoint {
     moved: Vec<f64>,
     turned: Vec<f64>,
     room: Vec<f64>,
+}
+
+impl Memory for Adjoint {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        tape.numbers(&mut self.vector);
+        tape.numbers(&mut self.matrix);
+        self.is_zero.remember(tape);
+    }
 }
 
 impl Adjoint {
@@ -112,6 +121,8 @@ impl Adjoint {
 pub(super) struct Corrector {
     layout: Arc<Layout>,
     chart: Arc<dyn Chart>,
+    /// The state that the filter started from, where its chart may be anchored.
+    started: Vec<f64>,
     how: Reset,
     reset: BlockMatrix,
     correction: Vec<f64>,
@@ -119,6 +130,18 @@ pub(super) struct Corrector {
     product: Vec<f64>,
     less: Vec<f64>,
     whole: Vec<f64>,
+}
+
+impl Memory for Corrector {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.started.remember(tape);
+        let is_whole = self.started.len() == self.layout.storage();
+        if !self.started.is_empty() && !is_whole {
+            tape.refuse("a state has another size");
+        } else if tape.is_reading() && is_whole && tape.is_sound() {
+            self.anchor();
+        }
+    }
 }
 
 impl Corrector {
@@ -135,13 +158,19 @@ impl Corrector {
             whole: vec![0.0; n * n],
             layout,
             chart: parts.chart.clone(),
+            started: Vec::new(),
             how: parts.reset(),
         }
     }
 
     /// The filter starts from `belief`, which may be where its chart is anchored.
     pub(super) fn start(&mut self, belief: &Belief) {
-        if let Some(chart) = self.chart.anchored(&self.layout, &belief.x) {
+        self.started.clone_from(&belief.x);
+        self.anchor();
+    }
+
+    fn anchor(&mut self) {
+        if let Some(chart) = self.chart.anchored(&self.layout, &self.started) {
             self.chart = chart;
         }
     }

@@ -11,6 +11,7 @@ use super::link::Link;
 use super::record::{Kept, empty};
 use crate::filter::Parts;
 use crate::linear::padded;
+use crate::memory::{Memory, Tape};
 use crate::runner::Halt;
 use crate::state::{Belief, Layout};
 use crate::time::Time;
@@ -52,6 +53,57 @@ struct Closed {
 enum Open {
     Link(Link),
     Kept(Kept),
+}
+
+impl Memory for FixedLag {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        let (n, storage) = (self.corrector.layout().dim(), self.corrector.layout().storage());
+        self.corrector.remember(tape);
+        let length = tape.length(self.closed.len(), 1);
+        self.closed.resize_with(length, || Closed {
+            kept: Kept::default(),
+            adjoint: Adjoint::new(n),
+            transposed: vec![0.0; n * padded(n)],
+        });
+        for Closed { kept, adjoint, transposed } in &mut self.closed {
+            kept.remember(tape);
+            adjoint.remember(tape);
+            tape.numbers(transposed);
+        }
+        self.open.remember(tape);
+        self.seam.remember(tape);
+        tape.numbers(&mut self.head);
+        self.ahead.remember(tape);
+        let fits = |open: &Open| match open {
+            Open::Link(link) => link.fits(n),
+            Open::Kept(kept) => kept.fits(n, storage),
+        };
+        if tape.is_reading() && !(self.open.iter().all(fits) && self.closed.iter().all(|c| c.kept.fits(n, storage))) {
+            tape.refuse("an estimate has another size");
+        }
+    }
+}
+
+impl Default for Open {
+    fn default() -> Self {
+        Self::Link(Link::default())
+    }
+}
+
+impl Memory for Open {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        let mut is_kept = matches!(self, Self::Kept(_));
+        is_kept.remember(tape);
+        match self {
+            Self::Link(_) if is_kept => *self = Self::Kept(Kept::default()),
+            Self::Kept(_) if !is_kept => *self = Self::default(),
+            _ => {}
+        }
+        match self {
+            Self::Link(link) => link.remember(tape),
+            Self::Kept(kept) => kept.remember(tape),
+        }
+    }
 }
 
 impl FixedLag {

@@ -26,6 +26,15 @@ pub struct Link {
     r: Vec<f64>,
 }
 
+crate::memory!(Link {
+    time,
+    changes,
+    rows,
+    h,
+    k,
+    r
+});
+
 impl Link {
     /// That of `step`; none of one that carries errors as they are and says nothing of them.
     #[must_use]
@@ -43,6 +52,13 @@ impl Link {
             }
         }
         (link.rows > 0 || !link.changes.is_empty()).then_some(link)
+    }
+
+    /// Whether it is one of `n` dimensions.
+    pub(super) fn fits(&self, n: usize) -> bool {
+        let size = self.rows.saturating_mul(n);
+        let is_inside = |&(i, j, _): &(u16, u16, f64)| usize::from(i.max(j)) < n;
+        self.changes.iter().all(is_inside) && [self.h.len(), self.k.len(), self.r.len()] == [size, size, self.rows]
     }
 
     fn changed(&mut self, matrix: &BlockMatrix) {

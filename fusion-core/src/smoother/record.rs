@@ -104,7 +104,14 @@ pub(super) struct Kept {
     pub(super) p: Vec<f64>,
 }
 
+crate::memory!(Kept { time, x, p });
+
 impl Kept {
+    /// Whether it is one of `n` dimensions, its state of `storage` numbers.
+    pub(super) fn fits(&self, n: usize, storage: usize) -> bool {
+        (self.x.len(), self.p.len()) == (storage, n * (n + 1) / 2)
+    }
+
     pub(super) fn take(&mut self, belief: &Belief) {
         self.time = belief.time;
         self.x.clone_from(&belief.x);

@@ -15,6 +15,7 @@
 use core::f64::consts::{FRAC_1_SQRT_2, PI};
 
 use fusion_core::geometry::wgs84::{ECCENTRICITY_SQUARED as E2, FLATTENING, Geodetic, Radii, SEMI_MAJOR_AXIS, SEMI_MINOR_AXIS};
+use fusion_core::memory::{Memory, Tape};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 /// Geodetic to Earth-centred Earth-fixed `r_eb_e` \[m\].
@@ -75,6 +76,22 @@ pub struct LocalFrame {
     origin: Geodetic,
     origin_e: Vector3<f64>,
     c_en: Matrix3<f64>,
+}
+
+impl Default for LocalFrame {
+    fn default() -> Self {
+        Self::new(Geodetic::default())
+    }
+}
+
+impl Memory for LocalFrame {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        let mut origin = self.origin;
+        origin.remember(tape);
+        if origin != self.origin {
+            *self = Self::new(origin);
+        }
+    }
 }
 
 impl LocalFrame {

@@ -10,13 +10,15 @@ use serde::de::{Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use std::borrow::Cow;
 
 /// A stretch of time: `from` belongs to it, `to` does not.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Window {
     /// Its first instant.
     pub from: Time,
     /// The first instant after it.
     pub to: Time,
 }
+
+fusion_core::memory!(Window { from, to });
 
 /// Stretches of the log's time, each once or again and again.
 ///

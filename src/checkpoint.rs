@@ -1,9 +1,10 @@
-//! What a navigator remembers, kept longer than its process.
+//! What a navigator or a run remembers, kept longer than its process.
 //!
 //! ```text
-//! "fusion" 0x00 0x1a    8 bytes: what this is, text or truncated text by no chance
+//! "fusion" 0x00 0x1a    8 bytes: what this is, text or truncated text by no chance; of a run 0x01 0x1a
 //! version               u32: that of this format
-//! design                u64: a number made of everything that the design says of the filter
+//! design                u64: a number made of everything that the design says of the filter; of a run, of
+//!                       all that the design says, and of its options
 //! length                u64: bytes that follow the checksum
 //! checksum              u64: of those
 //! memory                as `fusion_core::memory` writes it
@@ -15,7 +16,22 @@
 use crate::config::{Document, Node, Value};
 use thiserror::Error;
 
-const MAGIC: [u8; 8] = *b"fusion\0\x1a";
+/// What a checkpoint is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Of {
+    Navigator,
+    Run,
+}
+
+impl Of {
+    const fn magic(self) -> [u8; 8] {
+        match self {
+            Self::Navigator => *b"fusion\0\x1a",
+            Self::Run => *b"fusion\x01\x1a",
+        }
+    }
+}
+
 /// Raised whenever what is remembered, or how it is written, changes.
 const VERSION: u32 = 1;
 const HEADER: usize = 36;
@@ -57,6 +73,19 @@ const OUTSIDE: [&str; 6] = ["source", "simulation", "reference", "stress", "vari
 /// The same of the keys under `run`.
 const OUTSIDE_RUN: [&str; 7] = ["description", "data_dir", "start", "stop", "output_rate", "smooth", "seed"];
 
+/// A number made of everything that a design says of a run, and of the `options`.
+#[must_use]
+pub(crate) fn fingerprint_of_run(document: &Document, options: &str) -> u64 {
+    let mut hash = Fnv::new();
+    // What a variant says stands in the other tables by now.
+    for entry in document.root().entries().iter().filter(|e| e.key != "variant") {
+        hash.text(&entry.key);
+        hash.node(&entry.node);
+    }
+    hash.text(options);
+    hash.0
+}
+
 /// A number made of everything that a design says of its filter, in the order of the file.
 #[must_use]
 pub(crate) fn fingerprint(document: &Document) -> u64 {
@@ -76,10 +105,10 @@ pub(crate) fn fingerprint(document: &Document) -> u64 {
     hash.0
 }
 
-/// A checkpoint of `memory`, of a filter with the `design`'s fingerprint.
-pub(crate) fn sealed(design: u64, memory: &[u8]) -> Vec<u8> {
+/// A checkpoint of `memory`, of a filter or a run with the `design`'s fingerprint.
+pub(crate) fn sealed(of: Of, design: u64, memory: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(HEADER + memory.len());
-    bytes.extend(MAGIC);
+    bytes.extend(of.magic());
     bytes.extend(VERSION.to_le_bytes());
     bytes.extend(design.to_le_bytes());
     bytes.extend((memory.len() as u64).to_le_bytes());
@@ -89,10 +118,10 @@ pub(crate) fn sealed(design: u64, memory: &[u8]) -> Vec<u8> {
 }
 
 /// The memory in a checkpoint.
-pub(crate) fn opened(design: u64, bytes: &[u8]) -> Result<&[u8], CheckpointError> {
+pub(crate) fn opened(of: Of, design: u64, bytes: &[u8]) -> Result<&[u8], CheckpointError> {
     let found = bytes.len() as u64;
     let (magic, rest) = bytes.split_first_chunk::<8>().ok_or(CheckpointError::Other)?;
-    if *magic != MAGIC {
+    if *magic != of.magic() {
         return Err(CheckpointError::Other);
     }
     let too_short = CheckpointError::Length {
@@ -104,7 +133,7 @@ pub(crate) fn opened(design: u64, bytes: &[u8]) -> Result<&[u8], CheckpointError
         VERSION => {}
         found => return Err(CheckpointError::Version { found }),
     }
-    let (of, rest) = rest.split_first_chunk().ok_or(too_short)?;
+    let (made_of, rest) = rest.split_first_chunk().ok_or(too_short)?;
     let (length, rest) = rest.split_first_chunk().ok_or(too_short)?;
     let (sum, memory) = rest.split_first_chunk().ok_or(too_short)?;
     let wanted = u64::from_le_bytes(*length).saturating_add(HEADER as u64);
@@ -114,7 +143,7 @@ pub(crate) fn opened(design: u64, bytes: &[u8]) -> Result<&[u8], CheckpointError
     if u64::from_le_bytes(*sum) != checksum(memory) {
         return Err(CheckpointError::Damaged);
     }
-    if u64::from_le_bytes(*of) != design {
+    if u64::from_le_bytes(*made_of) != design {
         return Err(CheckpointError::Design);
     }
     Ok(memory)
@@ -172,20 +201,21 @@ mod tests {
 
     #[test]
     fn a_checkpoint_that_is_not_whole_is_refused() {
-        let bytes = sealed(7, b"everything");
-        assert_eq!(opened(7, &bytes), Ok(&b"everything"[..]));
-        assert_eq!(opened(8, &bytes), Err(CheckpointError::Design));
+        let bytes = sealed(Of::Navigator, 7, b"everything");
+        assert_eq!(opened(Of::Navigator, 7, &bytes), Ok(&b"everything"[..]));
+        assert_eq!(opened(Of::Navigator, 8, &bytes), Err(CheckpointError::Design));
+        assert_eq!(opened(Of::Run, 7, &bytes), Err(CheckpointError::Other));
         for end in 0..bytes.len() {
-            let refused = opened(7, &bytes[..end]).unwrap_err();
+            let refused = opened(Of::Navigator, 7, &bytes[..end]).unwrap_err();
             let is_told = matches!(refused, CheckpointError::Length { .. }) || end < 8;
             assert!(is_told, "{end}: {refused}");
         }
         let longer = [bytes.as_slice(), b"!"].concat();
-        assert!(matches!(opened(7, &longer), Err(CheckpointError::Length { .. })));
+        assert!(matches!(opened(Of::Navigator, 7, &longer), Err(CheckpointError::Length { .. })));
         for at in 0..bytes.len() {
             let mut wrong = bytes.clone();
             wrong[at] ^= 0x10;
-            assert!(opened(7, &wrong).is_err(), "byte {at}");
+            assert!(opened(Of::Navigator, 7, &wrong).is_err(), "byte {at}");
         }
     }
 
