@@ -11,6 +11,9 @@ mod backends;
 /// A bank of hypotheses: false fixes after an outage, starts without a heading.
 #[path = "suite/bank.rs"]
 mod bank;
+/// A Doppler log whose beams come and go one by one.
+#[path = "suite/beams.rs"]
+mod beams;
 /// The design with outliers over a hundred seeds: its experiments, and its gate under stress.
 #[path = "suite/campaigns.rs"]
 mod campaigns;

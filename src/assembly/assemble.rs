@@ -222,16 +222,12 @@ impl<'a, P> Assembler<'a, P> {
     }
 
     fn sensors(&mut self, models: Vec<Option<Built>>) -> (Vec<Sensor>, Vec<SensorInfo>) {
-        let design = self.design;
-        let connected = design
-            .sensors
-            .iter()
-            .zip(models)
-            .filter_map(|(sensor, model)| self.sensor(sensor, model));
-        let (mut sensors, infos): (Vec<_>, Vec<_>) = connected.unzip();
-        for sensor in &design.sensors {
-            Self::link(sensor, &mut sensors);
-        }
+        let connected = models
+            .into_iter()
+            .enumerate()
+            .filter_map(|(number, model)| self.sensor(number, model));
+        let (mut sensors, infos): (Vec<_>, Vec<_>) = connected.flatten().unzip();
+        self.link(&mut sensors, &infos);
         (sensors, infos)
     }
 
@@ -313,7 +309,8 @@ impl<'a, P> Assembler<'a, P> {
         let root = self.design.document.root();
         let otherwise = self.process.map_or(root, |p| &p.node);
         self.design.filter.check_layout(&layout, root.get("filter"), otherwise, &mut self.d);
-        let is_whole = infos.len() == self.design.sensors.len()
+        let is_connected = |number| infos.iter().any(|info| info.design == number);
+        let is_whole = (0..self.design.sensors.len()).all(is_connected)
             && parts.stages.len() == self.design.stages.len() + self.design.filters.len()
             && parts.initialisers.len() == self.design.initialisers.len();
         if self.d.has_errors() || !is_whole {
@@ -327,7 +324,7 @@ impl<'a, P> Assembler<'a, P> {
         let filter = || Box::new(Filter::new(layout.clone(), process.clone(), design.filter.backend(), largest));
         let filter: Box<dyn Estimator> = match design.filter.bank {
             None => filter(),
-            Some(bank) => Box::new(Bank::new(bank.limits(), || (filter(), self.gates()))),
+            Some(bank) => Box::new(Bank::new(bank.limits(), || (filter(), self.gates(&infos)))),
         };
         let mut runner = Runner::new(filter, process.clone(), design.run.reorder.si());
         runner.set_limits(design.health.limits());

@@ -6,7 +6,7 @@ use crate::design::{Named, NoiseSpec, SensorDesign};
 use fusion_core::gate::{Gate, OnlyWith, Open};
 use fusion_core::loss::{Loss, Quadratic};
 use fusion_core::model::Measurement;
-use fusion_core::runner::{Noise, Offset, Sensor, StreamId};
+use fusion_core::runner::{Noise, Offset, Port, Sensor, StreamId};
 use fusion_core::state::{Param, Scalar, Slot};
 use fusion_core::time::nanos;
 use fusion_models::block::{Build, BuildError, Channel, Reading, SensorSpec, check_delay};
@@ -16,10 +16,14 @@ use std::sync::Arc;
 /// What is known of a sensor besides its runtime model.
 #[derive(Debug)]
 pub struct SensorInfo {
-    /// Its name.
+    /// Its name; of one row of a sensor whose rows are measurements of their own, `sensor.row`.
     pub name: String,
     /// Its model.
     pub model: Arc<dyn Measurement>,
+    /// The number of the sensor in the design.
+    pub design: usize,
+    /// The model of that sensor as a whole.
+    pub whole: Arc<dyn Measurement>,
     /// The stream that it reads or that times it.
     pub stream: String,
     /// Its channels; none for a pseudo-measurement.
@@ -60,8 +64,10 @@ struct Timing {
 }
 
 impl<P> Assembler<'_, P> {
-    /// Connects a sensor whose model has been built; its other mistakes are found without a model.
-    pub(super) fn sensor(&mut self, design: &Named<SensorDesign>, built: Option<Built>) -> Option<(Sensor, SensorInfo)> {
+    /// Connects sensor `number` of the design, whose model has been built; its other mistakes are found without a
+    /// model. One whose rows are measurements of their own becomes as many sensors.
+    pub(super) fn sensor(&mut self, number: usize, built: Option<Built>) -> Option<Vec<(Sensor, SensorInfo)>> {
+        let design = &self.design.sensors[number];
         let SensorDesign { model: spec, common, .. } = &design.block;
         let node = &design.node;
         let rows = spec.noise();
@@ -92,6 +98,8 @@ impl<P> Assembler<'_, P> {
         let info = SensorInfo {
             name: design.name.clone(),
             model: model.clone(),
+            design: number,
+            whole: model.clone(),
             stream: common.source.clone(),
             channels,
             delay,
@@ -113,6 +121,52 @@ impl<P> Assembler<'_, P> {
             quality: quality?,
             gate: gate?,
             loss: loss?,
+        };
+        let parts = (0..info.rows.len()).map_while(|row| info.model.part(row)).collect::<Vec<_>>();
+        if parts.is_empty() {
+            return Some(vec![(sensor, info)]);
+        }
+        let parts = parts.into_iter().enumerate();
+        parts.map(|(row, model)| self.part(design, (&sensor, &info), row, model)).collect()
+    }
+
+    /// The sensor that row `row` of the sensor `whole` is, with its own gate and loss.
+    fn part(
+        &self,
+        design: &Named<SensorDesign>,
+        (whole, of): (&Sensor, &SensorInfo),
+        row: usize,
+        model: Box<dyn Measurement>,
+    ) -> Option<(Sensor, SensorInfo)> {
+        let model: Arc<dyn Measurement> = model.into();
+        let axis = of.axes.get(row).map_or_else(|| row.to_string(), |axis| (*axis).to_owned());
+        let info = SensorInfo {
+            name: format!("{}.{axis}", of.name),
+            model: model.clone(),
+            design: of.design,
+            whole: of.whole.clone(),
+            stream: of.stream.clone(),
+            channels: vec![of.channels.get(row)?.clone()],
+            delay: of.delay,
+            offset: of.offset,
+            sigma: vec![of.sigma[row]],
+            rows: vec![of.rows[row]],
+            axes: &[],
+        };
+        let sensor = Sensor {
+            name: info.name.clone(),
+            model,
+            port: Port {
+                columns: vec![*whole.port.columns.get(row)?],
+                ..whole.port.clone()
+            },
+            offset: whole.offset.clone(),
+            constant: Vec::new(),
+            noise: Noise::diagonal(&info.sigma),
+            quality: whole.quality,
+            // Built before without a mistake.
+            gate: gate(design, &info.rows, self.design.filter.bank.is_some()).ok()?,
+            loss: loss(design).ok()?,
         };
         Some((sensor, info))
     }
@@ -170,12 +224,12 @@ impl<P> Assembler<'_, P> {
     }
 
     /// The gates of all sensors as they are built, in order of their numbers: for another member of a bank.
-    pub(super) fn gates(&self) -> Vec<Box<dyn Gate>> {
-        let sensors = &self.design.sensors;
-        let at = |name: &str| sensors.iter().position(|s| s.name == name);
-        let build = |design: &Named<SensorDesign>| {
+    pub(super) fn gates(&self, infos: &[SensorInfo]) -> Vec<Box<dyn Gate>> {
+        let at = |name: &str| infos.iter().position(|s| s.name == name);
+        let build = |info: &SensorInfo| {
+            let design = &self.design.sensors[info.design];
             // They were built before without a mistake.
-            let own = gate(design, &design.block.model.noise(), true).unwrap_or_else(|_| Box::new(Open));
+            let own = gate(design, &info.rows, true).unwrap_or_else(|_| Box::new(Open));
             let leader = design
                 .block
                 .common
@@ -187,17 +241,24 @@ impl<P> Assembler<'_, P> {
                 None => own,
             }
         };
-        sensors.iter().map(build).collect()
+        infos.iter().map(build).collect()
     }
 
-    /// Lays the gate policy `only_with` over the sensor's own gate.
-    pub(super) fn link(design: &Named<SensorDesign>, sensors: &mut [Sensor]) {
-        let at = |name: &str| sensors.iter().position(|s| s.name == name);
-        let Some(spec) = &design.block.common.only_with else { return };
-        if let (Some(leader), Some(follower)) = (at(&spec.sensor), at(&design.name)) {
-            let gate = &mut sensors[follower].gate;
-            let own = core::mem::replace(gate, Box::new(Open));
-            *gate = Box::new(OnlyWith::new(leader, spec.memory.si(), own));
+    /// Lays the gate policy `only_with` over the sensors' own gates.
+    pub(super) fn link(&mut self, sensors: &mut [Sensor], infos: &[SensorInfo]) {
+        let at = |name: &str| infos.iter().position(|info| info.name == name);
+        for (sensor, info) in sensors.iter_mut().zip(infos) {
+            let design = &self.design.sensors[info.design];
+            let Some(spec) = &design.block.common.only_with else { continue };
+            if let Some(leader) = at(&spec.sensor) {
+                let own = core::mem::replace(&mut sensor.gate, Box::new(Open));
+                sensor.gate = Box::new(OnlyWith::new(leader, spec.memory.si(), own));
+            } else if infos.iter().any(|info| self.design.sensors[info.design].name == spec.sensor) {
+                let message = format!("the rows of `{}` are judged one by one: none of them stands for it", spec.sensor);
+                let place = design.node.place_of("only_with");
+                let help = "let both go with a third sensor, or give this one a gate of its own";
+                self.d.push(Diagnostic::error(message).at(place).help(help));
+            }
         }
     }
 }

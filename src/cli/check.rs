@@ -206,22 +206,23 @@ fn sensors(design: &Design, assembly: &Assembly) -> Table {
     let [sensor, kind, source, channel, noise] = words(["sensor", "type", "source", "channel", "noise 1σ"]);
     let delay = Column::with_unit("delay", Unit::of_si("s"));
     let mut t = Table::new([sensor, kind, source, channel, delay, noise]);
-    for (named, info) in design.sensors.iter().zip(&assembly.sensors) {
-        let SensorDesign { model, common, .. } = &named.block;
+    for info in &assembly.sensors {
+        let named = &design.sensors[info.design];
+        let SensorDesign { common, .. } = &named.block;
         let channel = match &info.channels[..] {
             [] => "(a constant)".to_owned(),
             channels => channels.iter().map(|c| &*c.name).collect::<Vec<_>>().join(", "),
         };
         let mut noise = Vec::new();
         if common.noise.sigma.is_some() {
-            noise.push(listed(&info.sigma, &model.noise()));
+            noise.push(listed(&info.sigma, &info.rows));
         }
         if common.noise.from_source {
             let scale = common.noise.scale.map_or_else(String::new, |s| format!("{} × ", short(s.si())));
             noise.push(format!("{scale}what the source reports"));
         }
         t.row([
-            Cell::text(&named.name),
+            Cell::text(&info.name),
             Cell::text(type_of(&named.node)),
             Cell::text(&info.stream),
             Cell::text(channel),

@@ -245,7 +245,7 @@ fn scale(design: &Design, assembly: &Assembly, survey: &Survey, target: &Target<
         let names = [Some(target.layout.name.as_str()), target.layout.alias.as_deref()];
         let reads = info.channels.iter().any(|read| read.name == c.name);
         // A simulated sensor has a stream of its own, with its name.
-        let is_own = design.simulation.is_none() || info.name == target.layout.name;
+        let is_own = design.simulation.is_none() || design.sensors[info.design].name == target.layout.name;
         reads && is_own && names.contains(&Some(info.stream.as_str())) && info.sigma.len() == axes
     };
     let wanted = displacement(c);

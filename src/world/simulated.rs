@@ -245,13 +245,19 @@ fn simulator(
     let Some(origin) = design.run.origin else {
         return Err(no_origin(simulation).into());
     };
-    let sensors = design.sensors.iter().zip(&assembly.sensors);
+    // Of one whose rows are sensors of their own, the first.
+    let first = |number: usize| assembly.sensors.iter().find(|info| info.design == number);
+    let sensors = design
+        .sensors
+        .iter()
+        .enumerate()
+        .filter_map(|(number, named)| Some((named, first(number)?)));
     let is_simulated = |named: &str, info: &SensorInfo| world.sensor.contains_key(named) && !info.channels.is_empty();
     let simulated = sensors.filter(|(named, info)| is_simulated(&named.name, info));
     let sensors = simulated.map(|(named, info)| SimulatedSensor {
         name: named.name.clone(),
-        model: info.model.clone(),
-        channels: info.channels.clone(),
+        model: info.whole.clone(),
+        channels: named.block.model.reading().channels().to_vec(),
         rows: named.block.model.noise(),
         delay: info.delay,
         offset: info.offset,

@@ -49,6 +49,18 @@ fn quantiles(mut of: Vec<f64>, shares: [f64; 2]) -> [f64; 2] {
 #[test]
 fn a_vehicle_that_dives_comes_up_where_its_doppler_log_says() {
     let Some(dive) = Withheld::of("blueye", &[], &[]) else { return };
+    let error = surfaced(&dive);
+    eprintln!("dive: {error:.2} m at resurfacing");
+    assert!(error < 0.8, "{error}");
+    for (variant, bounds) in [("square", [1.7, 2.4]), ("grid", [0.38, 0.8])] {
+        let found = Withheld::of("blueye", &[variant], &[]).unwrap().figures();
+        eprintln!("{variant}: median {:.2} m, p95 {:.2} m", found[0], found[1]);
+        assert!(found[0] < bounds[0] && found[1] < bounds[1], "{variant}: {found:?}");
+    }
+}
+
+/// The error of a dive at resurfacing \[m\].
+fn surfaced(dive: &Withheld) -> f64 {
     // The error at resurfacing: the mean of the 3rd to the 12th fix, which halves what two of them scatter by.
     let surfaced: Vec<_> = dive
         .0
@@ -59,14 +71,30 @@ fn a_vehicle_that_dives_comes_up_where_its_doppler_log_says() {
         .map(|(_, e)| *e)
         .collect();
     let mean = [0, 1].map(|axis| surfaced.iter().map(|e| e[axis]).sum::<f64>() / surfaced.len() as f64);
-    let error = mean[0].hypot(mean[1]);
-    eprintln!("dive: {error:.2} m at resurfacing");
-    assert!(surfaced.len() == 10 && error < 0.8, "{error}");
-    for (variant, bounds) in [("square", [1.7, 2.4]), ("grid", [0.38, 0.8])] {
-        let found = Withheld::of("blueye", &[variant], &[]).unwrap().figures();
-        eprintln!("{variant}: median {:.2} m, p95 {:.2} m", found[0], found[1]);
-        assert!(found[0] < bounds[0] && found[1] < bounds[1], "{variant}: {found:?}");
+    assert_eq!(surfaced.len(), 10);
+    mean[0].hypot(mean[1])
+}
+
+#[test]
+fn beam_by_beam_a_dive_ends_where_it_does_by_their_velocity() {
+    let Some(dive) = Withheld::of("blueye", &["beams"], &[]) else {
+        return;
+    };
+    let error = surfaced(&dive);
+    eprintln!("dive, beam by beam: {error:.2} m at resurfacing");
+    assert!(error < 0.8, "{error}");
+    for variant in ["square", "grid"] {
+        let found = Withheld::of("blueye", &[variant, "beams"], &[]).unwrap().figures();
+        eprintln!("{variant}, beam by beam: median {:.2} m, p95 {:.2} m", found[0], found[1]);
     }
+    // Ten of the 1126 measurements of the dive are without an echo of one to three beams: the others are used.
+    let summary = super::real::real("blueye", &["beams"], &[]).unwrap();
+    let used: Vec<u64> = [1, 2, 3, 4]
+        .map(|beam| summary.sensors.iter().find(|s| s.name == format!("dvl.beam_{beam}")).unwrap())
+        .map(|s| s.accepted + s.rejected)
+        .to_vec();
+    eprintln!("used: {used:?}");
+    assert!(used[0] > used[3] && used[1] > used[3], "{used:?}");
 }
 
 #[test]

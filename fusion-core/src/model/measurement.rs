@@ -45,6 +45,14 @@ pub trait Measurement: Debug + Send + Sync {
     /// [`Undefined`] where h has no derivative.
     fn jacobian(&self, at: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined>;
 
+    /// Row `row` of value and residual as a measurement of its own, where rows come and go one by one, like the
+    /// beams of a Doppler log: each is then judged by a gate of its own, and one that is missing leaves the others.
+    /// None where the rows belong together.
+    fn part(&self, row: usize) -> Option<Box<dyn Measurement>> {
+        let _ = row;
+        None
+    }
+
     /// r = z ⊟ h. The default subtracts; angles wrap and geodetic positions give metres here.
     fn residual(&self, z: &[f64], predicted: &[f64], r: &mut [f64]) {
         for ((r, z), h) in r.iter_mut().zip(z).zip(predicted) {

@@ -6,7 +6,8 @@ use crate::model::{Input, Measurement, Process, SignalBuffer, Size};
 use crate::state::Layout;
 
 /// h is finite, its Jacobian is that of central differences through the layout's ⊞ (with the
-/// signals of `process` evaluated anew at every point), and perturb undoes residual.
+/// signals of `process` evaluated anew at every point), and perturb undoes residual. Parts say what their rows of
+/// the whole say, and obey the same laws.
 ///
 /// # Errors
 /// A sentence naming the block, row and axis; also where the model is undefined at `x`.
@@ -65,6 +66,18 @@ pub fn check_measurement(
                 }
             }
         }
+    }
+    for (row, whole) in z.iter().enumerate().take(m) {
+        let Some(part) = model.part(row) else { break };
+        let mut own = [0.0];
+        if part.size() != Size::same(1) {
+            return Err(format!("part {row} is not one row"));
+        }
+        part.predict(&at.view(x), &mut own).map_err(|e| e.to_string())?;
+        if own[0] != *whole {
+            return Err(format!("part {row} predicts {}, and its row of the whole {whole}", own[0]));
+        }
+        check_measurement(layout, process, part.as_ref(), x, input).map_err(|e| format!("part {row}: {e}"))?;
     }
     round_trip(model, &z, m)
 }

@@ -1,15 +1,14 @@
 //! Velocity in the axes of a vehicle or sensor: Doppler log, odometer, nonholonomic constraint.
 //!
-//! Measured   z = velocity of the point l over ground or through water, in the axes s, or some of its
-//!            rows \[m/s\]
+//! Measured   z = velocity of the point l over ground or through water, in the axes s, or along other
+//!            directions d of these axes, row by row \[m/s\]; below for the axes themselves, otherwise dᵀ of it
 //! Predicted  h(x) = (1 + κ) u_s + b,  u_s = C_bsᵀ u_b,  u_b = C_nbᵀ (v_eb_n − c_n) + w_ib_b × l_bs_b
 //! Jacobian   ∂h/∂δv = −∂h/∂c = k C_bsᵀ C_nbᵀ,  ∂h/∂δφ_b = k C_bsᵀ [C_nbᵀ (v − c) ×],
 //!            ∂h/∂w = −k C_bsᵀ [l ×],  ∂h/∂l = k C_bsᵀ [w ×],  ∂h/∂δμ = k [u_s ×],  ∂h/∂κ = u_s,
 //!            ∂h/∂b = I₃,  k = 1 + κ
 //! Water      c is the velocity of the water, 0 for bottom track. Estimated it is told from the vehicle's
 //!            own by what measures position or velocity over ground; several logs may share one
-//! Beams      one beam of a Doppler log is an `odometer` whose mounting turns its forward axis along the
-//!            beam: a beam that drops out leaves the others
+//! Beams      the beams of a Doppler log are directions too: the sensor `dvl`
 //! Here       C_bs is the mounting: the attitude of the axes s in the body, x_b = C_bs x_s, with
 //!            the right perturbation C_bs Exp(δμ). A nonholonomic constraint does not see δμ
 //!            about forward: give that axis sigma 0
@@ -30,7 +29,11 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 /// Forward, right, down of the sensor's axes.
-const ALL: &[usize] = &[0, 1, 2];
+const AXES: [Vector3<f64>; 3] = [
+    Vector3::new(1.0, 0.0, 0.0),
+    Vector3::new(0.0, 1.0, 0.0),
+    Vector3::new(0.0, 0.0, 1.0),
+];
 
 /// Velocity over ground in the sensor's own axes: a Doppler log.
 #[derive(Debug, Deserialize, JsonSchema)]
@@ -38,19 +41,19 @@ const ALL: &[usize] = &[0, 1, 2];
 pub struct BodyVelocitySpec {
     /// Sensor position in body axes, from the body origin (the IMU).
     #[serde(default)]
-    lever_arm: VectorParam<dim::Length>,
+    pub(super) lever_arm: VectorParam<dim::Length>,
     /// Roll, pitch, yaw of the sensor's axes in the body: x_body = C(mounting) x_sensor.
     #[serde(default)]
-    mounting: RotationParam,
+    pub(super) mounting: RotationParam,
     /// Scale error κ: the sensor reads (1 + κ) of the velocity.
     #[serde(default)]
-    scale: ScalarParam<dim::Ratio>,
+    pub(super) scale: ScalarParam<dim::Ratio>,
     /// Bias in the sensor's axes: what it reads too much.
     #[serde(default)]
-    bias: VectorParam<dim::Speed>,
+    pub(super) bias: VectorParam<dim::Speed>,
     /// Velocity of the water over ground, north east down: for a log that sees the water, not the bottom.
     #[serde(default)]
-    current: VectorParam<dim::Speed>,
+    pub(super) current: VectorParam<dim::Speed>,
 }
 
 crate::register!(
@@ -127,11 +130,11 @@ enum Constraint {
 }
 
 impl Constraint {
-    const fn rows(self) -> &'static [usize] {
+    fn rows(self) -> &'static [Vector3<f64>] {
         match self {
-            Self::Both => &[1, 2],
-            Self::Right => &[1],
-            Self::Down => &[2],
+            Self::Both => &AXES[1..],
+            Self::Right => &AXES[1..2],
+            Self::Down => &AXES[2..],
         }
     }
 
@@ -155,6 +158,18 @@ axes = "both"
 "#
 );
 
+impl BodyVelocitySpec {
+    /// The model of the components along these directions of the sensor's axes.
+    pub(super) fn along(&self, b: &mut Build<'_>, directions: &[Vector3<f64>]) -> Result<BodyVelocity, BuildError> {
+        let scale = b.param("scale", &self.scale)?;
+        let mut model = BodyVelocity::build(b, &self.lever_arm, &self.mounting, directions)?;
+        model.scale = scale;
+        model.bias = b.param("bias", &self.bias)?;
+        model.current = b.param("current", &self.current)?;
+        Ok(model)
+    }
+}
+
 #[typetag::deserialize(name = "body_velocity")]
 impl SensorSpec for BodyVelocitySpec {
     fn reading(&self) -> Reading {
@@ -170,12 +185,7 @@ impl SensorSpec for BodyVelocitySpec {
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        let scale = b.param("scale", &self.scale)?;
-        let mut model = BodyVelocity::build(b, &self.lever_arm, &self.mounting, ALL)?;
-        model.scale = scale;
-        model.bias = b.param("bias", &self.bias)?;
-        model.current = b.param("current", &self.current)?;
-        Ok(Box::new(model))
+        Ok(Box::new(self.along(b, &AXES)?))
     }
 }
 
@@ -191,7 +201,7 @@ impl SensorSpec for OdometerSpec {
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
         let scale = b.param("scale", &self.scale)?;
-        let mut model = BodyVelocity::build(b, &self.lever_arm, &self.mounting, &ALL[..1])?;
+        let mut model = BodyVelocity::build(b, &self.lever_arm, &self.mounting, &AXES[..1])?;
         model.scale = scale;
         model.current = b.param("current", &self.current)?;
         Ok(Box::new(model))
@@ -218,9 +228,9 @@ impl SensorSpec for NonholonomicSpec {
     }
 }
 
-/// The runtime model of all three.
-#[derive(Debug)]
-struct BodyVelocity {
+/// The runtime model of them all.
+#[derive(Clone, Debug)]
+pub(super) struct BodyVelocity {
     velocity: Quantity<Velocity>,
     attitude: Quantity<Attitude>,
     rate: Option<Quantity<Vector<3>>>,
@@ -229,8 +239,8 @@ struct BodyVelocity {
     scale: Param<Scalar>,
     bias: Param<Vector<3>>,
     current: Param<Vector<3>>,
-    /// The axes measured, in order.
-    rows: &'static [usize],
+    /// What is measured, in order: unit vectors in the sensor's axes.
+    pub(super) directions: Vec<Vector3<f64>>,
 }
 
 impl BodyVelocity {
@@ -239,7 +249,7 @@ impl BodyVelocity {
         b: &mut Build<'_>,
         lever_arm: &VectorParam<dim::Length>,
         mounting: &RotationParam,
-        rows: &'static [usize],
+        directions: &[Vector3<f64>],
     ) -> Result<Self, BuildError> {
         let lever_arm = b.param("lever_arm", lever_arm)?;
         let at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
@@ -257,7 +267,7 @@ impl BodyVelocity {
             scale: Param::Fixed(0.0),
             bias: Param::Fixed(Vector3::zeros()),
             current: Param::Fixed(Vector3::zeros()),
-            rows,
+            directions: directions.to_vec(),
         })
     }
 
@@ -271,22 +281,22 @@ impl BodyVelocity {
 
     /// Adds the measured rows of ∂u/∂`quantity`.
     fn add<M: Tangent<C>, const C: usize>(&self, h: &mut Jacobian, quantity: &Quantity<M>, block: &SMatrix<f64, 3, C>) {
-        for (row, &axis) in self.rows.iter().enumerate() {
-            h.add(row, quantity, &SMatrix::<f64, 1, C>::from_fn(|_, j| block[(axis, j)]));
+        for (row, direction) in self.directions.iter().enumerate() {
+            h.add(row, quantity, &(direction.transpose() * block));
         }
     }
 }
 
 impl Measurement for BodyVelocity {
     fn size(&self) -> Size {
-        Size::same(self.rows.len())
+        Size::same(self.directions.len())
     }
 
     fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {
         let u_s = at.get(&self.mounting).inverse_transform_vector(&self.velocities(at).1);
         let h = u_s * (1.0 + at.get(&self.scale)) + at.get(&self.bias);
-        for (value, &axis) in value.iter_mut().zip(self.rows) {
-            *value = h[axis];
+        for (value, direction) in value.iter_mut().zip(&self.directions) {
+            *value = direction.dot(&h);
         }
         Ok(())
     }
@@ -316,7 +326,7 @@ mod tests {
     use super::*;
     use fusion_core::geometry::so3::from_rpy;
 
-    fn model(mounting_yaw: f64, rows: &'static [usize]) -> BodyVelocity {
+    fn model(mounting_yaw: f64, directions: &[Vector3<f64>]) -> BodyVelocity {
         let heading = 1.1_f64;
         BodyVelocity {
             // 3 m/s ahead, turning right at 0.2 rad/s.
@@ -328,12 +338,12 @@ mod tests {
             scale: Param::Fixed(0.1),
             bias: Param::Fixed(Vector3::zeros()),
             current: Param::Fixed(Vector3::zeros()),
-            rows,
+            directions: directions.to_vec(),
         }
     }
 
     fn predict(model: &BodyVelocity) -> Vec<f64> {
-        let mut z = vec![0.0; model.rows.len()];
+        let mut z = vec![0.0; model.directions.len()];
         model.predict(&View::new(&[], &[]), &mut z).unwrap();
         z
     }
@@ -341,7 +351,7 @@ mod tests {
     #[test]
     fn behind_and_right_of_a_right_turn_the_vehicle_is_slower_and_swings_left() {
         // w × l = 0.2·[−0.5, −2, 0]; 4 ε: rounding.
-        let z = predict(&model(0.0, ALL));
+        let z = predict(&model(0.0, &AXES));
         assert!(
             (Vector3::from_column_slice(&z) - Vector3::new(2.9, -0.4, 0.0) * 1.1).amax() < 2e-15,
             "{z:?}"
@@ -352,7 +362,7 @@ mod tests {
     #[test]
     fn axes_mounted_to_the_right_see_the_forward_motion_from_their_left() {
         // x_b = C x_s with a yaw of 90°: the sensor's forward is the body's right.
-        let z = predict(&model(core::f64::consts::FRAC_PI_2, ALL));
+        let z = predict(&model(core::f64::consts::FRAC_PI_2, &AXES));
         assert!(
             (Vector3::from_column_slice(&z) - Vector3::new(-0.4, -2.9, 0.0) * 1.1).amax() < 2e-15,
             "{z:?}"
@@ -361,7 +371,7 @@ mod tests {
 
     #[test]
     fn a_log_that_drifts_with_the_water_reads_nothing_and_one_against_it_the_sum() {
-        let mut still = model(0.0, ALL);
+        let mut still = model(0.0, &AXES);
         still.rate = None;
         still.current = Param::Fixed(still.velocity.stored(&[]).unwrap());
         still.bias = Param::Fixed(Vector3::new(0.0, 0.02, 0.0));

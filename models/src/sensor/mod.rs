@@ -4,6 +4,7 @@ mod attitude;
 mod barometer;
 mod body_velocity;
 mod depth;
+mod dvl;
 mod gnss_position;
 mod gnss_velocity;
 mod gravity_direction;

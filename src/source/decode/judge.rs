@@ -16,6 +16,9 @@ const GAP: f64 = 1.5;
 /// Characters of a cell that messages show.
 const LONGEST_SHOWN: usize = 40;
 
+/// Stands for the cells of a channel that is not valid: what is read is finite.
+const NOT_VALID: f64 = f64::INFINITY;
+
 const SKIP_BAD: &str = "to leave such rows out and have them counted, write `bad_rows = \"skip\"`";
 
 /// Why a row is not used.
@@ -46,6 +49,8 @@ pub(super) struct Judge {
     ties: Ties,
     keep: Option<Keep>,
     valid: Vec<Test>,
+    /// The conditions of each channel.
+    valid_channels: Vec<Vec<Test>>,
     /// Column and sign of every cell that a channel reads.
     cells: Vec<(usize, f64)>,
     /// Each channel with the range of its cells, which is that of its numbers: it makes as many.
@@ -68,8 +73,13 @@ pub(super) struct Judge {
 
 impl Judge {
     /// Of the rows of `plan`: the columns of the stamp, the cells of all channels one after the
-    /// other, the conditions.
-    pub(super) fn new(plan: Plan<'_>, stamp: Vec<usize>, cells: Vec<(usize, f64)>, valid: Vec<Test>) -> Self {
+    /// other, the conditions of the row and of each channel.
+    pub(super) fn new(
+        plan: Plan<'_>,
+        stamp: Vec<usize>,
+        cells: Vec<(usize, f64)>,
+        (valid, valid_channels): (Vec<Test>, Vec<Vec<Test>>),
+    ) -> Self {
         let Plan { spec, mut clock, channels } = plan;
         clock.place(stamp);
         let mut end = 0;
@@ -87,6 +97,7 @@ impl Judge {
             ties: spec.time.ties,
             keep: spec.keep,
             valid,
+            valid_channels,
             numbers: vec![0.0; cells.len()],
             cells,
             needs_interval: channels.iter().any(|channel| channel.increment),
@@ -126,7 +137,9 @@ impl Judge {
         if stamp >= self.clock.stop {
             return Err(Unused::End);
         }
-        self.check_valid(raw)?;
+        if !self.meets(&self.valid, raw)? {
+            return Err(Unused::Left("not valid as declared"));
+        }
         self.read_cells(raw)?;
         if self.drops_repeats {
             if self.last_numbers.as_ref() == Some(&self.numbers) {
@@ -139,7 +152,9 @@ impl Judge {
             return Err(Unused::Left(reason));
         };
         for (at, plan) in &mut self.channels {
-            if let Err(Wrong { message, help }) = plan.convert(&self.numbers[at.clone()], interval, &mut values[at.clone()]) {
+            if self.numbers[at.clone()].contains(&NOT_VALID) {
+                values[at.clone()].fill(f64::NAN);
+            } else if let Err(Wrong { message, help }) = plan.convert(&self.numbers[at.clone()], interval, &mut values[at.clone()]) {
                 return Err(self.bad(message, help));
             }
         }
@@ -207,23 +222,32 @@ impl Judge {
         }))
     }
 
-    fn check_valid(&self, raw: &impl RawRows) -> Result<(), Unused> {
-        for test in &self.valid {
+    /// Whether a row meets these conditions.
+    fn meets(&self, conditions: &[Test], raw: &impl RawRows) -> Result<bool, Unused> {
+        for test in conditions {
             match test.holds(raw.cell(test.column)) {
                 Some(true) => {}
-                Some(false) => return Err(Unused::Left("not valid as declared")),
+                Some(false) => return Ok(false),
                 None => return Err(self.bad_cell(raw, test.column, "is not a number")),
             }
         }
-        Ok(())
+        Ok(true)
     }
 
     fn read_cells(&mut self, raw: &impl RawRows) -> Result<(), Unused> {
-        for (k, &(column, sign)) in self.cells.iter().enumerate() {
-            match raw.cell(column).number() {
-                Some(number) if number.is_finite() => self.numbers[k] = sign * number,
-                Some(_) => return Err(self.bad_cell(raw, column, "is not finite")),
-                None => return Err(self.bad_cell(raw, column, "is not a number")),
+        for channel in 0..self.channels.len() {
+            let at = self.channels[channel].0.clone();
+            if !self.meets(&self.valid_channels[channel], raw)? {
+                self.numbers[at].fill(NOT_VALID);
+                continue;
+            }
+            for k in at {
+                let (column, sign) = self.cells[k];
+                match raw.cell(column).number() {
+                    Some(number) if number.is_finite() => self.numbers[k] = sign * number,
+                    Some(_) => return Err(self.bad_cell(raw, column, "is not finite")),
+                    None => return Err(self.bad_cell(raw, column, "is not a number")),
+                }
             }
         }
         Ok(())

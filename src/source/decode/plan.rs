@@ -2,7 +2,7 @@
 
 use super::channel::ChannelPlan;
 use super::clock::Clock;
-use super::spec::{Interval, Repeats, RowSpec, Ties};
+use super::spec::{ChannelSpec, Interval, Repeats, RowSpec, Ties};
 use crate::rows::{ProvidedChannel, provided};
 use fusion_models::block::BuildError;
 
@@ -30,11 +30,20 @@ impl<'a> RowSpec<'a> {
     }
 
     fn check_rows(self, errors: &mut Vec<BuildError>) {
-        for condition in &self.valid.0 {
+        let channels = self.channels.iter();
+        let of_channels = channels.flat_map(|(name, channel)| channel.valid.0.iter().map(move |c| (format!("channels.{name}.valid"), c)));
+        let of_rows = self.valid.0.iter().map(|c| ("valid".to_owned(), c));
+        for (field, condition) in of_rows.chain(of_channels) {
             if condition.equals.is_none() && condition.at_least.is_none() && condition.at_most.is_none() {
                 let message = format!("no condition is set on column `{}`", condition.column);
-                errors.push(BuildError::at("valid", message).help("add `equals`, `at_least` or `at_most`"));
+                errors.push(BuildError::at(field, message).help("add `equals`, `at_least` or `at_most`"));
             }
+        }
+        let remembers = |channel: &ChannelSpec| (channel.increment || channel.average) && !channel.valid.0.is_empty();
+        for (name, _) in self.channels.iter().filter(|(_, channel)| remembers(channel)) {
+            let message = "increments and means take every row, so that none may be left out";
+            let help = "leave out the rows themselves: `valid` of the source";
+            errors.push(BuildError::at(format!("channels.{name}.valid"), message).help(help));
         }
         if self.keep.is_some_and(|keep| keep.every.is_some() == keep.except_every.is_some()) {
             errors.push(BuildError::at("keep", "rows are kept by `every` or by `except_every`"));

@@ -332,6 +332,9 @@ pub(in super::super) struct ChannelSpec {
     /// The quaternion maps navigation to body.
     #[serde(default)]
     pub(super) inverse: bool,
+    /// Conditions that a row has to meet for this channel to have numbers; where it does not, the others have theirs.
+    #[serde(default)]
+    pub(super) valid: OneOrMany<Condition>,
     /// How late the stamp is: the values are valid at stamp − latency; at most 1 h.
     #[serde(default)]
     pub(super) latency: Duration,

@@ -55,12 +55,18 @@ impl Plan<'_> {
         }
         let conditions = self.spec.valid.0.iter();
         let valid = conditions.map(|c| Test::new(c, columns.find("valid", &c.column))).collect();
+        let mut of_channels = Vec::new();
+        for plan in &self.channels {
+            let conditions = self.spec.channels.get(&*plan.channel.name).map_or(&[][..], |spec| &spec.valid.0);
+            let field = format!("channels.{}.valid", plan.channel.name);
+            of_channels.push(conditions.iter().map(|c| Test::new(c, columns.find(&field, &c.column))).collect());
+        }
         if !columns.errors.is_empty() {
             return Err(columns.errors.into());
         }
         Ok(Box::new(Decoded {
             file: file.name(),
-            judge: Judge::new(self, stamp, cells, valid),
+            judge: Judge::new(self, stamp, cells, (valid, of_channels)),
             raw: Ahead::new(raw),
             provided,
             counts: RowCounts::default(),
