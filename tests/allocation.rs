@@ -11,8 +11,8 @@
 use fusion::Navigator;
 use fusion::core::chart::{Biases, Reset, Side};
 use fusion::core::covariance::{Form, FormKind, SquareRoot, Workspace};
-use fusion::core::filter::{Backend, ChartKind, Estimator, Filter, Observed, Verdict};
-use fusion::core::gate::Open;
+use fusion::core::filter::{Backend, Bank, BankLimits, ChartKind, Estimator, Filter, Observed, Verdict};
+use fusion::core::gate::{FalseTracks, Gate, Hypotheses, Nis, Open, Recovery};
 use fusion::core::linear::Transition;
 use fusion::core::loss::Quadratic;
 use fusion::core::model::{Input, Size};
@@ -268,6 +268,77 @@ fn prediction_and_update_allocate_nothing_nor_do_those_of_a_copy() {
         assert_eq!(copy.belief().x, filter.belief().x);
         assert_eq!(copy.belief().covariance, filter.belief().covariance);
     }
+}
+
+#[test]
+fn a_bank_of_hypotheses_allocates_nothing() {
+    let mut nav = navigator("error_state", "one_sample");
+    (0..100).for_each(|k| nav.feed("imu", k as f64 * 0.01, &imu(k)).unwrap());
+    let belief = nav.belief().unwrap().clone();
+    let assembly = nav.assembly();
+    let tracks = FalseTracks {
+        rate: 0.01,
+        ends: 0.2,
+        reach: 1000.0,
+        speed: 1.0,
+        wander: 0.1,
+        lost: 1e-9,
+    };
+    let member = || -> (Box<dyn Estimator>, Vec<Box<dyn Gate>>) {
+        let filter = Filter::new(
+            assembly.layout.clone(),
+            assembly.process.clone(),
+            Backend::ERROR_STATE,
+            Size::same(3),
+        );
+        // One that leaves it open, and one that decides.
+        let gates: [Box<dyn Gate>; 2] = [
+            Box::new(Hypotheses::new(tracks, 0.999, Recovery::default())),
+            Box::new(Nis::new(0.999, Recovery::default())),
+        ];
+        (Box::new(filter), gates.into())
+    };
+    // More than twenty: a stable sort of that many takes memory.
+    let limits = BankLimits {
+        most: 30,
+        ..BankLimits::DEFAULT
+    };
+    let mut bank = Bank::new(limits, member);
+    bank.set_belief(belief);
+    let mut most = 0;
+    let mut run = |bank: &mut Bank, steps: core::ops::Range<i64>| {
+        for k in steps {
+            let mut sample = [0.01; 13];
+            sample[..6].copy_from_slice(&imu(k));
+            sample[6..12].copy_from_slice(&imu(k - 1));
+            let input = Input {
+                sample: &sample,
+                interval: 0.01,
+            };
+            bank.predict(Time::from_nanos(k * 10_000_000), &input).unwrap();
+            if k % 20 != 0 {
+                continue;
+            }
+            // Every other fix is 5 to 7 σ too high: neither clearly good nor clearly false.
+            let mut fix = GNSS;
+            fix[2] += if k % 40 == 0 { 12.0 + (k % 7) as f64 } else { 0.0 };
+            for (number, value) in [&fix[..3], &fix[3..]].into_iter().enumerate() {
+                let observed = Observed {
+                    sensor: number,
+                    model: assembly.sensors[number].model.as_ref(),
+                    value,
+                    noise: &[2.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 5.0],
+                    quality: None,
+                    lateness: None,
+                };
+                bank.update(&observed, &mut Open, &[], &Quadratic);
+                most = most.max(bank.count());
+            }
+        }
+    };
+    run(&mut bank, 100..2000);
+    assert_eq!(allocations(|| run(&mut bank, 2000..3000)), 0);
+    assert!(most > 20, "{most}");
 }
 
 #[test]

@@ -120,6 +120,10 @@ pub struct HypothesesSpec {
     /// How fast a false track may move, seen from the estimate, in the unit of the sensor per second; by
     /// default a thousandth of `reach`.
     speed: Option<AnyQuantity>,
+    /// By how much that speed changes within a second, in the unit of the sensor per s^1.5; a twentieth of
+    /// `speed` by default. What turns as fast as the vehicle needs what its process has: a false track that is
+    /// easier to foresee than the vehicle is believed in its place.
+    wander: Option<AnyQuantity>,
     /// The probability that a good measurement finds the estimate wrong beyond its covariance; 1e-9 by
     /// default.
     #[serde(default = "one_in_a_billion")]
@@ -154,6 +158,7 @@ false_rate = 0.01
 false_ends = 0.2
 reach = "1 km"
 speed = "1 m/s"
+wander = "0.1 m/s/sqrt(s)"
 lost = 1e-9
 "#
 );
@@ -168,9 +173,10 @@ impl GateSpec for HypothesesSpec {
         }
         let at = |field: &'static str| move |e: UnitError| BuildError::at(field, e.to_string());
         self.reach.within::<range::Positive>(*first).map_err(at("reach"))?;
-        if let Some(speed) = &self.speed {
-            let per_second = first.times(Dimension::from_halves([0, 0, -2, 0, 0, 0])).unwrap_or(*first);
-            speed.within::<range::Positive>(per_second).map_err(at("speed"))?;
+        for (field, value, halves) in [("speed", &self.speed, -2), ("wander", &self.wander, -3)] {
+            let Some(value) = value else { continue };
+            let per_time = first.times(Dimension::from_halves([0, 0, halves, 0, 0, 0])).unwrap_or(*first);
+            value.within::<range::Positive>(per_time).map_err(at(field))?;
         }
         Ok(())
     }
@@ -192,16 +198,19 @@ impl GateSpec for HypothesesSpec {
                     .help("write a probability between 0 and 1"));
             }
         }
-        let si = |quantity: &AnyQuantity| quantity.expect(quantity.dimension().unwrap_or(Dimension::NONE));
-        let reach = si(&self.reach).map_err(|e| BuildError::at("reach", e.to_string()))?;
-        let speed = self.speed.as_ref().map_or(Ok(SPEED * reach), si);
-        let speed = speed.map_err(|e| BuildError::at("speed", e.to_string()))?;
+        let si = |field: &'static str, quantity: &AnyQuantity| {
+            let value = quantity.expect(quantity.dimension().unwrap_or(Dimension::NONE));
+            value.map_err(|e| BuildError::at(field, e.to_string()))
+        };
+        let or = |field, quantity: &Option<AnyQuantity>, default| quantity.as_ref().map_or(Ok(default), |q| si(field, q));
+        let reach = si("reach", &self.reach)?;
+        let speed = or("speed", &self.speed, SPEED * reach)?;
         let tracks = FalseTracks {
             rate: self.false_rate.si(),
             ends: self.false_ends.si(),
             reach,
             speed,
-            wander: WANDER * speed,
+            wander: or("wander", &self.wander, WANDER * speed)?,
             lost: self.lost.si(),
         };
         Ok(Box::new(Hypotheses::new(tracks, ALONE, Recovery::default())))

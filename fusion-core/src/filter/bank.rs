@@ -13,6 +13,7 @@
 //! After Reid, *An algorithm for tracking multiple targets*, IEEE TAC 24 (1979).
 
 use super::estimator::{Estimator, FilterError, Observed, Update, Verdict};
+use super::starts::headings;
 use super::step::Step;
 use crate::chart::{Body, Chart};
 use crate::consistency::chi_square_quantile;
@@ -20,11 +21,8 @@ use crate::gate::{Answer, Decision, Gate, GateInput, Mode, Odds, Outcome, log_no
 use crate::loss::Loss;
 use crate::memory::{self, Memory, Tape};
 use crate::model::Input;
-use crate::state::{Attitude, Belief, Block, Kind, Layout, Manifold, StateRole, View};
+use crate::state::{Belief, Layout, View};
 use crate::time::Time;
-use core::f64::consts::{PI, TAU};
-use core::ops::Range;
-use nalgebra::{Matrix3, Vector3};
 
 /// How many hypotheses there may be, and which.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,6 +53,9 @@ impl BankLimits {
 
 /// Two hypotheses are one where no axis of the state differs by more σ than this.
 const ALIKE: f64 = 0.1;
+
+/// A measurement is shown as used where it is more probable than its rejection by this factor.
+const SURE: f64 = 20.0;
 
 /// A residual of a sensor whose own gate decides counts as no less probable than one in a million.
 const LEAST_OF_OTHERS: f64 = 1.0 - 1e-6;
@@ -173,17 +174,19 @@ impl Hypothesis {
     }
 
     /// Offers the measurement to its estimator, `intent` being what to do with it.
-    fn update(&mut self, intent: Intent, sensor: usize, observed: &Observed<'_>, loss: &dyn Loss, depth: f64) -> Weighed {
+    fn update(&mut self, intent: Intent, offer: &Offer<'_, '_>) -> Weighed {
+        let sensor = offer.observed.sensor;
         let Some(gate) = self.gates.get_mut(sensor) else {
             return Weighed::Nothing;
         };
         let mut broker = Broker {
             gate: gate.as_mut(),
             intent,
-            depth,
+            depth: offer.depth,
+            cap: offer.cap,
             weighed: Weighed::Nothing,
         };
-        let update = self.estimator.update(observed, &mut broker, &self.outcomes, loss);
+        let update = self.estimator.update(offer.observed, &mut broker, &self.outcomes, offer.loss);
         let weighed = broker.weighed;
         if let Weighed::Doubt(_) = weighed {
             return weighed;
@@ -197,6 +200,17 @@ impl Hypothesis {
         self.outcomes[sensor] = Some(outcome);
         weighed
     }
+}
+
+/// A measurement as it is offered to every hypothesis.
+#[derive(Debug)]
+struct Offer<'a, 'b> {
+    observed: &'a Observed<'b>,
+    loss: &'a dyn Loss,
+    /// ln of how much less probable a way on may be than the best and is followed.
+    depth: f64,
+    /// The largest NIS that counts of a sensor whose own gate decides.
+    cap: f64,
 }
 
 /// What a hypothesis is to do with a measurement.
@@ -224,6 +238,7 @@ struct Broker<'a> {
     gate: &'a mut dyn Gate,
     intent: Intent,
     depth: f64,
+    cap: f64,
     weighed: Weighed,
 }
 
@@ -255,7 +270,7 @@ impl Gate for Broker<'_> {
                 m
             } else {
                 // Capped, so that one wild residual does not decide between hypotheses.
-                input.nis.min(chi_square_quantile(LEAST_OF_OTHERS, m))
+                input.nis.min(self.cap)
             };
             let density = log_normal(input.residual, input.innovation);
             self.weighed = density.map_or(Weighed::Nothing, |l| Weighed::Done(l + 0.5 * (input.nis - nis)));
@@ -312,6 +327,8 @@ pub struct Bank {
     delta: Vec<f64>,
     /// A hypothesis on its way into another.
     tape: Vec<u8>,
+    /// The largest NIS that counts of a sensor whose own gate decides, by the number of rows.
+    caps: Vec<f64>,
 }
 
 /// So many members for each hypothesis: it goes on in up to three ways before some are dropped.
@@ -338,6 +355,7 @@ impl Bank {
             shown: 0,
             delta,
             tape: Vec::new(),
+            caps: Vec::new(),
         }
     }
 
@@ -364,11 +382,18 @@ impl Bank {
         self.hypotheses.len()
     }
 
+    /// The largest NIS of `rows` that counts.
+    fn cap(&mut self, rows: usize) -> f64 {
+        for m in self.caps.len()..=rows {
+            self.caps.push(chi_square_quantile(LEAST_OF_OTHERS, m as f64));
+        }
+        self.caps[rows]
+    }
+
     /// Hypothesis number `k` in every way that it may go on; those besides itself are put at the end.
-    fn branch(&mut self, k: usize, sensor: usize, observed: &Observed<'_>, loss: &dyn Loss) {
-        let depth = -self.limits.doubt.ln();
+    fn branch(&mut self, k: usize, offer: &Offer<'_, '_>) {
         let hypothesis = &mut self.hypotheses[k];
-        let odds = match hypothesis.update(Intent::Weigh, sensor, observed, loss, depth) {
+        let odds = match hypothesis.update(Intent::Weigh, offer) {
             Weighed::Nothing => return,
             Weighed::Done(density) => {
                 hypothesis.weight += density;
@@ -376,11 +401,11 @@ impl Bank {
             }
             Weighed::Doubt(odds) => odds,
         };
-        let (_, best, _) = clearest(&odds, depth);
+        let (_, best, _) = clearest(&odds, offer.depth);
         for (decision, density) in [(Decision::Accept, odds.good), (Decision::Reacquire, odds.lost)] {
-            if density > best - depth {
+            if density > best - offer.depth {
                 let Some(mut child) = self.fork(k) else { break };
-                child.update(Intent::Do(decision), sensor, observed, loss, depth);
+                child.update(Intent::Do(decision), offer);
                 child.weight += density;
                 let list = if child.report.is_used() {
                     &mut self.hypotheses
@@ -391,13 +416,15 @@ impl Bank {
             }
         }
         let hypothesis = &mut self.hypotheses[k];
-        hypothesis.update(Intent::Do(Decision::Reject), sensor, observed, loss, depth);
+        hypothesis.update(Intent::Do(Decision::Reject), offer);
         hypothesis.weight += odds.bad;
     }
 
     /// Drops what is improbable or a twin, and chooses what is shown.
     fn select(&mut self) {
-        self.hypotheses.sort_by(|a, b| b.weight.total_cmp(&a.weight));
+        // A stable sort of many would allocate.
+        let order = |a: &Hypothesis, b: &Hypothesis| b.weight.total_cmp(&a.weight).then(b.is_successor.cmp(&a.is_successor));
+        self.hypotheses.sort_unstable_by(order);
         let best = self.hypotheses[0].weight;
         let least = best + self.limits.least.ln();
         while self.hypotheses.last().is_some_and(|h| h.weight <= least) {
@@ -409,8 +436,7 @@ impl Bank {
         }
         let best = self.hypotheses[0].weight;
         self.hypotheses.iter_mut().for_each(|h| h.weight -= best);
-        let successor = self.hypotheses.iter().position(|h| h.is_successor);
-        let stays = successor.filter(|s| self.hypotheses[*s].weight >= -self.limits.switch.ln());
+        let stays = self.successor().filter(|s| self.hypotheses[*s].weight >= -self.limits.switch.ln());
         self.shown = stays.unwrap_or(0);
         let shown = &mut self.hypotheses[self.shown];
         if stays.is_none() && shown.report.verdict == Verdict::Accepted {
@@ -420,6 +446,16 @@ impl Bank {
         for (k, hypothesis) in self.hypotheses.iter_mut().enumerate() {
             hypothesis.is_successor = k == self.shown;
         }
+    }
+
+    /// The most probable one that continues what was shown; of two ways on from a measurement the one
+    /// without it, unless it is good for [`SURE`]: what is left out costs less than what is false.
+    fn successor(&self) -> Option<usize> {
+        let mut successors = self.hypotheses.iter().enumerate().filter(|(_, h)| h.is_successor);
+        let (first, best) = successors.next()?;
+        let without = successors.find(|(_, h)| best.report.is_used() && !h.report.is_used());
+        let is_near = |h: &Hypothesis| h.weight > best.weight - SURE.ln();
+        Some(without.filter(|(_, h)| is_near(h)).map_or(first, |(k, _)| k))
     }
 
     /// Makes one of hypotheses that are alike: the most probable stays, with the weight of all.
@@ -469,82 +505,6 @@ fn is_alike(a: &Hypothesis, b: &Hypothesis, delta: &mut [f64]) -> bool {
     Body.difference(a.estimator.layout(), &y.x, &x.x, delta);
     let is_near = |(axis, d): (usize, &f64)| d.abs() <= ALIKE * x.covariance.variance(axis).sqrt();
     delta.iter().enumerate().all(is_near)
-}
-
-/// A heading that a start may leave open: an attitude about the vertical, or an angle by itself.
-struct Open {
-    /// The block's axes in the tangent space.
-    axes: Range<usize>,
-    /// The turn in these axes; of an attitude only the first three numbers count.
-    turn: Vector3<f64>,
-    /// 1σ \[rad\].
-    sigma: f64,
-}
-
-impl Open {
-    /// Of the block, if it is one.
-    fn of(block: &Block, belief: &Belief) -> Option<Self> {
-        let turn = match block.kind {
-            // Down in body axes: a turn about it is one of the heading.
-            Kind::Attitude if block.role == StateRole::Kinematic => {
-                Attitude::read(&belief.x[block.storage_range()]).inverse_transform_vector(&Vector3::z())
-            }
-            Kind::Angle => Vector3::x(),
-            Kind::Scalar if block.unit == "rad" => Vector3::x(),
-            _ => return None,
-        };
-        let axes = block.tangent_range();
-        let variance = match axes.len() {
-            3 => turn.dot(&(belief.covariance.marginal_at::<3>(axes.start) * turn)),
-            _ => belief.covariance.variance(axes.start),
-        };
-        let sigma = variance.max(0.0).sqrt();
-        Some(Self { axes, turn, sigma })
-    }
-
-    /// M: shrinks the turn to `to` times its σ, and leaves all that is at right angles to it.
-    fn shrink(&self, p: &mut [f64], n: usize, to: f64) {
-        let m = Matrix3::identity() - self.turn * self.turn.transpose() * (1.0 - to);
-        let (at, size) = (self.axes.start, self.axes.len());
-        // P ← M P Mᵀ: the rows, then the columns.
-        for (along, across) in [(n, 1), (1, n)] {
-            for other in 0..n {
-                let place = |i: usize| (at + i) * along + other * across;
-                let v = m * Vector3::from_fn(|i, _| if i < size { p[place(i)] } else { 0.0 });
-                (0..size).for_each(|i| p[place(i)] = v[i]);
-            }
-        }
-    }
-}
-
-/// The beliefs of a start that is tried with `starts` headings: `belief` turned all round in even steps,
-/// each with a σ of half a step, and ln of how probable the belief holds it. It is the attitude that is
-/// turned, or the first angle whose σ is more than half a step; none where there is neither.
-fn headings(belief: &Belief, layout: &Layout, starts: usize) -> Option<Vec<(Belief, f64)>> {
-    let step = TAU / starts as f64;
-    if starts < 2 {
-        return None;
-    }
-    let wide = |block: &Block| {
-        Open::of(block, belief)
-            .filter(|open| open.sigma > 0.5 * step)
-            .map(|open| (block.clone(), open))
-    };
-    let (block, open) = layout.blocks().iter().find_map(wide)?;
-    let mut p = belief.covariance.to_dense();
-    open.shrink(&mut p, layout.dim(), 0.5 * step / open.sigma);
-    let turned = |k: usize| {
-        let turn = k as f64 * step;
-        let turn = if turn > PI { turn - TAU } else { turn };
-        let mut belief = belief.clone();
-        let delta = open.turn * turn;
-        block
-            .kind
-            .plus(&mut belief.x[block.storage_range()], &delta.as_slice()[..open.axes.len()]);
-        belief.covariance.set_whole(&p);
-        (belief, -0.5 * (turn / open.sigma) * (turn / open.sigma))
-    };
-    Some((0..starts).map(turned).collect())
 }
 
 impl Memory for Bank {
@@ -612,13 +572,18 @@ impl Estimator for Bank {
     }
 
     fn update<'a>(&'a mut self, observed: &Observed<'a>, _: &mut dyn Gate, others: &[Option<Outcome>], loss: &dyn Loss) -> Update<'a> {
-        let sensor = observed.sensor;
+        let size = observed.model.size();
+        let offer = Offer {
+            observed,
+            loss,
+            depth: -self.limits.doubt.ln(),
+            cap: self.cap(size.residual),
+        };
         for k in 0..self.hypotheses.len() {
             self.hypotheses[k].foresee(others);
-            self.branch(k, sensor, observed, loss);
+            self.branch(k, &offer);
         }
         self.select();
-        let size = observed.model.size();
         let report = &self.hypotheses[self.shown].report;
         Update {
             verdict: report.verdict,

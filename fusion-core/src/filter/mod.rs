@@ -15,6 +15,7 @@ mod outright;
 mod reacquire;
 mod rule;
 mod sigma;
+mod starts;
 mod step;
 mod unscented;
 

@@ -9,7 +9,8 @@ use core::f64::consts::PI;
 /// A measurement is good or false, and what follows depends on what it is (a Markov chain of two
 /// states). A good one is distributed as the innovation, N(0, S). The first false one of a track may be
 /// anywhere within `reach`; later ones move on at a constant velocity, seen from the estimate, up to
-/// their noise and `wander`. After Reid, *An algorithm for tracking multiple targets*, IEEE TAC 24
+/// their noise and `wander`. Good ones between them do not end a track: two vehicles may be heard in
+/// turn. After Reid, *An algorithm for tracking multiple targets*, IEEE TAC 24
 /// (1979), with a track of false measurements in place of independent clutter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FalseTracks {
@@ -30,6 +31,9 @@ pub struct FalseTracks {
 
 /// Of measurements that continue a false track, so many jump nevertheless.
 const JUMPS: f64 = 0.01;
+
+/// Of false measurements after a good one, so many are no return to the false track before.
+const ANOTHER: f64 = 0.5;
 
 /// One row of a false track: its residual and the rate of that, with their covariance.
 #[derive(Clone, Copy, Debug, Default)]
@@ -93,6 +97,8 @@ struct AtHand {
     residual: Vec<f64>,
     /// Of each row.
     noise: Vec<f64>,
+    /// By how much the estimate moves if it is used, as the sensor sees it.
+    shift: Vec<f64>,
 }
 
 /// The NIS gate that it is by itself, and what a bank asks of it.
@@ -134,9 +140,10 @@ impl Hypotheses {
     fn false_density(&self, input: &GateInput<'_>) -> f64 {
         let m = input.residual.len();
         let anywhere = -(m as f64) * (2.0 * self.tracks.reach).ln();
-        if !self.is_false || self.track.rows.len() != m {
+        if self.track.rows.len() != m {
             return anywhere;
         }
+        let jumps = if self.is_false { JUMPS } else { ANOTHER };
         let time = input.time.seconds();
         let of_row = |i: usize| {
             let along = self.along(i, time);
@@ -145,14 +152,14 @@ impl Hypotheses {
             -0.5 * (off * off / variance + (2.0 * PI * variance).ln())
         };
         let stays: f64 = (0..m).map(of_row).sum();
-        log_sum(stays + (1.0 - JUMPS).ln(), anywhere + JUMPS.ln())
+        log_sum(stays + (1.0 - jumps).ln(), anywhere + jumps.ln())
     }
 
     /// The measurement at hand is false: it begins a track, or says where the one there is.
     fn follow(&mut self) {
         let m = self.at_hand.residual.len();
         let time = self.at_hand.time;
-        let goes_on = self.is_false && self.track.rows.len() == m && (0..m).all(|i| self.is_along(i, time));
+        let goes_on = self.track.rows.len() == m && (0..m).all(|i| self.is_along(i, time));
         self.track.rows.resize(m, Along::default());
         for i in 0..m {
             let (residual, noise) = (self.at_hand.residual[i], self.at_hand.noise[i]);
@@ -161,6 +168,34 @@ impl Hypotheses {
             } else {
                 Along::begun(residual, noise, self.tracks.speed)
             };
+        }
+        self.track.time = time;
+    }
+
+    /// What using the measurement moves the estimate by, seen through the sensor: P S⁻¹ r; all the way to it where
+    /// it `reacquires`.
+    fn foresee_shift(&mut self, input: &GateInput<'_>, reacquires: bool) {
+        let m = input.residual.len();
+        self.at_hand.shift.clear();
+        self.at_hand.shift.extend_from_slice(input.residual);
+        let Some(y) = solve(input.innovation, input.residual).filter(|_| !reacquires) else {
+            return;
+        };
+        for (row, shift) in input.predicted.chunks_exact(m).zip(&mut self.at_hand.shift) {
+            *shift = row.iter().zip(&y).map(|(p, y)| p * y).sum();
+        }
+    }
+
+    /// The measurement at hand has moved the estimate, from which the track is seen.
+    fn seen_from_there(&mut self) {
+        let (m, time) = (self.at_hand.shift.len(), self.at_hand.time);
+        if self.track.rows.len() != m {
+            return;
+        }
+        for i in 0..m {
+            let along = self.along(i, time);
+            let residual = along.residual - self.at_hand.shift[i];
+            self.track.rows[i] = Along { residual, ..along };
         }
         self.track.time = time;
     }
@@ -179,21 +214,38 @@ const FAR: f64 = 5.0;
 /// Rows of the largest residual that is weighed; more are judged by the gate's own test.
 const ROWS: usize = 12;
 
-/// ln N(x; 0, s) of an m-vector; none where `s` is not positive definite.
-pub(crate) fn log_normal(x: &[f64], s: &[f64]) -> Option<f64> {
+/// L of s = L Lᵀ and y of L y = x, of an m-vector; none where `s` is not positive definite.
+fn whitened(x: &[f64], s: &[f64]) -> Option<([f64; ROWS * ROWS], [f64; ROWS])> {
     let m = x.len();
     let (mut l, mut y) = ([0.0; ROWS * ROWS], [0.0; ROWS]);
     if m > ROWS || !cholesky(s, &mut l[..m * m], m) {
         return None;
     }
-    let (mut nis, mut det) = (0.0, 0.0);
     for i in 0..m {
         let known: f64 = (0..i).map(|j| l[i * m + j] * y[j]).sum();
         y[i] = (x[i] - known) / l[i * m + i];
-        nis += y[i] * y[i];
-        det += l[i * m + i].ln();
     }
+    Some((l, y))
+}
+
+/// ln N(x; 0, s) of an m-vector; none where `s` is not positive definite.
+pub(crate) fn log_normal(x: &[f64], s: &[f64]) -> Option<f64> {
+    let m = x.len();
+    let (l, y) = whitened(x, s)?;
+    let nis: f64 = y[..m].iter().map(|y| y * y).sum();
+    let det: f64 = (0..m).map(|i| l[i * m + i].ln()).sum();
     Some(-0.5 * nis - det - 0.5 * m as f64 * (2.0 * PI).ln())
+}
+
+/// S⁻¹ x of an m-vector; none where `s` is not positive definite.
+fn solve(s: &[f64], x: &[f64]) -> Option<[f64; ROWS]> {
+    let m = x.len();
+    let (l, mut y) = whitened(x, s)?;
+    for i in (0..m).rev() {
+        let known: f64 = (i + 1..m).map(|j| l[j * m + i] * y[j]).sum();
+        y[i] = (y[i] - known) / l[i * m + i];
+    }
+    Some(y)
 }
 
 /// ln(eᵃ + eᵇ).
@@ -210,11 +262,15 @@ impl Gate for Hypotheses {
         self.at_hand.residual.extend_from_slice(input.residual);
         self.at_hand.noise.clear();
         self.at_hand.noise.extend((0..m).map(|i| input.noise[i * m + i]));
-        self.alone.judge(input)
+        let answer = self.alone.judge(input);
+        self.foresee_shift(input, answer.statistic > answer.threshold);
+        answer
     }
 
     fn settle(&mut self, is_used: bool) {
-        if !is_used {
+        if is_used {
+            self.seen_from_there();
+        } else {
             self.follow();
         }
         self.is_false = !is_used;
@@ -323,7 +379,34 @@ mod tests {
         assert!(back.good > back.bad + 5.0, "{back:?}");
         gate.judge(&input(20.0, &[0.5, 0.0], &p, &s));
         gate.settle(true);
-        let after = gate.odds(&input(21.0, &[300.0, 0.0], &p, &s)).unwrap();
-        assert_eq!(after.bad, fresh.bad);
+        // The track is remembered, a quarter of a metre nearer: P S⁻¹ r is what the estimate has moved.
+        let bad = |x: f64| gate.odds(&input(21.0, &[x, 0.0], &p, &s)).unwrap().bad;
+        let place = 300.0 + 0.7 * 21.0 - 0.25;
+        assert!(bad(place) > fresh.bad + 9.0, "{} {}", bad(place), fresh.bad);
+        assert!(bad(place) > bad(place - 0.25) && bad(place) > bad(place + 0.25));
+        // Half of the false ones that follow a good one begin elsewhere; what is left of the track there is nothing.
+        assert!((bad(-300.0) - (fresh.bad - 2.0_f64.ln())).abs() < 1e-9, "{}", bad(-300.0));
+    }
+
+    #[test]
+    fn a_track_is_seen_from_where_the_estimate_has_gone() {
+        let (p, s) = ([1.0, 0.5, 0.5, 2.0], [2.0, 0.5, 0.5, 3.0]);
+        // A residual inside the test moves the estimate by P S⁻¹ r, one that re-acquires all the way.
+        for (residual, moved) in [([1.0, -1.0], [2.25 / 5.75, -3.25 / 5.75]), ([100.0, 0.0], [100.0, 0.0])] {
+            let mut gate = gate();
+            gate.judge(&input(0.0, &[300.0, -20.0], &p, &s));
+            gate.settle(false);
+            let nis = if residual[0] > 50.0 { 1e4 } else { 1.0 };
+            gate.judge(&GateInput {
+                nis,
+                ..input(1.0, &residual, &p, &s)
+            });
+            gate.settle(true);
+            let seen = [gate.track.rows[0].residual, gate.track.rows[1].residual];
+            assert!(
+                (seen[0] - 300.0 + moved[0]).abs() < 1e-12 && (seen[1] + 20.0 + moved[1]).abs() < 1e-12,
+                "{seen:?}"
+            );
+        }
     }
 }
