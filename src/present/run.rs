@@ -388,6 +388,7 @@ fn errors(score: &Score) -> Section {
     plain("heading", "deg", score.heading_rmse_deg, None);
     plain("inclination", "deg", score.inclination_rmse_deg, None);
     let section = Section::new(format!("Errors against the reference, {} epochs", score.epochs), [t]);
+    let section = shares(score).into_iter().fold(section, Section::note);
     let section = match score.convergence {
         Some(convergence) => section.note(converged(&convergence)),
         None => section,
@@ -399,6 +400,20 @@ fn errors(score: &Score) -> Section {
         },
         None => section,
     }
+}
+
+/// Median and 95 % of the horizontal error, and what of the way travelled it is, each as a sentence.
+fn shares(score: &Score) -> Vec<String> {
+    let quantiles = score.horizontal_median.zip(score.horizontal_p95);
+    let quantiles = quantiles.map(|(median, p95)| format!("Horizontal position error: median {median:.3} m, 95 % {p95:.3} m."));
+    let travelled = score.travelled.map(|t| {
+        format!(
+            "On {:.0} m of way it changed by up to {:.2} % of them from the origin, {:.2} % for reciprocal lines (without \
+             constant errors of scale and heading).",
+            t.distance, t.from_origin_percent, t.reciprocal_percent
+        )
+    });
+    quantiles.into_iter().chain(travelled).collect()
 }
 
 /// Whether a run has converged, as a sentence.

@@ -11,6 +11,7 @@ mod drift;
 mod nees;
 mod reference;
 mod scorer;
+mod travelled;
 
 pub use blocks::{BlockScore, BlockScorer};
 pub use comparison::{AttitudeError, Comparison, Deviation, EpochError, attitude_error};
@@ -20,6 +21,7 @@ pub use drift::{Drift, Outage};
 pub use reference::{ReferenceEpoch, ReferenceSigma, differentiate};
 pub(crate) use scorer::median;
 pub use scorer::{Rules, Scorer};
+pub use travelled::Travelled;
 
 use serde::Serialize;
 
@@ -65,6 +67,12 @@ pub struct Score {
     pub horizontal_rms: f64,
     /// Largest horizontal error \[m\]; not a number without a position.
     pub horizontal_max: f64,
+    /// Median of the horizontal error \[m\].
+    pub horizontal_median: Option<f64>,
+    /// The horizontal error that 95 % of the epochs do not exceed \[m\].
+    pub horizontal_p95: Option<f64>,
+    /// The change of the horizontal error in proportion to the way travelled; none of less than 50 m.
+    pub travelled: Option<Travelled>,
     /// Velocity error, north east down \[m/s\].
     pub velocity: Option<Axes>,
     /// Attitude error, roll pitch yaw \[deg\].

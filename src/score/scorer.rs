@@ -4,6 +4,7 @@ use super::comparison::{Deviation, EpochError, attitude_error};
 use super::convergence::{Limits, Tracker};
 use super::drift::{Drifts, Outage};
 use super::nees::{NeesSeries, nees};
+use super::travelled::Way;
 use super::{Axes, Score};
 use fusion_core::geometry::so3;
 use fusion_core::time::Time;
@@ -77,7 +78,9 @@ pub struct Scorer {
     position: Sums,
     velocity: Sums,
     attitude: Sums,
-    horizontal: (f64, f64),
+    /// Of every epoch.
+    horizontal: Vec<f64>,
+    way: Way,
     attitudes: Vec<(UnitQuaternion<f64>, UnitQuaternion<f64>, Deviation)>,
     nees_position: NeesSeries,
     nees_velocity: NeesSeries,
@@ -111,7 +114,8 @@ impl Scorer {
             position: Sums::default(),
             velocity: Sums::default(),
             attitude: Sums::default(),
-            horizontal: (0.0, 0.0),
+            horizontal: Vec::new(),
+            way: Way::default(),
             attitudes: Vec::new(),
             nees_position: NeesSeries::default(),
             nees_velocity: NeesSeries::default(),
@@ -127,8 +131,10 @@ impl Scorer {
         if let Some(d) = &error.position {
             if counts {
                 self.position.add(d);
-                let h = d.error.x.hypot(d.error.y);
-                self.horizontal = (self.horizontal.0 + h * h, self.horizontal.1.max(h));
+                self.horizontal.push(d.error.x.hypot(d.error.y));
+                if let Some(place) = &error.truth.position {
+                    self.way.add(place, [d.error.x, d.error.y]);
+                }
                 if is_settled {
                     self.nees_position.add(of(d));
                 }
@@ -162,8 +168,12 @@ impl Scorer {
 
     /// The score.
     #[must_use]
-    pub fn finish(self) -> Score {
+    pub fn finish(mut self) -> Score {
         let count = self.position.count;
+        let squares: f64 = self.horizontal.iter().map(|h| h * h).sum();
+        self.horizontal.sort_unstable_by(f64::total_cmp);
+        // As many as a share of all do not exceed it.
+        let within = |share: f64| self.horizontal.get(((share * count).ceil() as usize).saturating_sub(1)).copied();
         let (attitude_deg, mounting_deg) = self.attitude();
         let [heading_rmse_deg, inclination_rmse_deg] = self.heading_and_inclination(mounting_deg);
         let rotation_rmse_deg = self.rotation(mounting_deg);
@@ -173,8 +183,11 @@ impl Scorer {
                 .max(self.velocity.count as usize)
                 .max(self.attitudes.len()),
             position: self.position.axes(),
-            horizontal_rms: (self.horizontal.0 / count).sqrt(),
-            horizontal_max: if count > 0.0 { self.horizontal.1 } else { f64::NAN },
+            horizontal_rms: (squares / count).sqrt(),
+            horizontal_max: self.horizontal.last().copied().unwrap_or(f64::NAN),
+            horizontal_median: within(0.5),
+            horizontal_p95: within(0.95),
+            travelled: self.way.finish(),
             velocity: self.velocity.axes(),
             attitude_deg,
             position_rmse_m: self.position.axes().map(|a| a.rms.iter().map(|rms| rms * rms).sum::<f64>().sqrt()),
@@ -351,6 +364,9 @@ mod tests {
             (score.horizontal_rms - ((25.0 + 100.0 + 117.0) / 5.0_f64).sqrt()).abs() < 1e-4,
             "{score:?}"
         );
+        // Of 0, 5, 10, √117 and 0 m.
+        let [median, p95] = [score.horizontal_median, score.horizontal_p95].map(Option::unwrap);
+        assert!((median - 5.0).abs() < 1e-4 && (p95 - 117_f64.sqrt()).abs() < 1e-4, "{score:?}");
         assert!((score.drift[0].max_horizontal - 117_f64.sqrt()).abs() < 1e-3);
         assert!((score.drift[0].growth - 1.0).abs() < 1e-3);
         assert!((score.nees_position.unwrap().mean - (25.0 + 100.0 + 117.0) / 5.0 / 4.0).abs() < 1e-3);

@@ -1,0 +1,117 @@
+//! The error of position in proportion to the way travelled, as makers of underwater navigation state it.
+//!
+//! With p the place of the reference and e the horizontal error, both less what they were at the first
+//! epoch, and s the length of the way since then:
+//!
+//! from the origin     max |e| / s_end
+//! reciprocal lines    max |e − A p| / s_end, A of least squares
+//!
+//! A = \[a −b; b a\] is an error of scale and of heading that does not change: of two lines there and back
+//! it takes away as much on the second as it brought on the first. What is left of e adds up on any way.
+
+use fusion_core::geometry::wgs84::Geodetic;
+use serde::Serialize;
+
+/// The way is measured in chords of this length \[m\]: the noise of a reference is no way.
+const CHORD: f64 = 5.0;
+/// Nothing is said of a shorter way \[m\]: the error of the reference itself would be a part of it.
+const SHORTEST: f64 = 50.0;
+
+/// The largest change of the horizontal position error, in % of the way travelled.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Travelled {
+    /// The way of the reference since the first epoch scored, in chords of 5 m \[m\].
+    pub distance: f64,
+    /// From the origin: all of the change \[%\].
+    pub from_origin_percent: f64,
+    /// For reciprocal lines: less what scale and heading explain, which lines there and back cancel \[%\].
+    pub reciprocal_percent: f64,
+}
+
+/// Follows the way.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Way {
+    origin: Option<(Geodetic, [f64; 2])>,
+    distance: f64,
+    /// At the end of each chord the place and the error, both less those at the origin \[m\].
+    points: Vec<[[f64; 2]; 2]>,
+}
+
+impl Way {
+    /// The next epoch: the place of the reference, and the error north and east there \[m\].
+    pub(super) fn add(&mut self, place: &Geodetic, error: [f64; 2]) {
+        let Some((origin, first)) = &self.origin else {
+            self.origin = Some((*place, error));
+            return;
+        };
+        let moved = place.difference(origin);
+        let before = self.points.last().map_or([0.0; 2], |[at, _]| *at);
+        let chord = (moved.x - before[0]).hypot(moved.y - before[1]);
+        if chord >= CHORD {
+            self.distance += chord;
+            let change = [error[0] - first[0], error[1] - first[1]];
+            self.points.push([[moved.x, moved.y], change]);
+        }
+    }
+
+    /// What the way has cost; none of a short one.
+    pub(super) fn finish(&self) -> Option<Travelled> {
+        if self.distance < SHORTEST {
+            return None;
+        }
+        let sum = |of: fn(&[[f64; 2]; 2]) -> f64| self.points.iter().map(of).sum::<f64>();
+        let squares = sum(|[p, _]| p[0] * p[0] + p[1] * p[1]);
+        let a = sum(|[p, e]| p[0] * e[0] + p[1] * e[1]) / squares;
+        let b = sum(|[p, e]| p[0] * e[1] - p[1] * e[0]) / squares;
+        let largest = |[a, b]: [f64; 2]| {
+            let left = |[p, e]: &[[f64; 2]; 2]| (e[0] - a * p[0] + b * p[1]).hypot(e[1] - b * p[0] - a * p[1]);
+            self.points.iter().map(left).fold(0.0, f64::max)
+        };
+        let percent = 100.0 / self.distance;
+        Some(Travelled {
+            distance: self.distance,
+            from_origin_percent: percent * largest([0.0, 0.0]),
+            reciprocal_percent: percent * largest([a, b]),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector3;
+
+    /// Out `length` metres to the north and back; the error is `of` the place and the way so far.
+    fn there_and_back(length: u32, of: impl Fn(f64, f64) -> [f64; 2]) -> Option<Travelled> {
+        let origin = Geodetic {
+            lat: 0.6,
+            lon: 0.1,
+            height: 0.0,
+        };
+        let mut way = Way::default();
+        for metre in 0..=2 * length {
+            let north = f64::from(metre.min(2 * length - metre));
+            way.add(&origin.offset(&Vector3::new(north, 0.0, 0.0)), of(north, f64::from(metre)));
+        }
+        way.finish()
+    }
+
+    #[test]
+    fn lines_there_and_back_cancel_scale_and_heading_and_not_a_drift() {
+        // 2 % of scale and 1 % of heading: √5 % of 100 m out, of a way of 200 m. 1e-4: the curvature of the Earth.
+        let scale = there_and_back(100, |north, _| [3.0 + 0.02 * north, 7.0 + 0.01 * north]).unwrap();
+        assert!((scale.distance - 200.0).abs() < 0.01, "{scale:?}");
+        assert!((scale.from_origin_percent - 0.5 * 5.0_f64.sqrt()).abs() < 1e-4, "{scale:?}");
+        assert!(scale.reciprocal_percent < 1e-4, "{scale:?}");
+        // 1 % of the way to the east, whichever way it goes: most of it is left.
+        let drift = there_and_back(100, |_, way| [0.0, 0.01 * way]).unwrap();
+        assert!((drift.from_origin_percent - 1.0).abs() < 1e-4, "{drift:?}");
+        assert!(drift.reciprocal_percent > 0.7, "{drift:?}");
+    }
+
+    #[test]
+    fn noise_of_a_reference_is_no_way() {
+        assert_eq!(there_and_back(2, |_, _| [0.0; 2]), None);
+        assert_eq!(there_and_back(20, |_, _| [0.0; 2]), None);
+    }
+}
