@@ -408,9 +408,9 @@ fn shares(score: &Score) -> Vec<String> {
     let quantiles = quantiles.map(|(median, p95)| format!("Horizontal position error: median {median:.3} m, 95 % {p95:.3} m."));
     let travelled = score.travelled.map(|t| {
         format!(
-            "On {:.0} m of way it changed by up to {:.2} % of them from the origin, {:.2} % for reciprocal lines (without \
-             constant errors of scale and heading).",
-            t.distance, t.from_origin_percent, t.reciprocal_percent
+            "It changed by up to {:.2} % of the {:.0} m travelled (from the origin), by {:.2} % for reciprocal lines, \
+             which cancel constant errors of scale and heading.",
+            t.from_origin_percent, t.distance, t.reciprocal_percent
         )
     });
     quantiles.into_iter().chain(travelled).collect()

@@ -4,7 +4,7 @@
 //! epoch, and s the length of the way since then:
 //!
 //! from the origin     max |e| / s_end
-//! reciprocal lines    max |e − A p| / s_end, A of least squares
+//! reciprocal lines    max |e − A p| / s_end, A of least squares, or 0 where that leaves less
 //!
 //! A = \[a −b; b a\] is an error of scale and of heading that does not change: of two lines there and back
 //! it takes away as much on the second as it brought on the first. What is left of e adds up on any way.
@@ -68,10 +68,11 @@ impl Way {
             self.points.iter().map(left).fold(0.0, f64::max)
         };
         let percent = 100.0 / self.distance;
+        let all = percent * largest([0.0, 0.0]);
         Some(Travelled {
             distance: self.distance,
-            from_origin_percent: percent * largest([0.0, 0.0]),
-            reciprocal_percent: percent * largest([a, b]),
+            from_origin_percent: all,
+            reciprocal_percent: all.min(percent * largest([a, b])),
         })
     }
 }
