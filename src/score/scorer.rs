@@ -4,7 +4,7 @@ use super::comparison::{Deviation, EpochError, attitude_error};
 use super::convergence::{Limits, Tracker};
 use super::drift::{Drifts, Outage};
 use super::nees::{NeesSeries, nees};
-use super::travelled::Way;
+use super::travelled::Horizontal;
 use super::{Axes, Score};
 use fusion_core::geometry::so3;
 use fusion_core::time::Time;
@@ -78,9 +78,7 @@ pub struct Scorer {
     position: Sums,
     velocity: Sums,
     attitude: Sums,
-    /// Of every epoch.
-    horizontal: Vec<f64>,
-    way: Way,
+    horizontal: Horizontal,
     attitudes: Vec<(UnitQuaternion<f64>, UnitQuaternion<f64>, Deviation)>,
     nees_position: NeesSeries,
     nees_velocity: NeesSeries,
@@ -114,8 +112,7 @@ impl Scorer {
             position: Sums::default(),
             velocity: Sums::default(),
             attitude: Sums::default(),
-            horizontal: Vec::new(),
-            way: Way::default(),
+            horizontal: Horizontal::default(),
             attitudes: Vec::new(),
             nees_position: NeesSeries::default(),
             nees_velocity: NeesSeries::default(),
@@ -131,9 +128,9 @@ impl Scorer {
         if let Some(d) = &error.position {
             if counts {
                 self.position.add(d);
-                self.horizontal.push(d.error.x.hypot(d.error.y));
+                self.horizontal.lengths.push(d.error.x.hypot(d.error.y));
                 if let Some(place) = &error.truth.position {
-                    self.way.add(place, [d.error.x, d.error.y]);
+                    self.horizontal.way.add(place, [d.error.x, d.error.y]);
                 }
                 if is_settled {
                     self.nees_position.add(of(d));
@@ -170,10 +167,11 @@ impl Scorer {
     #[must_use]
     pub fn finish(mut self) -> Score {
         let count = self.position.count;
-        let squares: f64 = self.horizontal.iter().map(|h| h * h).sum();
-        self.horizontal.sort_unstable_by(f64::total_cmp);
+        let Horizontal { mut lengths, way } = core::mem::take(&mut self.horizontal);
+        let squares: f64 = lengths.iter().map(|h| h * h).sum();
+        lengths.sort_unstable_by(f64::total_cmp);
         // As many as a share of all do not exceed it.
-        let within = |share: f64| self.horizontal.get(((share * count).ceil() as usize).saturating_sub(1)).copied();
+        let within = |share: f64| lengths.get(((share * count).ceil() as usize).saturating_sub(1)).copied();
         let (attitude_deg, mounting_deg) = self.attitude();
         let [heading_rmse_deg, inclination_rmse_deg] = self.heading_and_inclination(mounting_deg);
         let rotation_rmse_deg = self.rotation(mounting_deg);
@@ -184,10 +182,10 @@ impl Scorer {
                 .max(self.attitudes.len()),
             position: self.position.axes(),
             horizontal_rms: (squares / count).sqrt(),
-            horizontal_max: self.horizontal.last().copied().unwrap_or(f64::NAN),
+            horizontal_max: lengths.last().copied().unwrap_or(f64::NAN),
             horizontal_median: within(0.5),
             horizontal_p95: within(0.95),
-            travelled: self.way.finish(),
+            travelled: way.finish(),
             velocity: self.velocity.axes(),
             attitude_deg,
             position_rmse_m: self.position.axes().map(|a| a.rms.iter().map(|rms| rms * rms).sum::<f64>().sqrt()),

@@ -37,6 +37,18 @@ pub(super) struct Way {
     points: Vec<[[f64; 2]; 2]>,
 }
 
+fusion_core::memory!(Way { origin, distance, points });
+
+/// The horizontal errors of a run.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Horizontal {
+    /// The length of each \[m\].
+    pub(super) lengths: Vec<f64>,
+    pub(super) way: Way,
+}
+
+fusion_core::memory!(Horizontal { lengths, way });
+
 impl Way {
     /// The next epoch: the place of the reference, and the error north and east there \[m\].
     pub(super) fn add(&mut self, place: &Geodetic, error: [f64; 2]) {
