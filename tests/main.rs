@@ -85,6 +85,9 @@ mod scenes;
 /// The JSON Schema against every example and every shipped design.
 #[path = "suite/schema.rs"]
 mod schema;
+/// The sea trial of a tracked robot: its fixes, and the filter beside them.
+#[path = "suite/sea_trial.rs"]
+mod sea_trial;
 /// Smoothed estimates: recorded logs, a lag, files and memory.
 #[path = "suite/smoothing.rs"]
 mod smoothing;

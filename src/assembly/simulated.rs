@@ -3,7 +3,9 @@
 use super::StreamLayout;
 use crate::design::{Design, SimulationDesign};
 use fusion_models::block::{Channel, imu_channels};
-use fusion_models::sim::{IMU, ODOMETRY, REFERENCE, SHIP_STREAMS, odometry_channels, reference_channels, ship_channels};
+use fusion_models::sim::{
+    IMU, ODOMETRY, REFERENCE, SHIP_STREAMS, TRACK_SPEEDS, odometry_channels, reference_channels, ship_channels, track_channels,
+};
 
 /// What the process calls its source, be the process itself right or wrong.
 fn process_source<P>(design: &Design<P>) -> Option<&str> {
@@ -33,12 +35,17 @@ pub(super) fn simulated_streams<P>(design: &Design<P>, simulation: &SimulationDe
     if has_odometry {
         streams.push(StreamLayout::of(stream_of(design, ODOMETRY), None, &odometry_channels()));
     }
+    if simulation.world.track_speeds.is_some() {
+        streams.push(StreamLayout::of(TRACK_SPEEDS, None, &track_channels()));
+    }
     if simulation.world.ship.is_some() {
         let ship = SHIP_STREAMS.iter().enumerate();
         streams.extend(ship.map(|(i, name)| StreamLayout::of(name, None, &ship_channels(i))));
     }
     for (sensor, source, channels) in simulated(design, simulation) {
-        streams.push(StreamLayout::of(sensor, Some(source), &channels));
+        // A sensor that reads what a stage makes leaves the stream of its name to that stage.
+        let is_stage = design.stages.iter().any(|stage| stage.name == source);
+        streams.push(StreamLayout::of(sensor, Some(source).filter(|_| !is_stage), &channels));
     }
     streams.push(StreamLayout::of(REFERENCE, None, &reference_channels()));
     streams

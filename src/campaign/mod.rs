@@ -6,7 +6,7 @@ use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
 use crate::observe::SensorStatistics;
 use crate::run::{Options, Smoothing, Summary, run};
-use crate::score::{Axes, BlockScore, Consistency, Convergence, median};
+use crate::score::{Axes, BlockScore, Consistency, Convergence, Episodes, median};
 use fusion_models::sim::Record;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -34,6 +34,8 @@ pub struct RunRow {
     pub rotation_rmse: f64,
     /// NEES of position, velocity, attitude.
     pub nees: [Option<Consistency>; 3],
+    /// The score in declared episodes and outside them.
+    pub episodes: Option<Episodes>,
     /// Whether it has converged; none where the design does not say when a run has.
     pub convergence: Option<Convergence>,
     /// Each block of the state against its drawn truth.
@@ -59,6 +61,7 @@ impl RunRow {
             position_rmse: score.position_rmse_m.unwrap_or(f64::NAN),
             rotation_rmse: score.rotation_rmse_deg.unwrap_or(f64::NAN),
             nees: [score.nees_position, score.nees_velocity, score.nees_attitude],
+            episodes: score.episodes,
             convergence: score.convergence,
             blocks: score.blocks,
             sensors: summary.sensors.clone(),
@@ -198,6 +201,19 @@ impl Campaign {
             converged: declared.then(|| converged().count() as f64 / self.rows.len() as f64),
             after: median(converged().filter_map(|c| c.after).collect()),
         }
+    }
+
+    /// In how many runs the position is better than in the runs of `other` with the same seeds: RMS of the
+    /// length of its error. None where the two have no run in common that has one.
+    #[must_use]
+    pub fn better_than(&self, other: &Self) -> Option<(usize, usize)> {
+        let pair = |row: &RunRow| {
+            let same = other.rows.iter().find(|o| o.seed == row.seed)?;
+            let known = !row.position_rmse.is_nan() && !same.position_rmse.is_nan();
+            known.then_some(row.position_rmse < same.position_rmse)
+        };
+        let pairs: Vec<bool> = self.rows.iter().filter_map(pair).collect();
+        (!pairs.is_empty()).then(|| (pairs.iter().filter(|better| **better).count(), pairs.len()))
     }
 
     /// The spread over the runs of some figure of a run; `None` without finite figures.

@@ -38,4 +38,4 @@ pub use noise::NoiseSpec;
 pub use read::Design;
 pub(crate) use read::Draft;
 pub use reference::{ConvergedSpec, DifferentiateSpec, ReferenceSpec, SigmaOf, SigmaSpec};
-pub use run::{OrderSpec, RewindSpec, RunSpec, SmoothSpec};
+pub use run::{MapDetailSpec, OrderSpec, RewindSpec, RunSpec, SmoothSpec};

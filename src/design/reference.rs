@@ -2,6 +2,7 @@
 
 use core::fmt;
 use core::marker::PhantomData;
+use fusion_models::fault::Windows;
 use fusion_models::units::{Axes, Dimensional, Duration, Positive, Vec3Of, dim, range};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
@@ -21,6 +22,9 @@ pub struct ReferenceSpec {
     /// NEES counts from this time on, where that is later: after the start has settled.
     #[serde(default)]
     pub nees_from: Option<Duration>,
+    /// Times that are scored apart from all others: stretches in which more is wrong than the filter is told.
+    #[serde(default)]
+    pub episodes: Option<Windows>,
     /// The errors that a run stays within once it has converged; it is told which runs have, and how soon.
     #[serde(default, deserialize_with = "ConvergedSpec::with_a_limit")]
     pub converged: Option<ConvergedSpec>,

@@ -1,6 +1,6 @@
 //! `[run]`: origin, time span and output.
 
-use fusion_models::units::{Duration, NonNegative, Place, Positive, dim};
+use fusion_models::units::{Axes, Duration, NonNegative, Place, Positive, dim, range};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::path::PathBuf;
@@ -46,6 +46,18 @@ impl Default for RewindSpec {
     }
 }
 
+/// A part of the map that a report shows enlarged.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MapDetailSpec {
+    /// Its title.
+    pub title: String,
+    /// Its middle: north, east of the origin.
+    pub centre: Axes<dim::Length, range::Finite, 2>,
+    /// Its extent, north and east.
+    pub size: Positive<dim::Length>,
+}
+
 /// What a run as a whole needs.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -66,6 +78,8 @@ pub struct RunSpec {
     /// others. `fusion run --smooth` smooths by all data of the log. Of a design with filters inside
     /// stages, the outermost one is smoothed.
     pub smooth: Option<SmoothSpec>,
+    /// Parts of the map that report.html shows enlarged.
+    pub map_details: Vec<MapDetailSpec>,
     /// Seed of everything random: faults and simulated errors.
     pub seed: u64,
     /// How far ahead of all others a stamp may be, 10 s by default: a row whose stamp is further ahead

@@ -22,8 +22,11 @@ pub fn pooled(campaigns: &[(&str, &Campaign)]) -> Section {
         Column::number("NEES/n attitude"),
         Column::number("NEES/n velocity"),
         Column::number("NEES/n position"),
+        Column::number("outside episodes"),
+        Column::text("first is better in"),
     ];
     let mut t = Table::new(columns);
+    let first = campaigns.first().map(|(_, first)| *first);
     for (name, campaign) in campaigns {
         let Pooled {
             attitude,
@@ -34,7 +37,12 @@ pub fn pooled(campaigns: &[(&str, &Campaign)]) -> Section {
         } = campaign.pooled();
         let cells = [attitude, position, of_attitude, of_velocity, of_position].map(Cell::real);
         let convergence = [converged.map_or(Cell::Empty, Cell::Share), after.map_or(Cell::Empty, Cell::Seconds)];
-        t.row([Cell::text(*name)].into_iter().chain(convergence).chain(cells));
+        let apart = campaign.judge(|row| row.episodes.as_ref()?.outside.nees[0]);
+        let apart = Cell::real(apart.map(|c| c.mean / c.dof as f64));
+        let others = first.filter(|first| !core::ptr::eq(*first, *campaign));
+        let wins = others.and_then(|first| first.better_than(campaign));
+        let wins = wins.map_or(Cell::Empty, |(k, n)| Cell::text(format!("{k} of {n}")));
+        t.row([Cell::text(*name)].into_iter().chain(convergence).chain(cells).chain([apart, wins]));
     }
     Section::new(
         "Over all times and runs: RMS of the whole error, NEES over its dimension (1 is expected)",
@@ -123,11 +131,22 @@ impl Campaign {
     fn consistency(&self) -> Section {
         let nees = NEES.into_iter().enumerate();
         let nees = nees.map(|(i, name)| (name.to_owned(), self.judge(|r| r.nees[i])));
+        let apart = [0, 1].into_iter().flat_map(|part| {
+            let of = move |row: &RunRow, i: usize| row.episodes.as_ref()?.parts().nth(part)?.1.nees[i];
+            let name = ["during", "outside"][part];
+            let all = NEES.into_iter().enumerate();
+            all.map(move |(i, nees)| (format!("{nees}, {name} episodes"), self.judge(|row| of(row, i))))
+        });
         let blocks = self.blocks().iter().enumerate().filter(|(_, b)| is_judged_as_block(b));
         let blocks = blocks.map(|(i, b)| (format!("NEES {}", b.name), self.judge(|r| r.blocks[i].nees)));
         let nis = self.sensors().iter().enumerate();
         let nis = nis.map(|(i, s)| (format!("NIS {}", s.name), self.judge(|r| r.sensors[i].nis)));
-        let judged: Vec<_> = nees.chain(blocks).chain(nis).filter_map(|(name, c)| Some((name, c?))).collect();
+        let judged: Vec<_> = nees
+            .chain(apart)
+            .chain(blocks)
+            .chain(nis)
+            .filter_map(|(name, c)| Some((name, c?)))
+            .collect();
         consistency(judged.iter().map(|(name, c)| (name.clone(), c)))
     }
 

@@ -9,7 +9,7 @@ use super::tree::{Cell, Column, Page, Section, Table};
 use super::unit::Unit;
 use crate::observe::{ConsumerCounts, SensorStatistics};
 use crate::run::{Current, FinalState, InsideScore, Smoothed, Summary};
-use crate::score::{Axes, Consistency, Convergence, Score, Verdict};
+use crate::score::{Axes, Consistency, Convergence, Episodes, Score, Verdict};
 use crate::solution::rpy_of;
 use fusion_core::state::{Attitude, Kind, Manifold};
 use nalgebra::Matrix3;
@@ -175,6 +175,7 @@ impl Summary {
         sections.extend(self.current.iter().filter_map(|c| c.score.as_ref()).map(current_errors));
         sections.extend(smoothed.map(|(how, score)| smoothed_errors(how, score)));
         sections.extend(self.inside.iter().map(of_inside));
+        sections.extend(own.clone().filter_map(|score| score.episodes.as_ref()).map(episodes));
         sections.extend(own.clone().map(parameters));
         sections.push(consistency(all_nees.chain(nees_smoothed).chain(of_blocks).chain(nis)));
         sections.extend(own.map(|score| drift(score, smoothed.map(|(_, score)| score))));
@@ -414,6 +415,27 @@ fn shares(score: &Score) -> Vec<String> {
         )
     });
     quantiles.into_iter().chain(travelled).collect()
+}
+
+/// Errors of position and consistency in declared episodes and outside them.
+fn episodes(episodes: &Episodes) -> Section {
+    let metres = |name: &str| Column::with_unit(name, Unit::of_si("m"));
+    let columns = [
+        Column::text("part"),
+        Column::number("epochs"),
+        metres("RMS horizontal"),
+        metres("max N"),
+        metres("max E"),
+    ];
+    let nees = NEES.map(Column::number);
+    let mut t = Table::new(columns.into_iter().chain(nees));
+    for (name, part) in episodes.parts().filter(|(_, part)| part.epochs > 0) {
+        let max = part.position.map_or([f64::NAN; 3], |a| a.max);
+        let errors = [part.horizontal_rms, max[0], max[1]].map(Cell::Real);
+        let nees = part.nees.map(|c| Cell::real(c.map(|c| c.mean)));
+        t.row([Cell::text(name), Cell::from(part.epochs)].into_iter().chain(errors).chain(nees));
+    }
+    Section::new("Errors in declared episodes and outside", [t])
 }
 
 /// Whether a run has converged, as a sentence.

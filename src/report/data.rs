@@ -1,5 +1,6 @@
 //! The data of a page: what its script draws, as columns in base64.
 
+use super::intervals::Bar;
 use super::page::Run;
 use super::recording::{InputTrack, Quantity, SensorTrack, mounted_attitude};
 use super::trace::{Columns, Samples, Trace};
@@ -33,6 +34,10 @@ struct RunData {
     sensors: Vec<SensorData>,
     inputs: Vec<InputData>,
     outages: Vec<(f64, f64)>,
+    /// Parts of the map to enlarge: title, middle north and east, extent \[m\].
+    details: Vec<(String, [f64; 2], f64)>,
+    /// The heading that a controller wanted, from each time on \[deg\].
+    wanted: TableData,
     /// From, to and state of the design's own filter, where it was coasting or worse.
     health: Vec<(f64, f64, &'static str)>,
 }
@@ -59,6 +64,11 @@ struct SensorData {
     updates: TableData,
     used: TableData,
     rejected: TableData,
+    /// From the estimate to the fix: used, rejected \[m\].
+    apart: TableData,
+    /// The series, and the bars of its histogram; empty for a regular sensor.
+    intervals: TableData,
+    bars: Vec<Bar>,
 }
 
 #[derive(Serialize)]
@@ -144,6 +154,8 @@ fn capacity(runs: &[Run<'_>]) -> usize {
             let series: usize = traces.chain(updates).map(|(t, n)| t.rows(capacity) * (8 + 4 * n)).sum();
             let mounted = r.mounted.iter().count().min(capacity) * (9 * 4 + 2 * 8);
             let points = |n: usize, width: usize| n.min(capacity + 1) * (8 + 4 * width);
+            let extra = r.sensors.iter().flat_map(|s| [&s.apart, &s.intervals.series]);
+            let series = series + extra.map(|t| t.rows(capacity) * (8 + 4 * t.channels())).sum::<usize>();
             let fixes = r.sensors.iter().flat_map(|s| &s.fixes).map(|f| points(f.iter().count(), 3));
             let paths = [&r.path, &r.true_path].map(|p| points(p.iter().count(), 2));
             series + mounted + fixes.chain(paths).sum::<usize>()
@@ -211,6 +223,8 @@ impl Share {
             true_path: points(&r.true_path),
             sensors: sensors.map(|s| self.sensor(s, run.summary, &shift)).collect(),
             inputs: r.inputs.iter().filter(|i| !i.trace.is_empty()).map(|i| self.input(i)).collect(),
+            details: r.details.iter().map(|d| (d.title.clone(), d.centre.si(), d.size.si())).collect(),
+            wanted: wanted(run.summary),
             health: ill_health(run.summary),
             outages: run.summary.score.iter().flat_map(|s| &s.drift).map(|d| (d.from, d.to)).collect(),
         }
@@ -243,6 +257,7 @@ impl Share {
         rows.truncate(s.rows);
         rows.extend((rows.len()..s.rows).map(|k| ((k + 1).to_string(), Unit::none())));
         let units: Vec<&Unit> = rows.iter().map(|(_, unit)| unit).collect();
+        let irregular = s.intervals.is_irregular();
         SensorData {
             name: s.name.clone(),
             dof: statistics.and_then(|t| t.nis).map(|n| n.dof),
@@ -251,6 +266,13 @@ impl Share {
             updates: TableData::of_updates(s, self.capacity, &units, self.bands),
             used: TableData::of_samples(&s.fixes[0], self.capacity, shift),
             rejected: TableData::of_samples(&s.fixes[1], self.capacity, shift),
+            apart: TableData::of_trace(&s.apart, self.capacity, &[], false),
+            intervals: if irregular {
+                TableData::of_trace(&s.intervals.series, self.capacity, &[], false)
+            } else {
+                TableData::default()
+            },
+            bars: if irregular { s.intervals.bars() } else { Vec::new() },
             rows: rows.iter().map(|(name, unit)| unit.beside(name)).collect(),
         }
     }
@@ -263,6 +285,16 @@ impl Share {
             table: TableData::of_trace(&i.trace, self.capacity, &[], true),
         }
     }
+}
+
+/// The heading that a controller wanted \[deg\]; not a number where it wanted none.
+fn wanted(summary: &Summary) -> TableData {
+    let headings = summary.control.iter().flat_map(|record| &record.headings);
+    let (time, degrees) = headings.map(|(t, h)| (*t, h.map_or(f32::NAN, |h| h.to_degrees() as f32))).unzip();
+    TableData::of(&Columns {
+        time,
+        values: vec![degrees],
+    })
 }
 
 /// When the design's own filter was coasting, degraded or lost.

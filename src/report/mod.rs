@@ -7,6 +7,7 @@
 //! Plots: uPlot 1.6.32 (MIT), in `vendor/`.
 
 mod data;
+mod intervals;
 mod page;
 mod recording;
 mod trace;

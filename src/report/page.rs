@@ -15,7 +15,7 @@ const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 
 const HELP: &str = "Drag over a plot to zoom all of them in time, double-click to reset; on a touch screen pinch. \
     Positions are local north, east, down. Long series are drawn by their extremes; a band much wider than the curves \
     leaves its plot. Innovations are scaled to those accepted: a rejected measurement, or one that re-acquired the \
-    sensor, is a cross, at the edge of the plot where it lies beyond.";
+    sensor, is a cross, at the edge of the plot where it lies beyond. Intervals are drawn of sensors that are not regular.";
 
 /// One run of a report.
 #[derive(Clone, Copy, Debug)]

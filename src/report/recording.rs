@@ -1,8 +1,9 @@
 //! What a report draws, collected while a run goes on, in memory that does not grow with it.
 
+use super::intervals::Intervals;
 use super::trace::{Samples, Trace};
 use crate::assembly::{Assembly, StreamChannel, StreamLayout};
-use crate::design::Design;
+use crate::design::{Design, MapDetailSpec};
 use crate::observe::{Filters, RunEvent, RunObserver};
 use crate::present::Unit;
 use crate::rows::Row;
@@ -63,6 +64,8 @@ pub struct Recording {
     pub(super) inputs: Vec<InputTrack>,
     true_angles: Unwrapped<3>,
     angles: Unwrapped<3>,
+    /// Parts of the map that are enlarged.
+    pub(super) details: Vec<MapDetailSpec>,
     /// By stream: the channels that are drawn, with their tracks.
     ports: Vec<Vec<(StreamChannel, usize)>>,
 }
@@ -107,6 +110,10 @@ pub(super) struct SensorTrack {
     pub updates: Trace,
     /// North, east, down of the fixes: used, rejected.
     pub fixes: [Samples<3>; 2],
+    /// How far fixes lie from the estimate before them over the ground \[m\]: used, rejected.
+    pub apart: Trace,
+    /// From one measurement to the next.
+    pub intervals: Intervals,
 }
 
 /// A group of input channels.
@@ -136,6 +143,8 @@ impl SensorTrack {
             is_place: false,
             updates: Trace::new(Self::JUDGED + 4 * rows, BUCKETS),
             fixes: [Samples::new(POINTS), Samples::new(POINTS)],
+            apart: Trace::new(2, BUCKETS),
+            intervals: Intervals::new(BUCKETS),
         }
     }
 }
@@ -186,7 +195,7 @@ fusion_core::memory!(Quantity {
     error,
     turns
 });
-fusion_core::memory!(SensorTrack { own_statistic, gated, updates, fixes; name, rows, is_place });
+fusion_core::memory!(SensorTrack { own_statistic, gated, updates, fixes, apart, intervals; name, rows, is_place });
 
 impl Memory for InputTrack {
     fn remember(&mut self, tape: &mut Tape<'_>) {
@@ -226,6 +235,7 @@ impl Recording {
             inputs: Vec::new(),
             true_angles: Unwrapped::NONE,
             angles: Unwrapped::NONE,
+            details: Vec::new(),
             ports: Vec::new(),
         }
     }
@@ -239,6 +249,7 @@ impl Recording {
             lever_arm: reference.map_or_else(Vector3::zeros, |r| r.lever_arm.si().into()),
             remove_mean_mounting: reference.is_some_and(|r| r.remove_mean_mounting),
         });
+        recording.details.clone_from(&design.run.map_details);
         for sensor in Filters::of(assembly).sensors() {
             let track = recording.sensor(&sensor.name, sensor.rows.len());
             recording.sensors[track].is_place = sensor.is_place;
@@ -391,7 +402,13 @@ impl Recording {
             row[own(3)] = update.power.get(i).copied().map_or(f64::NAN, finite);
         }
         track.updates.push(time.seconds(), &row[..track.updates.channels()]);
+        track.intervals.add(time.seconds());
         if let Some(ned) = ned {
+            let over_ground = |k: usize| update.residual.get(k).copied().unwrap_or(0.0);
+            let apart = over_ground(0).hypot(over_ground(1));
+            let mut row = [f64::NAN; 2];
+            row[usize::from(kind != Some(0))] = finite(apart);
+            track.apart.push(time.seconds(), &row);
             track.fixes[usize::from(rejected)].push(time.seconds(), ned.into());
         }
     }
@@ -439,7 +456,7 @@ impl Recording {
         let quantities = [&self.position, &self.velocity, &self.attitude];
         let traces = quantities.into_iter().flat_map(|q| [&q.estimate, &q.truth, &q.error]);
         let traces = traces
-            .chain(self.sensors.iter().map(|s| &s.updates))
+            .chain(self.sensors.iter().flat_map(|s| [&s.updates, &s.apart, &s.intervals.series]))
             .chain(self.inputs.iter().map(|i| &i.trace));
         let fixes = self.sensors.iter().flat_map(|s| &s.fixes).map(Samples::bytes);
         let paths = [self.path.bytes(), self.true_path.bytes(), self.mounted.bytes()];

@@ -17,7 +17,8 @@
   for (const run of runs) {
     for (const q of run.quantities) for (const k of ["estimate", "truth", "error"]) q[k] = table(q[k]);
     for (const k of ["path", "true_path"]) run[k] = table(run[k]);
-    for (const s of run.sensors) for (const k of ["updates", "used", "rejected"]) s[k] = table(s[k]);
+    run.wanted = table(run.wanted);
+    for (const s of run.sensors) for (const k of ["updates", "used", "rejected", "apart", "intervals"]) s[k] = table(s[k]);
     for (const i of run.inputs) i.table = table(i.table);
   }
   const span = data.span.map(t => t - zero);
@@ -86,6 +87,7 @@
 
   // ---- time plots ------------------------------------------------------------------------
   const plots = []; // { spec, host, out, u }
+  const maps = [], histograms = [];
   let range = [...span];
   const bar = {};
 
@@ -96,10 +98,10 @@
     a = Math.min(Math.max(a, span[0]), span[1] - width);
     range = [a, a + width];
     for (const p of plots) if (p.u) p.u.setScale("x", { min: range[0], max: range[1] });
-    map?.draw();
+    for (const m of maps) m.draw();
     report();
   };
-  const reset = () => { map?.reset(); setRange(span[0], span[1]); };
+  const reset = () => { for (const m of maps) m.reset(); setRange(span[0], span[1]); };
   const zoom = k => { const m = (range[0] + range[1]) / 2, h = (range[1] - range[0]) / 2 * k; setRange(m - h, m + h); };
   const move = k => { const w = (range[1] - range[0]) * k; setRange(range[0] + w, range[1] + w); };
   const instant = t => minus(t.toFixed(range[1] - range[0] > 50 ? 0 : range[1] - range[0] > 2 ? 1 : 3));
@@ -114,7 +116,7 @@
       if (p.u !== from) p.u.setCursor(t == null ? { left: -10, top: -10 } : { left: p.u.valToPos(t, "x"), top: 10 }, false);
       p.out.value = t == null ? "" : `${show(t)} s   ${read(p.spec, t)}`;
     }
-    map?.mark(t);
+    for (const m of maps) m.mark(t);
   };
   const read = (spec, t) => spec.series.filter(s => s.label).sort((a, b) => (a.run ?? 0) - (b.run ?? 0)).map(s => {
     const i = nearest(s.t, t);
@@ -168,6 +170,7 @@
   const rangeY = spec => () => {
     const { low, high, widest, usual } = extent(spec);
     if (spec.scale === "nis") return [0, Math.max(high, 4) * 1.4];
+    if (spec.scale === "length") return [0, Math.max(high, 1e-9) * 1.08];
     if (spec.scale === "error") {
       const peak = Math.max(-low, high);
       const m = Math.max(peak, Math.min(widest, several && peak > 0 ? 2 * peak : Math.max(1.5 * peak, 1.5 * usual)), 1e-9) * 1.08;
@@ -287,6 +290,7 @@
         const shared = { spanGaps: false, points: { show: false } };
         if (s.kind === "dot" || s.kind === "cross") return { ...shared, paths: () => null };
         if (s.kind === "edge") return { ...shared, stroke: faint(s.stroke, several ? 0.75 : 0.5), width: 1 };
+        if (s.kind === "step") shared.paths = uPlot.paths.stepped({ align: 1 });
         return { ...shared, stroke: s.stroke, width: s.width ?? 1.75, dash: s.dash };
       })],
       bands: spec.series.flatMap((s, i) => s.kind === "edge" && s.upper ? [{ series: [i + 1, i + 2], fill: faint(s.stroke, several ? 0.04 : 0.16) }] : []),
@@ -362,6 +366,16 @@
   const states = Object.keys(ill).filter(state => health.some(h => h[2] === state));
   const shaded = (outages.length ? [["shade", "shade", "outage"]] : []).concat(states.map(s => ["block", ill[s], s]));
   const names = runs.map(r => r.name);
+  /** The heading that a controller wanted, its turns counted like those of the estimate. */
+  const wanted = run => {
+    const { t, c: [y] } = run.wanted, q = run.quantities[2].estimate;
+    const near = Array.from(y, (v, i) => {
+      const k = nearest(q.t, t[i]), own = k < 0 ? v : q.c[2][k];
+      return own === own ? v + 360 * Math.round((own - v) / 360) : v;
+    });
+    // The last one holds to the end.
+    return { kind: "step", t: Float64Array.from([...t, span[1]]), y: [...near, near.at(-1)], color: "bad", width: 1.5, label: "wanted" };
+  };
   const label = (i, text) => several ? names[i] : text;
   /** Both edges of a band of that half width, about a curve or about 0. */
   const band = (into, run, t, half, center) => {
@@ -371,8 +385,7 @@
     into.push({ kind: "edge", t, y: center ? plus(center, half, -1) : half.map(v => -v), color });
   };
 
-  // The map.
-  let map = null;
+  // The map, and the parts of it that are enlarged.
   {
     const true_path = runs.map(r => r.true_path).find(t => t.t.length);
     const lines = runs.map((r, i) => ({ ...r.path, name: label(i, "estimate"), color: runColor(i), width: runWidth(i, 2.25) })).filter(l => l.t.length);
@@ -389,11 +402,17 @@
       }
       entries.push(["ring", "text", "start"], ["square", "text", "end"]);
       const grid = section("trajectory", "Trajectory", entries, true);
-      const out = el("output");
-      const canvas = el("canvas", { role: "img", "aria-label": "Horizontal trajectory, north over east" });
-      const host = el("div", { class: "map" }, canvas);
-      grid.append(el("div", { class: "plot" }, el("div", { class: "head" }, el("b", {}, "North over east [m]"), out), host));
-      map = makeMap(canvas, host, out, true_path, lines, [...fixes.values()]);
+      const add = (grid, title, part) => {
+        const out = el("output");
+        const canvas = el("canvas", { role: "img", "aria-label": `${title}: horizontal trajectory, north over east` });
+        const host = el("div", { class: "map" }, canvas);
+        grid.append(el("div", { class: "plot" }, el("div", { class: "head" }, el("b", {}, `${title}, north over east [m]`), out), host));
+        maps.push(makeMap({ canvas, host, out, part }, true_path, lines, [...fixes.values()]));
+      };
+      add(grid, "All of it", null);
+      const details = el("div", { class: "grid" });
+      if (runs[0].details.length) grid.after(details);
+      for (const [title, [n, e], size] of runs[0].details) add(details, title, { n, e, h: size, w: size });
     }
   }
 
@@ -419,12 +438,16 @@
     if (reference) entries.push(["dash", "truth", "truth"]);
     runs.forEach((r, i) => { if (!empty(r.quantities[q].estimate)) entries.push(["line", runColor(i), label(i, errors ? "estimate, error" : "estimate")]); });
     entries.push(["band", several ? "soft" : "run0", "±3σ"]);
+    // The heading that a controller wanted, beside the one that it had.
+    const isSteered = q === 2 && runs[0]?.wanted.t.length > 0;
+    if (isSteered) entries.push(["line", "bad", "heading wanted by the controller"]);
     if (fixes.some(s => s.used.t.length)) entries.push(["dot", "fix", "fix"]);
     if (fixes.some(s => s.rejected.t.length)) entries.push(["cross", "bad", "rejected fix"]);
     const grid = section(name.toLowerCase(), errors ? `${name} and its error` : name, entries.concat(shaded), !errors);
     axes.forEach((axis, a) => {
       const series = [], wrong = [];
       painted.forEach(([r, i]) => { const d = r.quantities[q].estimate; if (!empty(d)) band(series, i, d.t, d.c[a + 3], d.c[a]); });
+      if (isSteered && a === 2) series.push(wanted(runs[0]));
       for (const s of fixes) series.push({ kind: "dot", t: s.used.t, y: s.used.c[a], color: "fix", size: 1.8, label: fixes.length > 1 ? s.name : "fix" });
       painted.forEach(([r, i]) => {
         const d = r.quantities[q].estimate;
@@ -443,6 +466,33 @@
       }
     });
   });
+
+  // How far fixes lie from the estimate, and how regularly measurements come.
+  {
+    const shown = runs.flatMap((r, i) => r.sensors.map(s => ({ s, i })));
+    const names = [...new Set(shown.filter(({ s }) => !empty(s.apart) || s.bars.length).map(({ s }) => s.name))];
+    if (names.length) {
+      const entries = runs.map((r, i) => ["dot", runColor(i), label(i, "measurement")]);
+      if (shown.some(({ s }) => s.rejected.t.length)) entries.push(["cross", several ? "soft" : "bad", "rejected fix"]);
+      const grid = section("fixes", "Fixes and intervals", entries.concat(shaded));
+      for (const name of names) {
+        const own = shown.filter(({ s }) => s.name === name).reverse();
+        const dots = (d, k, i, text) => ({ kind: "dot", t: d.t, y: d.c[k], run: i, color: runColor(i), size: 1.5, label: label(i, text) });
+        const far = own.filter(({ s }) => !empty(s.apart));
+        if (far.length) {
+          const series = far.map(({ s, i }) => dots(s.apart, 0, i, "from the estimate"));
+          for (const { s, i } of far) series.push({ kind: "cross", t: s.apart.t, y: s.apart.c[1], color: several ? runColor(i) : "bad", size: 3.5, label: several ? "" : "rejected" });
+          panel(grid, `${name}: horizontal distance from fix to estimate [m]`, { series, scale: "length", first: true });
+        }
+        // Runs on the same data share them.
+        const { s } = own[own.length - 1];
+        if (s.bars.length) {
+          panel(grid, `${name}: interval between measurements [s]`, { series: [dots(s.intervals, 0, 0, "interval")], scale: "length", first: true });
+          histogram(grid, `${name}: how many intervals are how long`, s.bars);
+        }
+      }
+    }
+  }
 
   // Per sensor: NIS with the gate's line and mode, the innovation of each residual row.
   {
@@ -522,8 +572,69 @@
     }
   }
 
+  // ---- histograms ------------------------------------------------------------------------
+  /** Bars over intervals, both axes logarithmic. */
+  function histogram(grid, title, bars) {
+    const canvas = el("canvas", { role: "img", "aria-label": title });
+    const host = el("div", { class: "map" }, canvas);
+    const all = bars.reduce((n, b) => n + b.count, 0);
+    const out = el("output");
+    grid.append(el("div", { class: "plot" }, el("div", { class: "head" }, el("b", { title }, title), out), host));
+    const draw = () => {
+      const width = host.clientWidth, f = fontSize();
+      if (!(width > 0)) return;
+      const height = root.dataset.print ? 140 : phone() ? 200 : 170, px = devicePixelRatio;
+      const [left, right, top, bottom] = [f * 4.4, 14, 8, f + 16];
+      canvas.width = Math.round(width * px);
+      canvas.height = Math.round(height * px);
+      canvas.style.height = `${height}px`;
+      const ctx = canvas.getContext("2d");
+      ctx.scale(px, px);
+      ctx.font = font();
+      // A bar's width of room on both sides.
+      const low = Math.log10(bars[0].from) - 0.05, high = Math.log10(bars.at(-1).to) + 0.05;
+      const most = Math.max(...bars.map(b => b.count)), tall = Math.log10(Math.max(most, 1) * 2 / 0.5);
+      const X = s => left + (Math.log10(s) - low) / (high - low) * (width - left - right);
+      // One of them stands as high as half a decade.
+      const Y = n => top + (1 - Math.log10(n / 0.5) / tall) * (height - top - bottom);
+      ctx.strokeStyle = color("grid");
+      ctx.fillStyle = color("text");
+      ctx.lineWidth = 1;
+      ctx.beginPath();
+      ctx.textAlign = "right";
+      ctx.textBaseline = "middle";
+      for (let n = 1; n <= most * 2; n *= 10) { ctx.moveTo(left, Y(n)); ctx.lineTo(width - right, Y(n)); ctx.fillText(String(n), left - 6, Y(n)); }
+      ctx.textAlign = "center";
+      ctx.textBaseline = "top";
+      const steps = high - low > 3 ? [1] : high - low > 1.2 ? [1, 2, 5] : [1, 2, 3, 4, 5, 6, 8];
+      let free = -Infinity;
+      for (let p = Math.floor(low); p <= high; p++) for (const m of steps) {
+        const s = m * 10 ** p, text = `${+s.toPrecision(1)}`;
+        if (Math.log10(s) < low || Math.log10(s) > high) continue;
+        ctx.moveTo(X(s), top);
+        ctx.lineTo(X(s), height - bottom);
+        const half = ctx.measureText(text).width / 2 + 4;
+        if (X(s) - half > free && X(s) + half < width - right - 12) { ctx.fillText(text, X(s), height - bottom + 5); free = X(s) + half; }
+      }
+      ctx.stroke();
+      ctx.textAlign = "right";
+      ctx.fillText("s", width - right, height - bottom + 5);
+      ctx.fillStyle = color("run0");
+      for (const b of bars) if (b.count) ctx.fillRect(X(b.from) + 0.5, Y(b.count), Math.max(X(b.to) - X(b.from) - 1, 1), height - bottom - Y(b.count));
+    };
+    canvas.addEventListener("mousemove", e => {
+      const r = canvas.getBoundingClientRect(), f = fontSize(), left = f * 4.4;
+      const low = Math.log10(bars[0].from) - 0.05, high = Math.log10(bars.at(-1).to) + 0.05;
+      const s = 10 ** (low + (e.clientX - r.left - left) / (r.width - left - 14) * (high - low));
+      const b = bars.find(b => s >= b.from && s < b.to);
+      out.value = b ? `${show(b.from)} to ${show(b.to)} s: ${b.count} of ${all}` : "";
+    });
+    canvas.addEventListener("mouseleave", () => { out.value = ""; });
+    histograms.push({ draw });
+  }
+
   // ---- the map ---------------------------------------------------------------------------
-  function makeMap(canvas, host, out, true_path, lines, fixes) {
+  function makeMap({ canvas, host, out, part }, true_path, lines, fixes) {
     const all = lines.concat(true_path ?? []).concat(fixes.flatMap(s => [s.used, s.rejected]));
     let low = [Infinity, Infinity], high = [-Infinity, -Infinity];
     for (const d of all) for (let i = 0; i < d.t.length; i++) for (const k of [0, 1]) {
@@ -531,7 +642,7 @@
       if (v < low[k]) low[k] = v;
       if (v > high[k]) high[k] = v;
     }
-    const whole = () => ({ n: (low[0] + high[0]) / 2, e: (low[1] + high[1]) / 2, h: Math.max(high[0] - low[0], 1) * 1.08, w: Math.max(high[1] - low[1], 1) * 1.06 });
+    const whole = () => part ? { ...part } : ({ n: (low[0] + high[0]) / 2, e: (low[1] + high[1]) / 2, h: Math.max(high[0] - low[0], 1) * 1.08, w: Math.max(high[1] - low[1], 1) * 1.06 });
     let view = whole(), drag = null, marked = null, box = null;
     const px = devicePixelRatio;
     const layout = () => {
@@ -694,9 +805,9 @@
   const drawAll = () => {
     style = getComputedStyle(root);
     for (const p of plots) build(p, p.host.clientWidth);
-    map?.draw();
+    for (const drawn of [...maps, ...histograms]) drawn.draw();
     report();
-    root.dataset.drawn = String(plots.length + (map ? 1 : 0));
+    root.dataset.drawn = String(plots.length + maps.length + histograms.length);
   };
   style = getComputedStyle(root);
   drawAll();

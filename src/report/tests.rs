@@ -456,16 +456,16 @@ fn a_browser_draws_every_plot_without_error_or_request() {
     for (name, page) in [("one", &alone), ("two", &both)] {
         let root = root_in_browser(&browser, name, page);
         // 3 × 3 values, as many errors, the NIS of 2 sensors with 3 and 1 innovations, 4 plots of
-        // sensor data, and the map.
+        // sensor data, the distance of the fixes, and the map.
         let wanted = [
             ("error", None),
-            ("drawn", Some("29")),
-            ("canvases", Some("29")),
+            ("drawn", Some("30")),
+            ("canvases", Some("30")),
             ("blank", Some("0")),
         ];
         let acted = [
-            ("linked", Some("28")),
-            ("reset", Some("28")),
+            ("linked", Some("29")),
+            ("reset", Some("29")),
             ("overflow", Some("0")),
             ("checked", Some("1")),
         ];

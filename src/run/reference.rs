@@ -94,6 +94,7 @@ impl Reference {
             converged: spec.and_then(|s| s.converged.as_ref()).map(limits),
             remove_mean_mounting: spec.is_some_and(|s| s.remove_mean_mounting),
             outages: outages.to_vec(),
+            episodes: spec.and_then(|s| s.episodes.clone()),
         }
     }
 

@@ -99,13 +99,24 @@ impl Consistency {
 
     /// Of several independent runs together: the mean of their means, with a band for all of
     /// their independent samples. `None` without a run.
+    ///
+    /// An error that is constant within a run, and drawn anew for the next, does not show in the
+    /// autocorrelation: the runs then scatter more than their own samples let expect. A mean of n independent
+    /// χ² of d degrees of freedom has the variance 2 mean²/(d n); n per run is never taken to be more than
+    /// the scatter of the runs says, nor less than 1.
     #[must_use]
     pub fn of_runs(runs: impl IntoIterator<Item = Self>) -> Option<Self> {
         let runs: Vec<Self> = runs.into_iter().collect();
         let dof = runs.first()?.dof;
-        let mean = runs.iter().map(|c| c.mean).sum::<f64>() / runs.len() as f64;
+        let number = runs.len() as f64;
+        let mean = runs.iter().map(|c| c.mean).sum::<f64>() / number;
         let count = runs.iter().map(|c| c.count).sum();
-        Some(Self::with_independent(mean, dof, count, runs.iter().map(|c| c.independent).sum()))
+        let within: f64 = runs.iter().map(|c| c.independent).sum();
+        let scatter = runs.iter().map(|c| (c.mean - mean).powi(2)).sum::<f64>() / (number - 1.0);
+        let between = number * 2.0 * mean * mean / (dof as f64 * scatter);
+        // One run, or runs that do not scatter, say nothing.
+        let between = if between.is_finite() { between.max(number) } else { within };
+        Some(Self::with_independent(mean, dof, count, within.min(between)))
     }
 
     /// Of several runs that repeat each other: the mean of their means, with the band of the one run
@@ -208,14 +219,24 @@ mod tests {
 
     #[test]
     fn runs_together_have_the_band_of_all_their_independent_samples() {
-        let runs = [with_mean(2.0), with_mean(3.0)];
+        // 0.08 apart: as much as two means of 100 χ² of three degrees scatter, √(2·9/300) = 0.24, and less.
+        let runs = [with_mean(2.96), with_mean(3.04)];
         let all = Consistency::of_runs(runs).unwrap();
-        assert_eq!((all.mean, all.count, all.independent), (2.5, 200, 200.0));
+        assert_eq!((all.mean, all.count, all.independent), (3.0, 200, 200.0));
         assert_eq!(all.band, mean_band(0.95, 3, 200));
         assert_eq!(Consistency::of_runs([]), None);
         let repeats = Consistency::of_repeats(runs).unwrap();
-        assert_eq!((repeats.mean, repeats.count, repeats.independent), (2.5, 200, 100.0));
+        assert_eq!((repeats.mean, repeats.count, repeats.independent), (3.0, 200, 100.0));
         assert_eq!(repeats.band, mean_band(0.95, 3, 100));
+    }
+
+    #[test]
+    fn runs_that_scatter_by_an_error_of_their_own_are_that_many_samples() {
+        // χ² of three degrees, one for each run: 60 of them at equal distances of their distribution.
+        let quantile = |k: u32| fusion_core::consistency::chi_square_quantile((f64::from(k) + 0.5) / 60.0, 3.0);
+        let all = Consistency::of_runs((0..60).map(|k| with_mean(quantile(k)))).unwrap();
+        // As many samples as runs, and not 6000; a tenth for the tail that 60 of them do not have.
+        assert!((60.0..66.0).contains(&all.independent) && all.is_consistent(), "{all:?}");
     }
 
     #[test]

@@ -8,6 +8,7 @@ mod comparison;
 mod consistency;
 mod convergence;
 mod drift;
+mod episodes;
 mod nees;
 mod reference;
 mod scorer;
@@ -18,6 +19,7 @@ pub use comparison::{AttitudeError, Comparison, Deviation, EpochError, attitude_
 pub use consistency::{Consistency, Verdict};
 pub use convergence::{Convergence, Limits};
 pub use drift::{Drift, Outage};
+pub use episodes::{Episodes, PartScore};
 pub use reference::{ReferenceEpoch, ReferenceSigma, differentiate};
 pub(crate) use scorer::median;
 pub use scorer::{Rules, Scorer};
@@ -100,6 +102,8 @@ pub struct Score {
     pub nees_undefined: [usize; 3],
     /// Whether the errors stay within the limits declared, and from when on.
     pub convergence: Option<Convergence>,
+    /// In the declared episodes and outside them; none where none is declared.
+    pub episodes: Option<Episodes>,
     /// Each block of the state whose truth a simulation knows.
     pub blocks: Vec<BlockScore>,
     /// Drift per declared outage.

@@ -7,7 +7,8 @@
 //! Source: Bar-Shalom, Li, Kirubarajan 2001, §5.4.2.
 
 use super::Consistency;
-use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use super::comparison::Deviation;
+use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen};
 
 /// A variance below this share of the largest is none: rounding of the largest, in a sum of a few
 /// tens of products.
@@ -44,6 +45,16 @@ pub(super) fn nees(error: &DVector<f64>, own: &DMatrix<f64>, reference: &DMatrix
     let e = u.tr_mul(error);
     let solved = s.cholesky()?.solve(&e);
     Some((e.dot(&solved), known.len()))
+}
+
+/// The NEES of a deviation.
+pub(super) fn of(d: &Deviation) -> Option<(f64, usize)> {
+    let dense = |m: &Matrix3<f64>| DMatrix::from_column_slice(3, 3, m.as_slice());
+    nees(
+        &DVector::from_column_slice(d.error.as_slice()),
+        &dense(&d.own),
+        &dense(&d.reference),
+    )
 }
 
 /// The NEES of many epochs.
@@ -89,7 +100,7 @@ impl NeesSeries {
 mod tests {
     use super::*;
 
-    fn of(error: &[f64], own: &[f64], reference: f64) -> Option<(f64, usize)> {
+    fn of_numbers(error: &[f64], own: &[f64], reference: f64) -> Option<(f64, usize)> {
         let n = error.len();
         let reference = DMatrix::identity(n, n) * reference;
         nees(&DVector::from_column_slice(error), &DMatrix::from_row_slice(n, n, own), &reference)
@@ -97,7 +108,7 @@ mod tests {
 
     #[test]
     fn the_covariance_of_the_reference_is_added_to_that_of_the_filter() {
-        let (value, dof) = of(&[1.0, 2.0], &[2.0, 1.0, 1.0, 3.0], 1.0).unwrap();
+        let (value, dof) = of_numbers(&[1.0, 2.0], &[2.0, 1.0, 1.0, 3.0], 1.0).unwrap();
         // eᵀS⁻¹e, S = [3 1; 1 4] of determinant 11: (4·1 − 2·1·2 + 3·4)/11. 1e-14: rounding.
         assert!((value - 12.0 / 11.0).abs() < 1e-14 && dof == 2, "{value}");
     }
@@ -105,22 +116,22 @@ mod tests {
     #[test]
     fn what_is_no_state_is_no_degree_of_freedom() {
         // The velocity of a vehicle that drives north-east: down is no state, nor is across.
-        let (value, dof) = of(&[1.0, 1.0, 7.0], &[0.5, 0.5, 0.0, 0.5, 0.5, 0.0, 0.0, 0.0, 0.0], 0.0).unwrap();
+        let (value, dof) = of_numbers(&[1.0, 1.0, 7.0], &[0.5, 0.5, 0.0, 0.5, 0.5, 0.0, 0.0, 0.0, 0.0], 0.0).unwrap();
         // √2 ahead of a variance of 1; 1e-14: rounding.
         assert!((value - 2.0).abs() < 1e-14 && dof == 1, "{value} {dof}");
         // The reference's own error does not make it one.
-        let (value, dof) = of(&[1.0, 7.0], &[1.0, 0.0, 0.0, 0.0], 1.0).unwrap();
+        let (value, dof) = of_numbers(&[1.0, 7.0], &[1.0, 0.0, 0.0, 0.0], 1.0).unwrap();
         assert!((value - 0.5).abs() < 1e-14 && dof == 1, "{value} {dof}");
-        assert_eq!(of(&[1.0], &[0.0], 0.0), Some((0.0, 0)));
+        assert_eq!(of_numbers(&[1.0], &[0.0], 0.0), Some((0.0, 0)));
     }
 
     #[test]
     fn where_the_covariance_is_none_there_is_no_nees() {
         let unsound = [&[1.0, 2.0, 2.0, 1.0], &[-1.0, 0.0, 0.0, 1.0], &[f64::NAN, 0.0, 0.0, 1.0]];
         for own in unsound {
-            assert_eq!(of(&[1.0, 1.0], own, 9.0), None, "{own:?}");
+            assert_eq!(of_numbers(&[1.0, 1.0], own, 9.0), None, "{own:?}");
         }
-        assert_eq!(of(&[f64::NAN], &[1.0], 0.0), None);
+        assert_eq!(of_numbers(&[f64::NAN], &[1.0], 0.0), None);
     }
 
     #[test]

@@ -3,12 +3,14 @@
 use super::comparison::{Deviation, EpochError, attitude_error};
 use super::convergence::{Limits, Tracker};
 use super::drift::{Drifts, Outage};
-use super::nees::{NeesSeries, nees};
+use super::episodes::EpisodeScorer;
+use super::nees::{NeesSeries, of};
 use super::travelled::Horizontal;
 use super::{Axes, Score};
 use fusion_core::geometry::so3;
 use fusion_core::time::Time;
-use nalgebra::{DMatrix, DVector, Matrix3, UnitQuaternion, Vector3};
+use fusion_models::fault::Windows;
+use nalgebra::{UnitQuaternion, Vector3};
 
 /// How a run is scored.
 #[derive(Clone, Debug, Default)]
@@ -23,10 +25,13 @@ pub struct Rules {
     pub remove_mean_mounting: bool,
     /// Outages whose drift is reported.
     pub outages: Vec<Outage>,
+    /// Times that are scored apart from the others.
+    pub episodes: Option<Windows>,
 }
 
+/// Errors as they are added up.
 #[derive(Clone, Copy, Debug, Default)]
-struct Sums {
+pub(super) struct Sums {
     count: f64,
     sum: Vector3<f64>,
     squares: Vector3<f64>,
@@ -48,7 +53,7 @@ fusion_core::memory!(Sums {
 });
 
 impl Sums {
-    fn add(&mut self, d: &Deviation) {
+    pub(super) fn add(&mut self, d: &Deviation) {
         let (e, sigma) = (&d.error, d.sigma());
         let is_estimated = Vector3::from(d.is_estimated().map(f64::from));
         self.sigma += sigma;
@@ -60,7 +65,12 @@ impl Sums {
         self.max = self.max.sup(&e.abs());
     }
 
-    fn axes(&self) -> Option<Axes> {
+    /// Epochs.
+    pub(super) const fn count(&self) -> f64 {
+        self.count
+    }
+
+    pub(super) fn axes(&self) -> Option<Axes> {
         (self.count > 0.0).then(|| Axes {
             rms: self.squares.map(|s| (s / self.count).sqrt()).into(),
             mean: (self.sum / self.count).into(),
@@ -84,6 +94,7 @@ pub struct Scorer {
     nees_velocity: NeesSeries,
     nees_attitude: NeesSeries,
     drifts: Drifts,
+    episodes: Option<EpisodeScorer>,
     convergence: Option<Tracker>,
 }
 
@@ -97,6 +108,7 @@ fusion_core::memory!(Scorer {
     nees_velocity,
     nees_attitude,
     drifts,
+    episodes,
     convergence;
     rules
 });
@@ -107,6 +119,7 @@ impl Scorer {
     pub fn new(rules: Rules) -> Self {
         Self {
             drifts: Drifts::new(&rules.outages),
+            episodes: rules.episodes.clone().map(EpisodeScorer::new),
             convergence: rules.converged.map(Tracker::new),
             rules,
             position: Sums::default(),
@@ -140,6 +153,9 @@ impl Scorer {
         }
         if !counts {
             return;
+        }
+        if let Some(episodes) = &mut self.episodes {
+            episodes.add(error, is_settled, !self.rules.remove_mean_mounting);
         }
         if let Some(d) = &error.velocity {
             self.velocity.add(d);
@@ -198,6 +214,7 @@ impl Scorer {
             nees_attitude: self.nees_attitude.consistency(),
             nees_undefined: [&self.nees_position, &self.nees_velocity, &self.nees_attitude].map(NeesSeries::undefined),
             convergence: self.convergence.and_then(|tracker| tracker.finish()),
+            episodes: self.episodes.map(EpisodeScorer::finish),
             blocks: Vec::new(),
             drift_rms: (!drift.is_empty())
                 .then(|| (drift.iter().map(|d| d.max_horizontal.powi(2)).sum::<f64>() / drift.len() as f64).sqrt()),
@@ -271,16 +288,6 @@ fn mean_rotation(rotations: impl Iterator<Item = UnitQuaternion<f64>> + Clone) -
     mean
 }
 
-/// The NEES of a deviation.
-fn of(d: &Deviation) -> Option<(f64, usize)> {
-    let dense = |m: &Matrix3<f64>| DMatrix::from_column_slice(3, 3, m.as_slice());
-    nees(
-        &DVector::from_column_slice(d.error.as_slice()),
-        &dense(&d.own),
-        &dense(&d.reference),
-    )
-}
-
 /// Of an error in radians.
 fn in_degrees(d: &Deviation) -> Deviation {
     let degree = 1_f64.to_degrees();
@@ -311,6 +318,7 @@ mod tests {
     use super::*;
     use crate::solution::Solution;
     use fusion_core::geometry::wgs84::Geodetic;
+    use nalgebra::Matrix3;
 
     fn place(north: f64, east: f64) -> Geodetic {
         Geodetic {

@@ -5,7 +5,9 @@ use crate::design::{Draft, Named, SimulationDesign};
 use crate::rows::{FaultChain, provided};
 use fusion_models::block::{Channel, imu_channels};
 use fusion_models::fault::{FaultSpec, derive_seed};
-use fusion_models::sim::{IMU, INSTRUMENTS, ODOMETRY, SHIP_STREAMS, SensorError, odometry_channels, ship_channels};
+use fusion_models::sim::{
+    IMU, INSTRUMENTS, ODOMETRY, SHIP_STREAMS, SensorError, TRACK_SPEEDS, odometry_channels, ship_channels, track_channels,
+};
 
 /// Tells `d` every mistake of the trajectory, the rates, the errors of simulated sensors and the
 /// faults of simulated streams.
@@ -21,6 +23,7 @@ pub(crate) fn check(draft: &Draft, d: &mut Diagnostics) {
     let mistakes = |stream: &str, channels: &[Channel]| faults(simulation, stream, channels, 0).err().unwrap_or_default();
     d.extend(mistakes(IMU, &imu_channels()));
     d.extend(mistakes(ODOMETRY, &odometry_channels()));
+    d.extend(mistakes(TRACK_SPEEDS, &track_channels()));
     for (i, stream) in SHIP_STREAMS.into_iter().enumerate() {
         d.extend(mistakes(stream, &ship_channels(i)));
     }

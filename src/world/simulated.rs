@@ -262,6 +262,8 @@ fn simulator(
         delay: info.delay,
         offset: info.offset,
     });
+    let others = design.sensors.iter().zip(&assembly.sensors);
+    let others = others.filter(|(named, info)| !info.channels.is_empty() && !world.sensor.contains_key(&named.name));
     let setup = Setup {
         layout: &assembly.layout,
         process: assembly.process.clone(),
@@ -269,6 +271,7 @@ fn simulator(
         origin: Geodetic::from(origin),
         gravity: assembly.gravity,
         sensors: sensors.collect(),
+        others: others.map(|(named, _)| named.name.clone()).collect(),
     };
     Simulator::new(world, setup, seed, script).map_err(|e| simulation.node.locate(&e).into())
 }

@@ -80,13 +80,15 @@ fn watched(name: &str, variants: &[&str], sets: &[&str]) -> Option<(Vec<FilterHe
 
 #[test]
 fn shipped_designs_are_in_good_health_where_nothing_disturbs_them() {
-    let designs: [(&str, &[&str]); 12] = [
+    let designs: [(&str, &[&str]); 14] = [
         ("ins-gps", &[]),
         ("ins-gps-outlier", &[]),
         ("ins-gps-outlier", &["clean"]),
         ("ins-gps-outlier", &["correlated-bias"]),
         ("ins-gps-outlier", &["cascaded"]),
         ("ins-gps-outlier", &["square"]),
+        ("tracked-navigators", &[]),
+        ("tracked-navigators", &["hna"]),
         ("real/pntos-car", &[]),
         ("real/rtklib-drive", &[]),
         ("real/rtklib-drive", &["gated"]),

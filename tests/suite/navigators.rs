@@ -54,13 +54,13 @@ impl RunObserver for FirstGains {
 
 #[test]
 fn the_first_gains_of_the_printed_matrices_are_those_of_the_paper() {
-    // P0 and R as printed at d = 30 m. Q is left out: the gains are those of the first instant, before it acts.
+    // P0 and R as printed at d = 30 m, each row when it comes. Q is left out: the gains are those of the first instant, before it acts.
     let q = ["process.position_noise=0", "process.accelerometer.noise=0", "process.gyro.noise=0"];
     let end = [
         "simulation.trajectory=[{ type = \"rest\", duration = \"2 s\" }]",
         "reference.from=0",
     ];
-    let design = design(&[&q[..], &end[..]].concat(), &["chna-literal"]);
+    let design = design(&[&q[..], &end[..]].concat(), &["chna-literal", "asynchronous"]);
     let options = Options::default();
     let mut gains = FirstGains::default();
     Run::open(&design, &options).unwrap().go(&mut [&mut gains], &mut |_| {}).unwrap();
@@ -72,6 +72,39 @@ fn the_first_gains_of_the_printed_matrices_are_those_of_the_paper() {
             g.len() == wanted.len() && g.iter().zip(wanted).all(|(g, w)| (g / w - 1.0).abs() < 0.02)
         });
         assert!(found.is_some(), "{wanted:?} is not among {:?}", gains.0);
+    }
+}
+
+/// How many measurements each sensor has offered.
+#[derive(Default)]
+struct Offered([u64; 8]);
+
+impl RunObserver for Offered {
+    fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
+        if let RunEvent::Filter {
+            event: Event::Updated { sensor, .. },
+            ..
+        } = event
+        {
+            self.0[*sensor] += 1;
+        }
+        Ok(())
+    }
+}
+
+#[test]
+fn the_printed_filter_takes_all_its_rows_when_a_fix_comes() {
+    let design = design(&[], &["chna-literal"]);
+    let mut offered = Offered::default();
+    Run::open(&design, &Options::default())
+        .unwrap()
+        .go(&mut [&mut offered], &mut |_| {})
+        .unwrap();
+    let fixes = offered.0[0];
+    assert!(design.sensors[0].name == "usbl" && fixes > 800, "{fixes}");
+    for (sensor, count) in design.sensors.iter().zip(offered.0).skip(1) {
+        // The first of each is taken at the start, the last fix has none after it.
+        assert!(count.abs_diff(fixes) <= 2, "{}: {count} for {fixes} fixes", sensor.name);
     }
 }
 

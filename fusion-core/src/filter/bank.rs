@@ -538,6 +538,10 @@ impl Estimator for Bank {
         self.hypotheses[self.shown].estimator.layout()
     }
 
+    fn keeps_covariance(&self) -> bool {
+        self.hypotheses[self.shown].estimator.keeps_covariance()
+    }
+
     fn set_belief(&mut self, belief: Belief) {
         self.hypotheses.swap(0, self.shown);
         self.shown = 0;

@@ -100,6 +100,11 @@ pub trait Estimator: Memory + core::fmt::Debug + Send {
     /// The state layout.
     fn layout(&self) -> &Layout;
 
+    /// Whether its belief has a covariance that means something.
+    fn keeps_covariance(&self) -> bool {
+        true
+    }
+
     /// Replaces the belief: initialisation, a snapshot restored. Its covariance may be stored in
     /// another form than that of the estimator.
     fn set_belief(&mut self, belief: Belief);

@@ -625,6 +625,10 @@ impl Estimator for Filter {
         &self.layout
     }
 
+    fn keeps_covariance(&self) -> bool {
+        self.rule.keeps_covariance()
+    }
+
     fn set_belief(&mut self, belief: Belief) {
         if let Some(chart) = self.chart.anchored(&self.layout, &belief.x) {
             self.chart = chart;

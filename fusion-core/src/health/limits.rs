@@ -78,6 +78,21 @@ impl Limits {
         },
         hold: 5.0,
     };
+
+    /// The same for an estimator that has no covariance: what needs a σ of its own is not asked of it.
+    #[must_use]
+    pub const fn without_sigma(self) -> Self {
+        Self {
+            innovations: f64::INFINITY,
+            innovations_lost: f64::INFINITY,
+            floor: Floor {
+                position: 0.0,
+                velocity: 0.0,
+                attitude: 0.0,
+            },
+            ..self
+        }
+    }
 }
 
 impl Default for Limits {

@@ -103,6 +103,11 @@ impl Runner {
         let is_heard = |stream: &usize| self.sensors.iter().any(|s| s.port.stream == *stream);
         let is_input = |stream: &usize| self.input.as_ref().is_some_and(|input| input.port.stream == *stream);
         let silent = (0..self.streams.len()).filter(|s| is_outside(*s) && is_read(s) && !is_heard(s) && !is_input(s));
-        Monitor::new(self.limits, self.estimator.layout(), sensors, silent)
+        let limits = if self.estimator.keeps_covariance() {
+            self.limits
+        } else {
+            self.limits.without_sigma()
+        };
+        Monitor::new(limits, self.estimator.layout(), sensors, silent)
     }
 }

@@ -275,5 +275,11 @@ mod tests {
         assert!(Vector3::from(rows(Part::Tilt, Vector3::new(0.0, 0.0, 0.3))).amax() < 1e-15);
         assert!((Vector3::from(rows(Part::Tilt, Vector3::new(0.1, -0.2, 0.0))) - Vector3::new(0.1, -0.2, 0.0)).amax() < 1e-15);
         assert!((rows(Part::Heading, Vector3::new(0.0, 0.0, 0.3))[0] - 0.3).abs() < 1e-15);
+        let turn = Vector3::new(0.1, -0.2, 0.3);
+        assert!((Vector3::from(rows(Part::Navigation, turn)) - turn).amax() < 1e-15);
+        assert_eq!(
+            [Part::All, Part::Navigation, Part::Tilt, Part::Heading].map(Part::rows),
+            [3, 3, 2, 1]
+        );
     }
 }

@@ -198,6 +198,11 @@ impl World for ClosedLoop {
         self.end
     }
 
+    /// Those at the end of the step at hand.
+    fn tracks(&self) -> Option<[f64; 2]> {
+        self.vehicle.tracks()
+    }
+
     fn control_rate(&self) -> Option<f64> {
         (!self.is_replayed).then_some(self.rate)
     }
@@ -220,6 +225,7 @@ impl World for ClosedLoop {
         };
         let command = self.control.command(&goal, seen);
         self.ask(command);
+        self.record.steered(now, self.control.heading());
         let motion = self.motion_at(now.min(self.after.0));
         if let Some(leg) = &mut self.leg {
             leg.add(&goal, &Vector2::new(motion.position.x, motion.position.y), motion.rpy.z);

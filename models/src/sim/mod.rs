@@ -24,6 +24,7 @@ mod simulator;
 mod spec;
 mod start;
 mod task;
+mod tracks;
 mod trajectory;
 mod vehicle;
 mod world;
@@ -37,8 +38,8 @@ pub use record::{Errors, HeadingErrors, Leg, Record};
 pub use segment::{Junction, Motion, Segment, SegmentSpec};
 pub use ship::{SHIP_STREAMS, ShipSpec, ship_channels};
 pub use simulator::{
-    IMU, INSTRUMENTS, Next, ODOMETRY, REFERENCE, Setup, SimulatedSensor, SimulatedStream, Simulator, UNITS, odometry_channels,
-    reference_channels,
+    IMU, INSTRUMENTS, Next, ODOMETRY, REFERENCE, Setup, SimulatedSensor, SimulatedStream, Simulator, TRACK_SPEEDS, UNITS,
+    odometry_channels, reference_channels, track_channels,
 };
 pub use spec::{SimulationSpec, StartSpec};
 pub use start::DrawnStart;

@@ -145,6 +145,26 @@ pub struct Record {
     pub closure: [f64; 3],
     /// Length of its way \[m\].
     pub way: f64,
+    /// The headings that the controller wanted, each with the time from which on \[s, rad\]; none where it wanted
+    /// none. Changes below [`SAME_HEADING`] are left out. Drawn, not tabulated.
+    #[serde(skip)]
+    pub headings: Vec<(f64, Option<f64>)>,
+}
+
+/// A heading that has changed by less is the same \[rad\]: a tenth of a degree, the width of a drawn line.
+const SAME_HEADING: f64 = 1.7e-3;
+
+impl Record {
+    /// From `now` on the vehicle is led to this heading.
+    pub(super) fn steered(&mut self, now: Time, heading: Option<f64>) {
+        let is_same = |last: Option<f64>| match last.zip(heading) {
+            Some((last, wanted)) => wrap_angle(wanted - last).abs() < SAME_HEADING,
+            None => last == heading,
+        };
+        if !self.headings.last().is_some_and(|(_, last)| is_same(*last)) {
+            self.headings.push((now.seconds(), heading));
+        }
+    }
 }
 
 #[cfg(test)]
@@ -167,6 +187,16 @@ mod tests {
             assert!((heading.overshoot - 0.15).abs() < 1e-12 && heading.errors.last.abs() < 1e-12); // rounding
             assert!((heading.errors.max - 1.6).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn a_heading_is_kept_from_when_it_is_wanted_until_it_changes() {
+        let mut record = Record::default();
+        let wanted = [Some(0.5), Some(0.5005), None, None, Some(0.5), Some(0.6)];
+        for (k, heading) in wanted.into_iter().enumerate() {
+            record.steered(Time::from_seconds(k as f64), heading);
+        }
+        assert_eq!(record.headings, [(0.0, Some(0.5)), (2.0, None), (4.0, Some(0.5)), (5.0, Some(0.6))]);
     }
 
     #[test]

@@ -8,14 +8,16 @@
 //!            sound, is drawn once. What is measured is valid when the transponder replies; its row is
 //!            stamped r/c + `processing` later, when it is there
 //! Timing     the next measurement comes `least` plus the size of a normal number times `spread` later, or
-//!            anything from `least` to `most`, uniformly
+//!            anything from `least` to `most`, uniformly; and `least` later for each ping that is not heard, `longest`
+//!            in a row at most
 //! Not here   multipath, refraction, and the way of the sound down to the transponder
 
 use super::random::Random;
 use crate::block::Channel;
 use crate::earth::LocalFrame;
+use crate::fault::Windows;
 use crate::process::strapdown::mechanisation::Nav;
-use crate::units::{Axes, NonNegative, Positive, Quantity, Vec3Of, dim, range};
+use crate::units::{Axes, NonNegative, Positive, Probability, Quantity, Vec3Of, dim, range};
 use crate::vocabulary::channel;
 use core::f64::consts::TAU;
 use fusion_core::Time;
@@ -27,7 +29,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 /// A moored ship that measures where a transponder on the body is.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ShipSpec {
     /// Where its reference point is on the mean: north, east, down of the origin of the run.
@@ -106,11 +108,13 @@ pub struct ShipAttitudeSpec {
 }
 
 /// The acoustic system.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TransceiverSpec {
     /// Time from one measurement to the next.
     interval: IntervalSpec,
+    /// Pings that are not heard; all are without it.
+    unheard: Option<UnheardSpec>,
     /// 1σ of white noise of the range.
     #[serde(default)]
     range_white: NonNegative<dim::Length>,
@@ -138,6 +142,36 @@ struct IntervalSpec {
     spread: NonNegative<dim::Duration>,
     /// The longest interval, where all between are as likely.
     most: Option<Positive<dim::Duration>>,
+}
+
+/// Pings that are not heard.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct UnheardSpec {
+    /// Their share.
+    rate: Probability,
+    /// At most so many in a row.
+    longest: u32,
+    /// Times at which the water is loud.
+    loud: Option<LoudSpec>,
+}
+
+/// Times at which more pings are not heard.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct LoudSpec {
+    /// Their share then.
+    rate: Probability,
+    /// When.
+    window: Windows,
+}
+
+impl UnheardSpec {
+    /// The share of the pings that are not heard at `time`.
+    fn rate(&self, time: Time) -> f64 {
+        let loud = self.loud.as_ref().filter(|loud| loud.window.contains(time));
+        loud.map_or(self.rate, |loud| loud.rate).si()
+    }
 }
 
 /// The streams of a ship: name and channels.
@@ -190,6 +224,7 @@ pub(super) struct Ship {
     attitude: Random,
     acoustic: Random,
     timing: Random,
+    hearing: Random,
 }
 
 impl Ship {
@@ -213,8 +248,9 @@ impl Ship {
             attitude: random("attitude"),
             acoustic: random("acoustic"),
             timing: random("timing"),
+            hearing: random("hearing"),
             frame: LocalFrame::new(origin),
-            spec: *spec,
+            spec: spec.clone(),
         }
     }
 
@@ -228,14 +264,18 @@ impl Ship {
         (place, so3::from_rpy(roll, pitch, self.spec.heading.si() + yaw))
     }
 
-    /// How long after a measurement the next one comes \[ns\].
-    pub(super) fn interval(&mut self) -> i64 {
+    /// How long after the measurement at `now` the next one comes \[ns\].
+    pub(super) fn interval(&mut self, now: Time) -> i64 {
         let IntervalSpec { least, spread, most } = self.spec.usbl.interval;
+        let missed = self.spec.usbl.unheard.as_ref().map_or(0, |unheard| {
+            let rate = unheard.rate(now);
+            (0..unheard.longest).take_while(|_| self.hearing.unit() < rate).count()
+        });
         let more = match most {
             Some(most) => (most.si() - least.si()).max(0.0) * self.timing.unit(),
             None => spread.si() * self.timing.normal().abs(),
         };
-        nanos(least.si() + more).max(SHORTEST)
+        nanos(least.si() * (1 + missed) as f64 + more).max(SHORTEST)
     }
 
     /// The row of a stream that is valid at `time`, where the body is at `nav`, and its stamp.
@@ -323,7 +363,9 @@ mod tests {
     fn intervals_follow_their_law() {
         let draw = |usbl| {
             let mut ship = ship(usbl);
-            (0..4000).map(|_| ship.interval() as f64 * 1e-9).collect::<Vec<_>>()
+            (0..4000)
+                .map(|k| ship.interval(Time::from_seconds(f64::from(k))) as f64 * 1e-9)
+                .collect::<Vec<_>>()
         };
         let near_one = draw("interval = { least = 1, spread = 0.05 }");
         let mean = near_one.iter().sum::<f64>() / 4000.0;
@@ -335,5 +377,14 @@ mod tests {
         let deep = draw("interval = { least = 2, most = 10 }");
         let mean = deep.iter().sum::<f64>() / 4000.0;
         assert!(deep.iter().all(|t| (2.0..=10.0).contains(t)) && (mean - 6.0).abs() < 0.15, "{mean}");
+        let loud = "loud = { rate = '60 %', window = { from = 2000, to = 9000 } }";
+        let gaps = draw(&format!(
+            "interval = {{ least = 1 }}, unheard = {{ rate = '15 %', longest = 4, {loud} }}"
+        ));
+        let share = |gaps: &[f64], at_most: f64| gaps.iter().filter(|t| **t <= at_most).count() as f64 / 2000.0;
+        let (quiet, loud) = gaps.split_at(2000);
+        // 0.03: four sigma of a share of 2000. Four in a row at most: 0.6^4 of the loud ones last 5 s.
+        assert!((share(quiet, 1.0) - 0.85).abs() < 0.03 && (share(loud, 1.0) - 0.4).abs() < 0.03);
+        assert!((share(loud, 4.0) - (1.0 - 0.6_f64.powi(4))).abs() < 0.03 && share(loud, 5.0) == 1.0);
     }
 }

@@ -8,6 +8,7 @@ use super::odometry::OdometryErrorSpec;
 use super::segment::{Junction, SegmentSpec};
 use super::ship::ShipSpec;
 use super::task::TaskSpec;
+use super::tracks::TrackSpeedsSpec;
 use super::trajectory::Trajectory;
 use super::vehicle::VehicleSpec;
 use super::world::{OpenLoop, Plane, World};
@@ -34,6 +35,8 @@ pub struct SimulationSpec {
     pub imu: Option<ImuErrorSpec>,
     /// The odometry of a vehicle on level ground; needed by a process that is driven by one.
     pub odometry: Option<OdometryErrorSpec>,
+    /// The instrument that measures how fast the tracks of the vehicle run: the stream `track_speeds`.
+    pub track_speeds: Option<TrackSpeedsSpec>,
     /// A moored ship with an acoustic system: the streams `ship_gps`, `ship_attitude` and `transceiver`.
     pub ship: Option<ShipSpec>,
     /// Rows per second of the `reference` stream: the truth; at most 1e9 rows in a run.
@@ -211,6 +214,7 @@ impl SimulationSpec {
     pub(super) fn check_rates(&self, duration: f64) -> Result<(), BuildError> {
         let imu = self.imu.iter().map(|imu| ("imu.rate".to_owned(), imu.rate));
         let odometry = self.odometry.iter().map(|odometry| ("odometry.rate".to_owned(), odometry.rate));
+        let tracks = self.track_speeds.iter().map(|tracks| ("track_speeds.rate".to_owned(), tracks.rate));
         let sensors = self.sensor.iter().map(|(name, s)| (format!("sensor.{name}.rate"), s.rate));
         let ship = self.ship.iter().flat_map(|ship| {
             [
@@ -222,6 +226,7 @@ impl SimulationSpec {
         let most = MOST_ROWS / duration.max(1.0);
         match imu
             .chain(odometry)
+            .chain(tracks)
             .chain(sensors)
             .chain(ship)
             .chain([reference])

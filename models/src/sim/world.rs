@@ -63,6 +63,11 @@ pub trait World: Debug + Send {
         let _ = (now, seen);
     }
 
+    /// The speeds of the left and the right track of its vehicle now \[m/s\], where it runs on tracks.
+    fn tracks(&self) -> Option<[f64; 2]> {
+        None
+    }
+
     /// The commands that its vehicle has had, up to now.
     fn script(&self) -> Option<Script> {
         None

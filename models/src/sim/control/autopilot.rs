@@ -99,6 +99,7 @@ impl ControlSpec for AutopilotSpec {
             sum: 0.0,
             line_sum: 0.0,
             last: None,
+            aim: None,
         }))
     }
 
@@ -121,6 +122,8 @@ struct Autopilot {
     /// I of the line law \[m\].
     line_sum: f64,
     last: Option<Seen>,
+    /// The heading wanted \[rad\].
+    aim: Option<f64>,
 }
 
 impl Autopilot {
@@ -151,14 +154,17 @@ impl Autopilot {
 
 impl Control for Autopilot {
     fn begin(&mut self) {
-        (self.sum, self.line_sum, self.last) = (0.0, 0.0, None);
+        (self.sum, self.line_sum, self.last, self.aim) = (0.0, 0.0, None, None);
     }
 
     fn command(&mut self, goal: &Goal, seen: &Seen) -> Command {
         let before = self.last.replace(*seen).filter(|b| b.time < seen.time);
         let dt = before.map_or(0.0, |b| seen.time.seconds_since(b.time));
         let (heading, speed) = match *goal {
-            Goal::Stand => return Command::default(),
+            Goal::Stand => {
+                self.aim = None;
+                return Command::default();
+            }
             Goal::Heading { heading, speed, to_go } => (heading, to_go.map_or(speed, |way| self.slowed(speed, way))),
             Goal::Line {
                 from,
@@ -174,9 +180,14 @@ impl Control for Autopilot {
                 (heading, if faces { self.slowed(speed, to_go) } else { 0.0 })
             }
         };
+        self.aim = Some(heading);
         Command {
             speed,
             turn: self.turn(heading, seen, before.as_ref(), dt),
         }
+    }
+
+    fn heading(&self) -> Option<f64> {
+        self.aim
     }
 }

@@ -55,6 +55,12 @@ pub trait Control: Debug + Send {
 
     /// What it asks of the vehicle; called at its own rate.
     fn command(&mut self, goal: &Goal, seen: &Seen) -> Command;
+
+    /// The heading that its last command leads to \[rad\]; none where that stands, or where it steers by
+    /// something else.
+    fn heading(&self) -> Option<f64> {
+        None
+    }
 }
 
 /// A controller as declared.

@@ -5,7 +5,7 @@
 //! there. A row stamped later than it is valid waits in a queue, so memory is bounded by the
 //! longest delay, not by the length of the run.
 //!
-//! Streams  `imu`, `odometry`, those of a ship, one per sensor, `reference`. All but the reference carry
+//! Streams  `imu`, `odometry`, `track_speeds`, those of a ship, one per sensor, `reference`. All but the reference carry
 //!          errors
 //! x_true   blocks named `position` (geodetic or local), `local_position`, `velocity`,
 //!          `attitude`, `heading`, `speed`, `yaw_rate` from the world; `gyro_bias`, `accel_bias`,
@@ -27,6 +27,7 @@ use super::odometry::Odometry;
 use super::record::Record;
 use super::ship::{SHIP_STREAMS, Ship, ship_channels};
 use super::spec::SimulationSpec;
+use super::tracks::TrackSpeeds;
 use super::world::{Truth, World};
 use crate::block::{BuildError, Channel, imu_channels};
 use crate::earth::Gravity;
@@ -78,6 +79,8 @@ pub struct Setup<'a> {
     pub gravity: Gravity,
     /// The sensors; those that read a constant are not simulated and do not belong here.
     pub sensors: Vec<SimulatedSensor>,
+    /// Names of sensors that read what an instrument or a stage makes: no truth of their parameters is known.
+    pub others: Vec<String>,
 }
 
 /// A stream of simulated rows.
@@ -95,12 +98,15 @@ const REFERENCE_WIDTH: usize = 10;
 pub const IMU: &str = "imu";
 /// The stream of the odometry.
 pub const ODOMETRY: &str = "odometry";
+/// The stream of the speeds of a vehicle's tracks.
+pub const TRACK_SPEEDS: &str = "track_speeds";
 /// The streams of the units that may drive a process.
 pub const UNITS: [&str; 2] = [IMU, ODOMETRY];
 /// The streams of the simulator's own instruments, each with its table under `[simulation]`.
-pub const INSTRUMENTS: [(&str, &str); 5] = [
+pub const INSTRUMENTS: [(&str, &str); 6] = [
     (IMU, IMU),
     (ODOMETRY, ODOMETRY),
+    (TRACK_SPEEDS, TRACK_SPEEDS),
     (SHIP_STREAMS[0], "ship.gps"),
     (SHIP_STREAMS[1], "ship.attitude"),
     (SHIP_STREAMS[ACOUSTIC], "ship.usbl"),
@@ -117,6 +123,7 @@ pub struct Simulator {
     truth: TrueState,
     imu: Option<Imu>,
     odometry: Option<(Odometry, usize)>,
+    track_speeds: Option<(TrackSpeeds, usize)>,
     /// And the first of its streams.
     ship: Option<(Ship, usize)>,
     sensors: Vec<Sensor>,
@@ -141,6 +148,7 @@ struct Clock {
 enum Source {
     Imu,
     Odometry,
+    TrackSpeeds,
     Ship(usize),
     Sensor(usize),
     Reference,
@@ -281,6 +289,18 @@ impl Simulator {
             });
             (Odometry::new(unit, setup.origin, seed), streams.len() - 1)
         });
+        if spec.track_speeds.is_some() && world.tracks().is_none() {
+            let help = "remove the table, or declare `[simulation.vehicle]` with `type = \"skid_steer\"`";
+            return Err(BuildError::at("track_speeds", "nothing in this world runs on tracks").help(help));
+        }
+        let track_speeds = spec.track_speeds.as_ref().map(|unit| {
+            clocks.push(Clock::new(Source::TrackSpeeds, unit.rate.si()));
+            streams.push(SimulatedStream {
+                name: TRACK_SPEEDS.to_owned(),
+                channels: track_channels(),
+            });
+            (TrackSpeeds::new(unit, seed), streams.len() - 1)
+        });
         let ship = spec.ship.as_ref().map(|ship| {
             let first = streams.len();
             clocks.push(Clock::new(Source::Ship(0), ship.gps.rate.si()));
@@ -324,6 +344,7 @@ impl Simulator {
             world,
             imu,
             odometry,
+            track_speeds,
             ship,
             least_delay: sensors.iter().map(|s| s.delay.least(truth.state())).min().unwrap_or(0).min(0),
             truth,
@@ -444,13 +465,23 @@ impl Simulator {
                 data.extend_from_slice(&measured);
                 self.put(time, stream, data);
             }
+            Source::TrackSpeeds => {
+                let (Some((unit, stream)), Some(tracks)) = (&mut self.track_speeds, self.world.tracks()) else {
+                    return;
+                };
+                let (measured, stream) = (unit.measure(tracks), *stream);
+                let mut data = self.spare.pop().unwrap_or_default();
+                data.clear();
+                data.extend_from_slice(&measured);
+                self.put(time, stream, data);
+            }
             Source::Ship(i) => {
                 let Some((ship, first)) = &mut self.ship else { return };
                 let (stamp, data) = ship.measure(i, time, &self.world.truth().nav);
                 let stream = *first + i;
                 if i == ACOUSTIC {
                     // Its clock has no rate: each interval begins where the one before has ended.
-                    let next = time.shifted(ship.interval()).nanos();
+                    let next = time.shifted(ship.interval(time)).nanos();
                     let own = self.clocks.iter_mut().find(|c| c.source == Source::Ship(ACOUSTIC));
                     own.into_iter().for_each(|clock| clock.start = next);
                 }
@@ -561,6 +592,12 @@ impl Simulator {
 #[must_use]
 pub fn odometry_channels() -> Vec<Channel> {
     vec![channel::FORWARD_SPEED, channel::SIDEWAYS_SPEED, channel::YAW_RATE]
+}
+
+/// The channels of the `track_speeds` stream.
+#[must_use]
+pub fn track_channels() -> Vec<Channel> {
+    vec![channel::LEFT_TRACK, channel::RIGHT_TRACK]
 }
 
 /// The channels of the `reference` stream.

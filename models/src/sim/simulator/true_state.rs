@@ -164,10 +164,15 @@ impl TrueState {
         let layout = setup.layout;
         let mut x = layout.initial().to_vec();
         let (mut known, mut parameters, mut undrawn) = (Vec::new(), Vec::new(), Vec::new());
+        let is_of_others = |block: &str| {
+            block
+                .split_once('.')
+                .is_some_and(|(owner, _)| setup.others.iter().any(|o| o == owner))
+        };
         for block in layout.blocks() {
             if let Some(k) = Known::of(layout, block)? {
                 known.push(k);
-            } else if spec.draw_parameters {
+            } else if spec.draw_parameters && !is_of_others(&block.name) {
                 let mut random = Random::new(seed, &format!("state/{}", block.name));
                 let delta: Vec<f64> = block.sigma.iter().map(|sigma| sigma * random.normal()).collect();
                 block.kind.plus(&mut x[block.storage_range()], &delta);

@@ -26,6 +26,11 @@ pub trait Vehicle: Debug + Send {
 
     /// Moves on by `dt` seconds, a hundredth of a second or so, while `command` holds.
     fn step(&mut self, command: &Command, dt: f64);
+
+    /// The speeds of its left and its right track now \[m/s\], where it runs on tracks.
+    fn tracks(&self) -> Option<[f64; 2]> {
+        None
+    }
 }
 
 /// A vehicle as declared.

@@ -178,6 +178,10 @@ impl Vehicle for SkidSteer {
         self.motion
     }
 
+    fn tracks(&self) -> Option<[f64; 2]> {
+        Some(self.tracks)
+    }
+
     fn step(&mut self, command: &Command, dt: f64) {
         let follow = -(-dt / self.lag).exp_m1();
         let wanted = self.wanted(command);
