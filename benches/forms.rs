@@ -15,7 +15,7 @@
 use comfy_table::Table;
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use faer::Mat;
-use fusion::core::covariance::{Form, FormKind, SquareRoot, Workspace, cholesky, solve_rows};
+use fusion::core::covariance::{Form, FormKind, SquareRoot, Workspace, cholesky};
 use fusion::core::linear::{Jacobian, Transition};
 use fusion::core::state::{Declaration, Dynamics, Layout, LayoutBuilder, Quantity, Scalar, Slot, StateRole};
 use fusion::core::testing::Lcg;
@@ -141,8 +141,7 @@ impl<'a> Bench<'a> {
         let w = &mut self.work;
         (0..ROWS * ROWS).for_each(|k| w.s[k] = w.hph[k] + r[k]);
         assert!(cholesky(&w.s, &mut w.l, ROWS));
-        w.kt.copy_from_slice(&w.hp);
-        solve_rows(&w.l, &mut w.kt, ROWS, w.ld);
+        w.gain(ROWS);
         self.form.condition(n, &mut self.p, h, r, w);
         assert!(self.form.is_positive(n, &self.p, &mut self.work));
     }

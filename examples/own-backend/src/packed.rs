@@ -105,7 +105,7 @@ impl Form for Packed {
 
     fn condition(&self, n: usize, p: &mut [f64], h: &Jacobian, r: &[f64], w: &mut Workspace) {
         let m = h.rows();
-        let gain = DMatrix::from_fn(n, m, |i, j| w.kt[j * w.ld + i]);
+        let gain = DMatrix::from_fn(n, m, |i, j| w.kt()[j * w.ld + i]);
         let keep = DMatrix::identity(n, n) - &gain * DMatrix::from_fn(m, n, |i, j| h.get(i, j));
         let r = DMatrix::from_row_slice(m, m, r);
         pack(p, &(&keep * unpack(n, p) * keep.transpose() + &gain * r * gain.transpose()));

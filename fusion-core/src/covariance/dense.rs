@@ -1,15 +1,18 @@
 //! P whole: the Joseph and the standard form.
 //!
-//! P is stored whole, row by row, rows padded to a multiple of eight doubles. It is kept exactly
-//! symmetric: every kernel computes one triangle's meaning and writes both.
+//! P is stored whole, row by row, rows padded to a multiple of eight doubles, and kept exactly
+//! symmetric. The arithmetic is that of `fusion_kernels`.
 //!
-//! The inner loops run along pieces of padded rows of a length known at compile time; the portable
-//! code has no fused multiply-add, so that every machine gives the same bits.
+//! With S = LLᵀ, U = L⁻¹HP and the optimal gain K = PHᵀS⁻¹ = UᵀL⁻ᵀ, P given the measurement is A = P − UᵀU.
+//! Where a measurement is much more accurate than the prediction, A is what rounding leaves of the difference
+//! of two larger numbers. Its error E along the measurement is seen: C = AHᵀ − KR is zero without it, and
+//! (I − KH)E(I − KH)ᵀ = E − CKᵀ − KCᵀ + K(HC)Kᵀ takes it away, which is what Joseph's form does.
 
 use super::form::LARGEST;
 use super::{Form, Workspace};
 use crate::linear::{BlockMatrix, Jacobian, Transition, padded};
 use core::ops::Range;
+use fusion_kernels::{Kernel, Lines, Product};
 
 /// (I − KH)P(I − KH)ᵀ + KRKᵀ: positive for any gain.
 #[derive(Clone, Copy, Debug, Default)]
@@ -19,26 +22,18 @@ pub struct Joseph;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Standard;
 
-/// One element of Φ that is not zero, with where the row that it multiplies starts in P and in Aᵀ.
-#[derive(Clone, Copy, Debug, Default)]
-struct Term {
-    factor: f64,
-    in_p: u32,
-    in_at: u32,
-}
-
-/// Working memory of the kernels, sized once.
+/// Working memory of the dense forms, sized once.
 #[derive(Clone, Debug)]
 pub(super) struct Scratch {
     pub(super) a: Vec<f64>,
-    at: Vec<f64>,
-    core: Vec<f64>,
-    terms: Vec<Term>,
-    /// Where each row's terms end.
-    ends: Vec<usize>,
+    product: Product,
     /// What P held where noise was added before the transition.
     covered: Vec<f64>,
-    coefficients: Vec<f64>,
+    /// The optimal gain Kᵀ, and C, m rows each.
+    k: Lines,
+    c: Lines,
+    /// m×m.
+    along: Vec<f64>,
     /// By what the latest measurement has reduced the variance of its rows at most; infinite where
     /// that is not known.
     reduction: f64,
@@ -47,20 +42,20 @@ pub(super) struct Scratch {
 impl Scratch {
     pub(super) fn new(n: usize, m: usize) -> Self {
         let ld = padded(n);
+        let rows = || Lines::zeros(m * ld);
         Self {
-            a: vec![0.0; n.next_multiple_of(2) * ld],
-            at: vec![0.0; n * ld],
-            core: vec![0.0; n * n.next_multiple_of(2)],
-            terms: vec![Term::default(); n * n + 1],
-            ends: vec![0; n],
+            a: vec![0.0; n * ld],
+            product: Product::new(n),
             covered: Vec::with_capacity(n * n),
-            coefficients: vec![0.0; m],
+            k: rows(),
+            c: rows(),
+            along: vec![0.0; m * m],
             reduction: f64::INFINITY,
         }
     }
 }
 
-/// P as these kernels see it.
+/// P as these forms see it.
 struct Whole<'a> {
     n: usize,
     ld: usize,
@@ -79,7 +74,7 @@ impl<'a> Whole<'a> {
 
     /// P ← Φ(P + Q_before)Φᵀ + Q_after; false, and P as before, where a variance would overflow, be
     /// negative or not be a number.
-    fn predict(&mut self, t: &Transition, w: &mut Scratch) -> bool {
+    fn predict(&mut self, t: &Transition, w: &mut Scratch, kernel: Kernel) -> bool {
         let ld = self.ld;
         w.covered.clear();
         for &(i, j, value) in &t.before.entries {
@@ -87,13 +82,14 @@ impl<'a> Whole<'a> {
             w.covered.push(*p);
             *p += value;
         }
-        self.product(&t.phi, w);
-        let m = t.phi.active().len();
-        let moved = t.phi.active().iter().enumerate();
-        let mut diagonal = moved.map(|(a, &i)| (i, w.core[a * m.next_multiple_of(2) + a]));
+        let (phi, plan) = t.phi.transposed();
+        kernel.product(plan, phi, self.p, &mut w.product);
         let mut noise = t.before.entries.iter().chain(&t.after.entries);
         let is_sound = noise.all(|&(i, j, v)| v.abs() < LARGEST && (i != j || v >= 0.0))
-            && diagonal.all(|(i, v)| v.abs() < LARGEST && (v >= 0.0 || v + added(t, i) >= 0.0));
+            && t.phi.active().iter().all(|&i| {
+                let v = w.product.variance(plan, self.p, i.into());
+                v.abs() < LARGEST && (v >= 0.0 || v + added(t, i) >= 0.0)
+            });
         if !is_sound {
             // Last first: an element may have been covered twice.
             for (&(i, j, _), &old) in t.before.entries.iter().zip(&w.covered).rev() {
@@ -101,7 +97,7 @@ impl<'a> Whole<'a> {
             }
             return false;
         }
-        self.place(&t.phi, w);
+        kernel.place(plan, &w.product, self.p);
         for &(i, j, value) in &t.after.entries {
             self.p[i as usize * ld + j as usize] += value;
         }
@@ -109,118 +105,102 @@ impl<'a> Whole<'a> {
     }
 
     /// P ← Φ P Φᵀ.
-    fn congruence(&mut self, phi: &BlockMatrix, w: &mut Scratch) {
-        self.product(phi, w);
-        self.place(phi, w);
+    fn congruence(&mut self, map: &BlockMatrix, w: &mut Scratch, kernel: Kernel) {
+        let (phi, plan) = map.transposed();
+        kernel.product(plan, phi, self.p, &mut w.product);
+        kernel.place(plan, &w.product, self.p);
     }
 
-    /// The active rows of A = ΦP into `w.a`, those of ΦPΦᵀ among themselves into `w.core`.
-    ///
-    /// Active are the rows in which Φ may differ from the identity. For an active row i and any
-    /// other j, (ΦPΦᵀ)_ij = A_ij; for two others it is P_ij. So there is a second product, ΦAᵀ,
-    /// among the active rows only, and one triangle of it is computed.
-    fn product(&self, phi: &BlockMatrix, w: &mut Scratch) {
-        let (ld, m) = (self.ld, phi.active().len());
-        let width = m.next_multiple_of(2);
-        if m == 0 {
-            return;
-        }
-        let mut len = 0;
-        for (elements, end) in phi.elements().zip(&mut w.ends) {
-            for e in elements {
-                let factor = phi.value(e);
-                w.terms[len] = Term {
-                    factor,
-                    in_p: e.padded,
-                    in_at: e.compact,
-                };
-                len += usize::from(factor != 0.0);
-            }
-            *end = len;
-        }
-        let mut start = 0;
-        for (&end, out) in w.ends[..m].iter().zip(w.a.chunks_exact_mut(ld)) {
-            combine(&w.terms[start..end], |t| t.in_p, self.p, 0, self.n.next_multiple_of(2), out);
-            start = end;
-        }
-        // Aᵀ, active rows as columns, as far as Φ reads it; in pairs, as they are read again at once.
-        // The last row of an odd number has any other beside it: nothing reads that column.
-        for (pair, rows) in w.a[..width * ld].chunks_exact(2 * ld).enumerate() {
-            let (first, second) = rows.split_at(ld);
-            for (&column, out) in phi.columns().iter().zip(w.at.chunks_exact_mut(width)) {
-                out[2 * pair..2 * pair + 2].copy_from_slice(&[first[column as usize], second[column as usize]]);
-            }
-        }
-        let mut start = 0;
-        for (a, (&end, out)) in w.ends[..m].iter().zip(w.core.chunks_exact_mut(width)).enumerate() {
-            combine(&w.terms[start..end], |t| t.in_at, &w.at, a / 2 * 2, width, out);
-            start = end;
-        }
-    }
-
-    /// Puts what [`Covariance::product`] made into rows and columns of P.
-    fn place(&mut self, phi: &BlockMatrix, w: &Scratch) {
-        let (ld, m) = (self.ld, phi.active().len());
-        if m == 0 {
-            return;
-        }
-        for (&i, row) in phi.active().iter().zip(w.a.chunks_exact(ld)) {
-            let (out, _) = self.p[i as usize * ld..(i as usize + 1) * ld].as_chunks_mut::<8>();
-            out.iter_mut().zip(row.as_chunks::<8>().0).for_each(|(out, row)| *out = *row);
-        }
-        for &j in phi.rest() {
-            let out = &mut self.p[j as usize * ld..(j as usize + 1) * ld];
-            let mut at = j as usize;
-            for &i in phi.active() {
-                out[i as usize] = w.a[at];
-                at += ld;
-            }
-        }
-        for (a, (&i, row)) in phi.active().iter().zip(w.core.chunks_exact(m.next_multiple_of(2))).enumerate() {
-            let i = i as usize;
-            for (&j, &value) in phi.active()[a..].iter().zip(&row[a..]) {
-                let j = j as usize;
-                self.p[i * ld + j] = value;
-                self.p[j * ld + i] = value;
-            }
-        }
-    }
-
-    /// Conditions P on a measurement already projected: `w.hp`, and `w.kt` = Kᵀ.
+    /// Conditions P on a measurement already projected, by the gain in `w`.
     fn condition(&mut self, joseph: bool, h: &Jacobian, r: &[f64], w: &mut Workspace) {
+        let (m, kernel) = (h.rows(), w.kernel);
+        let reduction = reduction(m, &w.s, r);
+        if !w.take_optimal() {
+            self.condition_by_any_gain(joseph, h, r, w);
+        } else if joseph && reduction > ACCURATE {
+            self.condition_accurately(h, r, w);
+        } else {
+            kernel.downdate(self.n, &w.u, m, self.p);
+        }
+        w.dense.reduction = reduction;
+    }
+
+    /// The same by the optimal gain, without the error that accurate measurements leave. Rows whose
+    /// noises are independent are taken one by one: their gain does not suffer from an S that is nearly
+    /// singular, as where several rows measure nearly the same.
+    fn condition_accurately(&mut self, h: &Jacobian, r: &[f64], w: &mut Workspace) {
+        let (n, ld, m, kernel) = (self.n, self.ld, h.rows(), w.kernel);
+        if (0..m * m).any(|k| k / m != k % m && r[k] != 0.0) {
+            kernel.downdate(n, &w.u, m, self.p);
+            w.dense.k[..m * ld].copy_from_slice(&w.kt[..m * ld]);
+            return self.refine(0..m, h, r, &mut w.dense, kernel);
+        }
+        for i in 0..m {
+            let (row, own, r) = (&h.padded_rows()[i * ld..], &mut w.u[..ld], r[i * m + i]);
+            kernel.project(1, row, h.columns(), self.p, own, ld);
+            let s = along(h, i, own) + r;
+            // Nothing but rounding is left of S: the rows before say the same, without noise, and the gain
+            // is rounding too. P is then none, which the estimator finds.
+            if s.is_nan() || s <= SINGULAR * w.s[i * m + i] {
+                self.p[0] = f64::NAN;
+                return;
+            }
+            let k = &mut w.dense.k[..ld];
+            k.iter_mut().zip(&*own).for_each(|(k, hp)| *k = hp / s);
+            kernel.backward(&[s.sqrt()], 1, own, ld);
+            kernel.downdate(n, own, 1, self.p);
+            self.refine(i..i + 1, h, &[r], &mut w.dense, kernel);
+        }
+    }
+
+    /// A ← (I − KH)A(I − KH)ᵀ for these rows of H, to the first order of what A is off by; their gain is in
+    /// `w.k`.
+    fn refine(&mut self, rows: Range<usize>, h: &Jacobian, r: &[f64], w: &mut Scratch, kernel: Kernel) {
+        let (n, ld, m) = (self.n, self.ld, rows.len());
+        let (k, c) = (&w.k[..m * ld], &mut w.c[..m * ld]);
+        kernel.project(m, &h.padded_rows()[rows.start * ld..], h.columns(), self.p, c, ld);
+        kernel.subtract(r, m, k, c, ld);
+        // D = C − ½K(HC), so that A − DKᵀ − KDᵀ has the term of second order too.
+        for i in 0..m {
+            for j in 0..=i {
+                let (ci, cj) = (&c[i * ld..(i + 1) * ld], &c[j * ld..(j + 1) * ld]);
+                let sum = along(h, rows.start + i, cj) + along(h, rows.start + j, ci);
+                w.along[i * m + j] = 0.25 * sum;
+                w.along[j * m + i] = 0.25 * sum;
+            }
+        }
+        kernel.subtract(&w.along, m, k, c, ld);
+        kernel.refine(n, c, k, m, self.p);
+    }
+
+    /// The same by the gain in `kt`, whatever it is.
+    fn condition_by_any_gain(&mut self, joseph: bool, h: &Jacobian, r: &[f64], w: &mut Workspace) {
         let (n, ld, m) = (self.n, self.ld, h.rows());
+        let mut coefficients = core::mem::take(&mut w.dense.along);
+        let (hp, kt) = (&w.hp, &w.kt);
         // A = P − K(HP)
         for i in 0..n {
             let row = &mut self.p[i * ld..(i + 1) * ld];
             for j in 0..m {
-                axpy(-w.kt[j * ld + i], &w.hp[j * ld..(j + 1) * ld], row);
+                axpy(-kt[j * ld + i], &hp[j * ld..(j + 1) * ld], row);
             }
         }
         if joseph {
             // P⁺ = A − (A Hᵀ − K R) Kᵀ
             for i in 0..n {
                 let row = &mut self.p[i * ld..(i + 1) * ld];
-                let coefficients = &mut w.dense.coefficients[..m];
+                let coefficients = &mut coefficients[..m];
                 for (j, c) in coefficients.iter_mut().enumerate() {
-                    let hj = h.row(j);
-                    let mut sum = 0.0;
-                    for &(start, end) in h.columns() {
-                        for k in start..end {
-                            sum += row[k] * hj[k];
-                        }
-                    }
-                    for l in 0..m {
-                        sum -= w.kt[l * ld + i] * r[l * m + j];
-                    }
-                    *c = sum;
+                    let noise: f64 = (0..m).map(|l| kt[l * ld + i] * r[l * m + j]).sum();
+                    *c = along(h, j, row) - noise;
                 }
                 for (j, c) in coefficients.iter().enumerate() {
-                    axpy(-c, &w.kt[j * ld..(j + 1) * ld], row);
+                    axpy(-c, &kt[j * ld..(j + 1) * ld], row);
                 }
             }
         }
+        w.dense.along = coefficients;
         self.symmetrise();
-        w.dense.reduction = reduction(m, &w.s, r);
     }
 
     fn symmetrise(&mut self) {
@@ -235,6 +215,13 @@ impl<'a> Whole<'a> {
     }
 }
 
+/// A measurement that reduces no variance by more than this leaves an error of 1e-16 of the variance before
+/// it in A, 1e-15 of the one after it: no more than Joseph's form, so that it needs no refinement.
+const ACCURATE: f64 = 10.0;
+
+/// What is left of the variance S of a row, given the rows before it, that is no more than rounding.
+const SINGULAR: f64 = 4.0 * f64::EPSILON;
+
 /// A measurement that reduces no variance by more leaves rounding, 1e-16 of the variance before it,
 /// that is within what is tolerated of the variance after it: P needs no trial.
 const HARMLESS: f64 = 1e4;
@@ -242,17 +229,31 @@ const HARMLESS: f64 = 1e4;
 /// The largest ratio of the variance S of a row to its noise R; infinite where R is not diagonal, as
 /// combinations of rows may then be reduced by more.
 fn reduction(m: usize, s: &[f64], r: &[f64]) -> f64 {
-    let ratio = |(i, j): (usize, usize)| match i == j {
-        true => s[i * m + j] / r[i * m + j],
-        false if r[i * m + j] == 0.0 => 1.0,
-        false => f64::INFINITY,
-    };
-    (0..m * m).map(|k| ratio((k / m, k % m))).fold(1.0, f64::max)
+    let mut largest = 1.0_f64;
+    for i in 0..m {
+        let row = &r[i * m..(i + 1) * m];
+        if row.iter().enumerate().any(|(j, r)| j != i && *r != 0.0) {
+            return f64::INFINITY;
+        }
+        largest = largest.max(s[i * m + i] / row[i]);
+    }
+    largest
 }
 
 /// The noise that is added to variance `i` after the transition.
 fn added(t: &Transition, i: u16) -> f64 {
     t.after.entries.iter().filter(|e| (e.0, e.1) == (i, i)).map(|e| e.2).sum()
+}
+
+/// H_i · x.
+fn along(h: &Jacobian, i: usize, x: &[f64]) -> f64 {
+    let (row, mut sum) = (h.row(i), 0.0);
+    for &(start, end) in h.columns() {
+        for (h, x) in row[start..end].iter().zip(&x[start..end]) {
+            sum += h * x;
+        }
+    }
+    sum
 }
 
 /// Whether both axes, one or none of them lie in `axes`.
@@ -280,10 +281,10 @@ macro_rules! whole_form {
                 scale(n, p, axes, factor);
             }
             fn predict(&self, n: usize, p: &mut [f64], t: &Transition, w: &mut Workspace) -> bool {
-                Whole::new(n, p).predict(t, &mut w.dense)
+                Whole::new(n, p).predict(t, &mut w.dense, w.kernel)
             }
             fn congruence(&self, n: usize, p: &mut [f64], j: &BlockMatrix, w: &mut Workspace) {
-                Whole::new(n, p).congruence(j, &mut w.dense);
+                Whole::new(n, p).congruence(j, &mut w.dense, w.kernel);
             }
             fn project(&self, n: usize, p: &[f64], h: &Jacobian, w: &mut Workspace) {
                 project(n, p, h, w);
@@ -326,29 +327,11 @@ fn scale(n: usize, p: &mut [f64], axes: &[Range<usize>], factor: f64) {
 /// HP and HPHᵀ.
 fn project(n: usize, p: &[f64], h: &Jacobian, w: &mut Workspace) {
     let (m, ld) = (h.rows(), padded(n));
-    for i in 0..m {
-        let out = &mut w.hp[i * ld..(i + 1) * ld];
-        out.fill(0.0);
-        let hi = h.row(i);
-        for &(start, end) in h.columns() {
-            for (k, &factor) in hi[start..end].iter().enumerate() {
-                if factor != 0.0 {
-                    let at = (start + k) * ld;
-                    axpy(factor, &p[at..at + ld], out);
-                }
-            }
-        }
-    }
+    w.forget_gain();
+    w.kernel.project(m, h.padded_rows(), h.columns(), p, &mut w.hp, ld);
     for i in 0..m {
         for j in 0..=i {
-            let hj = h.row(j);
-            let hp = &w.hp[i * ld..(i + 1) * ld];
-            let mut sum = 0.0;
-            for &(start, end) in h.columns() {
-                for k in start..end {
-                    sum += hp[k] * hj[k];
-                }
-            }
+            let sum = along(h, j, &w.hp[i * ld..(i + 1) * ld]);
             w.hph[i * m + j] = sum;
             w.hph[j * m + i] = sum;
         }
@@ -362,42 +345,13 @@ pub(crate) fn axpy(factor: f64, x: &[f64], y: &mut [f64]) {
     }
 }
 
-/// out\[j\] = Σ factor · x[start + j] over `terms`, for j from `at` to `end`, an even number of them,
-/// in pieces that fit the registers.
-#[inline]
-fn combine(terms: &[Term], start: impl Fn(&Term) -> u32 + Copy, x: &[f64], mut at: usize, end: usize, out: &mut [f64]) {
-    while at < end {
-        match end - at {
-            2 => piece::<2>(terms, start, x, at, out),
-            4 => piece::<4>(terms, start, x, at, out),
-            6 => piece::<6>(terms, start, x, at, out),
-            8 => piece::<8>(terms, start, x, at, out),
-            10 => piece::<10>(terms, start, x, at, out),
-            12 => piece::<12>(terms, start, x, at, out),
-            14 => piece::<14>(terms, start, x, at, out),
-            _ => piece::<16>(terms, start, x, at, out),
-        }
-        at += 16;
-    }
-}
-
-#[inline]
-fn piece<const W: usize>(terms: &[Term], start: impl Fn(&Term) -> u32, x: &[f64], at: usize, out: &mut [f64]) {
-    let x = &x[at..];
-    let mut sum = [0.0; W];
-    for term in terms {
-        let start = start(term) as usize;
-        for (s, x) in sum.iter_mut().zip(&x[start..start + W]) {
-            *s += term.factor * x;
-        }
-    }
-    out[at..at + W].copy_from_slice(&sum);
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::check_form;
+    use crate::covariance::{Covariance, FormKind};
+    use crate::state::Quantity;
+    use crate::testing::{Lcg, check_form, scalars};
+    use nalgebra::{DMatrix, Matrix1};
     use std::sync::Arc;
 
     #[test]
@@ -407,5 +361,34 @@ mod tests {
                 check_form(&form, n).unwrap();
             }
         }
+    }
+
+    #[test]
+    fn josephs_form_takes_any_gain() {
+        let (n, m) = (10, 2);
+        let (layout, slots) = scalars(n).unwrap();
+        let mut random = Lcg::new(4);
+        let a = DMatrix::from_fn(n, n, |_, _| random.signed());
+        let (p, r) = (&a * a.transpose(), DMatrix::from_row_slice(m, m, &[1.0, 0.3, 0.3, 2.0]));
+        let (full, gain) = (
+            DMatrix::from_fn(m, n, |_, _| random.signed()),
+            DMatrix::from_fn(n, m, |_, _| random.signed()),
+        );
+        let (mut h, mut w) = (Jacobian::new(&layout, m), Workspace::new(&Joseph, n, m));
+        h.reset(m);
+        for (i, j) in (0..m * n).map(|k| (k / n, k % n)) {
+            h.add(i, &Quantity::State(slots[j]), &Matrix1::new(full[(i, j)]));
+        }
+        let mut c = Covariance::zeros(n, FormKind::Joseph.form());
+        c.set_whole(p.as_slice());
+        c.project(&h, &mut w);
+        let kt = w.kt_mut();
+        (0..m * n).for_each(|k| kt[k % m * padded(n) + k / m] = gain[(k / m, k % m)]);
+        c.condition(&h, r.as_slice(), &mut w);
+        let keep = DMatrix::identity(n, n) - &gain * &full;
+        let wanted = &keep * &p * keep.transpose() + &gain * r * gain.transpose();
+        let off = (DMatrix::from_row_slice(n, n, &c.to_dense()) - &wanted).amax() / wanted.amax();
+        // 1e-14: sums of ten products.
+        assert!(off < 1e-14, "{off:e}");
     }
 }

@@ -6,6 +6,7 @@ use crate::linear::{BlockMatrix, Jacobian, Transition, padded};
 use core::fmt::Debug;
 use core::mem::MaybeUninit;
 use core::ops::Range;
+use fusion_kernels::{Kernel, Lines};
 
 /// Variances beyond this have overflowed, or are about to.
 pub(super) const LARGEST: f64 = 1e300;
@@ -85,10 +86,12 @@ pub(super) fn on_trial<F: Form + ?Sized>(form: &F, n: usize, p: &[f64], w: &mut 
 /// Working memory of a measurement's passage and of the kernels, sized once.
 #[derive(Clone, Debug)]
 pub struct Workspace {
+    /// What computes: the best that the processor has, unless another one is put here.
+    pub kernel: Kernel,
     /// Row length of `hp` and `kt`: n padded to a multiple of eight.
     pub ld: usize,
     /// H P, m rows of `ld`.
-    pub hp: Vec<f64>,
+    pub hp: Lines,
     /// H P Hᵀ, m×m.
     pub hph: Vec<f64>,
     /// S = H P Hᵀ + R, m×m.
@@ -96,7 +99,11 @@ pub struct Workspace {
     /// Cholesky factor of S, lower, m×m.
     pub l: Vec<f64>,
     /// Kᵀ, m rows of `ld`.
-    pub kt: Vec<f64>,
+    pub(super) kt: Lines,
+    /// L⁻¹HP, as long as `kt` is the optimal gain.
+    pub(super) u: Lines,
+    /// Whether `kt` is the optimal gain of what is here.
+    is_optimal: bool,
     /// What the form asked for.
     pub extra: Vec<f64>,
     /// Memory without contents that the form asked for.
@@ -110,15 +117,51 @@ impl Workspace {
     pub fn new(form: &dyn Form, n: usize, m: usize) -> Self {
         let ld = padded(n);
         Self {
+            kernel: Kernel::default(),
             ld,
-            hp: vec![0.0; m * ld],
+            hp: Lines::zeros(m * ld),
             hph: vec![0.0; m * m],
             s: vec![0.0; m * m],
             l: vec![0.0; m * m],
-            kt: vec![0.0; m * ld],
+            kt: Lines::zeros(m * ld),
+            u: Lines::zeros(m * ld),
+            is_optimal: false,
             extra: vec![0.0; form.workspace(n, m)],
             stack: vec![MaybeUninit::new(0.0); form.stack(n, m)],
             dense: Scratch::new(n, m),
         }
+    }
+
+    /// K = PHᵀS⁻¹ for m rows, by solving with the factor of S.
+    pub fn gain(&mut self, m: usize) {
+        let used = m * self.ld;
+        let (u, kt) = (&mut self.u[..used], &mut self.kt[..used]);
+        u.copy_from_slice(&self.hp[..used]);
+        self.kernel.forward(&self.l, m, u, self.ld);
+        kt.copy_from_slice(u);
+        self.kernel.backward(&self.l, m, kt, self.ld);
+        self.is_optimal = true;
+    }
+
+    /// Kᵀ, m rows of `ld`.
+    #[must_use]
+    pub fn kt(&self) -> &[f64] {
+        &self.kt
+    }
+
+    /// The same, for a gain that is not the optimal one.
+    pub fn kt_mut(&mut self) -> &mut [f64] {
+        self.is_optimal = false;
+        &mut self.kt
+    }
+
+    /// H, P or R is another one.
+    pub(crate) const fn forget_gain(&mut self) {
+        self.is_optimal = false;
+    }
+
+    /// Whether the gain is the optimal one, for whoever uses it: P is another one then.
+    pub(super) const fn take_optimal(&mut self) -> bool {
+        core::mem::replace(&mut self.is_optimal, false)
     }
 }

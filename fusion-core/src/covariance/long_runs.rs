@@ -1,6 +1,6 @@
 //! Laws of the forms over many steps: they agree, stay positive, and say where they do not.
 
-use super::{Covariance, Form, FormKind, Workspace, cholesky, solve_rows};
+use super::{Covariance, Form, FormKind, Workspace, cholesky};
 use crate::linear::{Jacobian, Transition, padded};
 use crate::state::{Layout, Quantity, Scalar, Slot};
 use crate::testing::{Lcg, double::Double, scalars};
@@ -71,8 +71,7 @@ impl Bare {
         if !cholesky(&w.s, &mut w.l, m) {
             return false;
         }
-        w.kt.copy_from_slice(&w.hp);
-        solve_rows(&w.l, &mut w.kt, m, w.ld);
+        w.gain(m);
         self.before.copy_from(&self.p);
         self.p.condition(&self.jacobian, r, &mut self.work);
         let is_positive = self.p.is_positive(&mut self.work);

@@ -8,6 +8,8 @@
 //! Letters: P covariance (n×n), Φ transition (n×n), Q process noise, H Jacobian (m×n),
 //! S innovation covariance (m×m), K gain (n×m), R measurement noise (m×m).
 
+#[cfg(test)]
+mod accuracy;
 mod array;
 mod dense;
 mod faer;
@@ -22,6 +24,7 @@ mod upper;
 pub(crate) use dense::axpy;
 pub use dense::{Joseph, Standard};
 pub use form::{Form, Workspace};
+pub use fusion_kernels::{Kernel, Lines};
 pub use solve::{cholesky, solve_lower, solve_rows};
 pub use square_root::SquareRoot;
 pub use udu::Udu;
@@ -72,7 +75,7 @@ impl FormKind {
 #[derive(Clone, Debug)]
 pub struct Covariance {
     n: usize,
-    p: Vec<f64>,
+    p: Lines,
     form: Arc<dyn Form>,
 }
 
@@ -80,7 +83,7 @@ pub struct Covariance {
 impl PartialEq for Covariance {
     fn eq(&self, other: &Self) -> bool {
         let same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits();
-        self.n == other.n && self.form.name() == other.form.name() && self.p.iter().zip(&other.p).all(same)
+        self.n == other.n && self.form.name() == other.form.name() && self.p.iter().zip(other.p.iter()).all(same)
     }
 }
 
@@ -96,7 +99,7 @@ impl Covariance {
     pub fn zeros(n: usize, form: Arc<dyn Form>) -> Self {
         Self {
             n,
-            p: vec![0.0; form.storage(n)],
+            p: Lines::zeros(form.storage(n)),
             form,
         }
     }

@@ -6,6 +6,17 @@ use super::dense::axpy;
 /// definite.
 #[must_use]
 pub fn cholesky(s: &[f64], l: &mut [f64], m: usize) -> bool {
+    // Loops of the usual lengths are unrolled.
+    match m {
+        1 => factor(&s[..1], &mut l[..1], 1),
+        2 => factor(&s[..4], &mut l[..4], 2),
+        3 => factor(&s[..9], &mut l[..9], 3),
+        _ => factor(s, l, m),
+    }
+}
+
+#[inline(always)]
+fn factor(s: &[f64], l: &mut [f64], m: usize) -> bool {
     for i in 0..m {
         for j in 0..=i {
             let mut sum = s[i * m + j];
@@ -28,6 +39,16 @@ pub fn cholesky(s: &[f64], l: &mut [f64], m: usize) -> bool {
 
 /// Solves L y = b in place; L lower, m×m, row by row.
 pub fn solve_lower(l: &[f64], b: &mut [f64], m: usize) {
+    match m {
+        1 => forward(&l[..1], &mut b[..1], 1),
+        2 => forward(&l[..4], &mut b[..2], 2),
+        3 => forward(&l[..9], &mut b[..3], 3),
+        _ => forward(l, b, m),
+    }
+}
+
+#[inline(always)]
+fn forward(l: &[f64], b: &mut [f64], m: usize) {
     for i in 0..m {
         let mut sum = b[i];
         for k in 0..i {

@@ -122,7 +122,7 @@ impl SquareRoot {
     /// Makes the array of `phi` triangular; S of it into `p`.
     fn triangularise(&self, n: usize, p: &mut [f64], a: &mut Array<'_>, phi: &BlockMatrix, w: &mut [MaybeUninit<f64>]) {
         a.unite();
-        if phi.active().len().saturating_sub(phi.rest().len()) >= self.faer_from {
+        if (2 * phi.active().len()).saturating_sub(phi.dim()) >= self.faer_from {
             faer::triangularise(n, p, a, w);
         } else {
             reflect(n, p, a);

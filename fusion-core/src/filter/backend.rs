@@ -6,7 +6,7 @@ use super::rule::{Single, UpdateRule};
 use super::sigma::Spread;
 use super::unscented::Unscented;
 use crate::chart::{AdditiveEuler, AdditiveQuaternion, Biases, Body, Chart, Invariant, Navigation, Reset, Side};
-use crate::covariance::FormKind;
+use crate::covariance::{FormKind, Kernel};
 use std::sync::Arc;
 
 /// What the covariance is the covariance of.
@@ -50,6 +50,8 @@ pub struct Backend {
     pub form: FormKind,
     /// What becomes of P when the state moves by a correction.
     pub reset: Reset,
+    /// What computes; the best that the processor has where none is named.
+    pub kernel: Option<Kernel>,
 }
 
 impl Backend {
@@ -64,6 +66,7 @@ impl Backend {
         update: UpdateKind::Single,
         form: FormKind::Joseph,
         reset: Reset::Plain,
+        kernel: None,
     };
     /// The iterated error-state filter: body-frame error, Gauss-Newton on the manifold.
     pub const IEKF: Self = Self {

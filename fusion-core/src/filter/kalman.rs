@@ -2,18 +2,19 @@
 
 use super::backend::Backend;
 use super::estimator::{Estimator, FilterError, Observed, Update, Verdict};
+use super::own::OwnDynamics;
 use super::reacquire::Growing;
 use super::rule::{Innovation, Problem, UpdateRule};
 use super::sigma::Spread;
 use super::step::Step;
 use crate::chart::{Chart, Reset};
-use crate::covariance::{Covariance, Form};
+use crate::covariance::{Covariance, Form, Kernel};
 use crate::gate::{Answer, Decision, Gate, GateInput, Mode, Outcome};
 use crate::linear::{BlockMatrix, Transition};
 use crate::loss::Loss;
 use crate::memory::{Memory, Tape};
 use crate::model::{Gap, Input, Process, SignalBuffer, Size};
-use crate::state::{Belief, Dynamics, Layout, Past, View};
+use crate::state::{Belief, Layout, Past, View};
 use crate::time::{Time, nanos};
 use std::sync::Arc;
 
@@ -28,6 +29,8 @@ pub struct Parts {
     pub form: Arc<dyn Form>,
     /// What becomes of P when the state moves by a correction.
     pub reset: Reset,
+    /// What computes.
+    pub kernel: Kernel,
 }
 
 impl From<Backend> for Parts {
@@ -37,6 +40,7 @@ impl From<Backend> for Parts {
             update: backend.update.rule(),
             form: backend.form.form(),
             reset: backend.reset,
+            kernel: backend.kernel.unwrap_or_default(),
         }
     }
 }
@@ -61,7 +65,7 @@ pub struct Filter {
     anchor: Option<Vec<f64>>,
     rule: Arc<dyn UpdateRule>,
     how: Reset,
-    own: Arc<[OwnDynamics]>,
+    own: OwnDynamics,
     pub(super) growing: Growing,
     /// What the parameters were before a gate denied its sensor.
     pub(super) past: Past,
@@ -146,52 +150,6 @@ enum Drive<'a> {
     Nothing(Gap),
 }
 
-/// Dynamics that a tangent coordinate has by itself.
-#[derive(Clone, Copy, Debug)]
-enum OwnDynamics {
-    Walk {
-        axis: usize,
-        psd: f64,
-    },
-    Markov {
-        axis: usize,
-        storage: usize,
-        variance: f64,
-        tau: f64,
-    },
-}
-
-impl OwnDynamics {
-    /// Those that the blocks of `layout` declare.
-    fn of(layout: &Layout) -> Arc<[Self]> {
-        let mut own = Vec::new();
-        for b in layout.blocks() {
-            for (k, axis) in b.tangent_range().enumerate() {
-                match &b.dynamics {
-                    Dynamics::RandomWalk { psd } if psd[k] > 0.0 => own.push(Self::Walk { axis, psd: psd[k] }),
-                    Dynamics::GaussMarkov { sigma, tau } => own.push(Self::Markov {
-                        axis,
-                        storage: b.storage + k,
-                        variance: sigma[k] * sigma[k],
-                        tau: *tau,
-                    }),
-                    _ => {}
-                }
-            }
-        }
-        own.into()
-    }
-}
-
-/// Gauss-Markov decay of the state over a step whose Φ, `phi`, has it already.
-fn decay_state(own: &[OwnDynamics], x: &mut [f64], phi: &BlockMatrix) {
-    for own in own {
-        if let OwnDynamics::Markov { axis, storage, .. } = *own {
-            x[storage] *= phi.get(axis, axis);
-        }
-    }
-}
-
 impl Filter {
     /// A filter at the layout's initial belief, with room for measurements of up to `largest`.
     #[must_use]
@@ -210,6 +168,8 @@ impl Filter {
         }
         let mut past = Past::new(Arc::clone(&layout));
         past.start(&belief);
+        let mut work = Innovation::new(&layout, parts.form.as_ref(), largest);
+        work.work.kernel = parts.kernel;
         Self {
             belief,
             how,
@@ -218,7 +178,7 @@ impl Filter {
             growing: Growing::of(&layout),
             past,
             signals: Signals::new(&layout, process.input_dim()),
-            work: Innovation::new(&layout, parts.form.as_ref(), largest),
+            work,
             reset: BlockMatrix::identity(n),
             x_before: vec![0.0; layout.storage()],
             p_before: Covariance::zeros(n, parts.form),
@@ -274,8 +234,7 @@ impl Filter {
         let is_moved = match (drive, self.rule.spread()) {
             (Drive::Input(input), Some(spread)) => self.spread_step(&spread, input, dt),
             (Drive::Input(input), None) => {
-                self.process.linearise(&self.belief.x, input, dt, &mut self.transition);
-                self.process.propagate(&mut self.belief.x, input, dt);
+                self.process.step(&mut self.belief.x, input, dt, &mut self.transition);
                 self.predict_covariance(dt)
             }
             (Drive::Nothing(gap), _) => {
@@ -311,8 +270,8 @@ impl Filter {
     /// What blocks do by themselves, and P by the transition; false, with P as before, where it is not
     /// sound. The process moves under the state it was linearised at, so blocks decay after it.
     fn predict_covariance(&mut self, dt: f64) -> bool {
-        self.decay(dt);
-        decay_state(&self.own, &mut self.belief.x, &self.transition.phi);
+        self.own.write(dt, &mut self.transition);
+        self.own.decay(&mut self.belief.x, &self.transition.phi);
         if !self.rule.keeps_covariance() {
             return self.layout.is_sane(&self.belief.x);
         }
@@ -321,26 +280,12 @@ impl Filter {
         self.layout.is_sane(&self.belief.x) && self.belief.covariance.predict(&self.transition, &mut self.work.work)
     }
 
-    /// Random walks and Gauss-Markov decay of the blocks that have them, in the transition.
-    fn decay(&mut self, dt: f64) {
-        for own in self.own.iter() {
-            match *own {
-                OwnDynamics::Walk { axis, psd } => self.transition.after.diagonal(axis, psd * dt),
-                OwnDynamics::Markov { axis, variance, tau, .. } => {
-                    let decay = (-dt / tau).exp();
-                    self.transition.phi.set_element(axis, axis, decay);
-                    self.transition.after.diagonal(axis, variance * (1.0 - decay * decay));
-                }
-            }
-        }
-    }
-
     /// The belief by sigma points through the process's own step; its noise is added as ever. False, with
     /// a covariance as before, where the result is not sound. Where steps are kept, Φ becomes the
     /// regression of what the points became on what they were.
     fn spread_step(&mut self, spread: &Spread, input: &Input<'_>, dt: f64) -> bool {
         self.process.linearise(&self.belief.x, input, dt, &mut self.transition);
-        self.decay(dt);
+        self.own.write(dt, &mut self.transition);
         let covariance = &self.belief.covariance;
         self.transition.settle(|axis| covariance.marginal_at::<1>(axis).x);
         let (n, storage) = (self.layout.dim(), self.layout.storage());
@@ -352,7 +297,7 @@ impl Filter {
         let phi = &self.transition.phi;
         let run = |x: &mut [f64]| {
             process.propagate(x, input, dt);
-            decay_state(own, x, phi);
+            own.decay(x, phi);
         };
         points.centre.copy_from_slice(&self.belief.x);
         run(&mut points.centre);
@@ -519,7 +464,7 @@ impl Filter {
                 noise: f.work.noise[..m * m].to_vec(),
                 residual: f.work.effective[..m].to_vec(),
                 innovation: w.s[..m * m].to_vec(),
-                gain: w.kt.chunks(w.ld).take(m).flat_map(|row| &row[..n]).copied().collect(),
+                gain: w.kt().chunks(w.ld).take(m).flat_map(|row| &row[..n]).copied().collect(),
                 correction: f.work.correction.clone(),
                 reset: is_reset.then(|| f.reset.clone()),
                 posterior: f.belief.clone(),

@@ -12,6 +12,7 @@ mod iterated;
 mod kalman;
 mod lateness;
 mod outright;
+mod own;
 mod reacquire;
 mod rule;
 mod sigma;

@@ -25,20 +25,24 @@ impl UpdateRule for Outright {
     fn condition(&self, problem: &mut Problem<'_>, work: &mut Innovation) -> bool {
         let (m, n) = (work.rows, problem.layout.dim());
         let w = &mut work.work;
+        let ld = w.ld;
         let squared = &mut work.trial.noise[..m * m];
         for i in 0..m {
             let row = work.jacobian.row(i);
             for j in 0..m {
                 squared[i * m + j] = row.iter().zip(work.jacobian.row(j)).map(|(a, b)| a * b).sum();
             }
-            w.kt[i * w.ld..i * w.ld + n].copy_from_slice(&row[..n]);
-            w.kt[i * w.ld + n..(i + 1) * w.ld].fill(0.0);
+            let kt = &mut w.kt_mut()[i * ld..(i + 1) * ld];
+            kt[..n].copy_from_slice(&row[..n]);
+            kt[n..].fill(0.0);
         }
         // Rows that no state moves, or that repeat each other, have no such correction.
         if !cholesky(squared, &mut w.l, m) {
             return false;
         }
-        solve_rows(&w.l, &mut w.kt, m, w.ld);
+        let l = core::mem::take(&mut w.l);
+        solve_rows(&l, w.kt_mut(), m, ld);
+        w.l = l;
         problem.covariance.clear();
         work.correct()
     }

@@ -4,7 +4,7 @@ use super::estimator::Observed;
 use super::kalman::Signals;
 use super::sigma::{SigmaPoints, Spread};
 use crate::chart::{Chart, Reset};
-use crate::covariance::{Covariance, Form, Workspace, cholesky, solve_lower, solve_rows};
+use crate::covariance::{Covariance, Form, Workspace, axpy, cholesky, solve_lower};
 use crate::linear::{BlockMatrix, Jacobian};
 use crate::model::{Process, Size, Undefined};
 use crate::state::Layout;
@@ -264,6 +264,7 @@ impl Innovation {
     /// S = HPHᵀ + R and its Cholesky factor; false where S is not positive definite.
     pub fn factor(&mut self) -> bool {
         let (m, w) = (self.rows, &mut self.work);
+        w.forget_gain();
         for ((s, p), r) in w.s.iter_mut().zip(&w.hph).zip(&self.noise[..m * m]) {
             *s = p + r;
         }
@@ -292,10 +293,7 @@ impl Innovation {
 
     /// K = PHᵀS⁻¹, by solving with the factor of S.
     pub fn gain(&mut self) {
-        let (m, w) = (self.rows, &mut self.work);
-        let used = m * w.ld;
-        w.kt[..used].copy_from_slice(&w.hp[..used]);
-        solve_rows(&w.l, &mut w.kt, m, w.ld);
+        self.work.gain(self.rows);
     }
 
     /// δ = K r; false where a number of it is not finite.
@@ -307,9 +305,9 @@ impl Innovation {
 
     /// δ = K times [`Innovation::effective`]; false where a number of it is not finite.
     pub fn correct_by_effective(&mut self) -> bool {
-        let (m, ld) = (self.rows, self.work.ld);
-        for (i, d) in self.correction.iter_mut().enumerate() {
-            *d = (0..m).map(|j| self.work.kt[j * ld + i] * self.effective[j]).sum();
+        self.correction.fill(0.0);
+        for (row, r) in self.work.kt().chunks_exact(self.work.ld).zip(&self.effective[..self.rows]) {
+            axpy(*r, row, &mut self.correction);
         }
         self.correction.iter().all(|d| d.is_finite())
     }

@@ -465,7 +465,7 @@ fn a_correction_that_leaves_a_negative_variance_is_refused() {
         }
         fn condition(&self, problem: &mut Problem<'_>, work: &mut Innovation) -> bool {
             work.gain();
-            work.work.kt.iter_mut().for_each(|k| *k *= 2.0);
+            work.work.kt_mut().iter_mut().for_each(|k| *k *= 2.0);
             let is_finite = work.correct();
             work.condition(problem.covariance);
             is_finite

@@ -78,7 +78,7 @@ impl UpdateRule for Unscented {
             work.jacobian.set_row(r, row);
         }
         // M = L − K A, in place of L.
-        let kt = &work.work.kt;
+        let kt = work.work.kt();
         for k in 0..n {
             for i in 0..n {
                 let known: f64 = (0..m).map(|r| kt[r * ld + k] * points.odd[i * m + r]).sum();

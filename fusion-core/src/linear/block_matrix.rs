@@ -3,6 +3,7 @@
 use super::padded;
 use crate::memory::{Memory, Tape};
 use crate::state::{Slot, Tangent};
+use fusion_kernels::{Lines, Plan};
 use nalgebra::SMatrix;
 
 /// A square block-sparse map, identity where nothing is written.
@@ -10,19 +11,19 @@ use nalgebra::SMatrix;
 pub struct BlockMatrix {
     n: usize,
     ld: usize,
-    data: Vec<f64>,
+    /// Its transpose, row by row: the kernels read Φ along columns.
+    data: Lines,
     /// Per row, the ranges of columns that may be non-zero besides the identity.
     rows: Vec<Vec<(u16, u16)>>,
     /// The same for the first 64 columns, a bit each: a block known already costs one test.
     known: Vec<u64>,
-    /// Rows that have ranges, and those that have none, in order.
+    /// Rows that have ranges, in order.
     active: Vec<u16>,
-    rest: Vec<u16>,
-    /// Columns that active rows read, in order.
-    columns: Vec<u16>,
     /// What active rows read, row after row, and where each row ends.
     elements: Vec<Element>,
     ends: Vec<usize>,
+    /// How the kernels go through it.
+    plan: Plan,
     /// `rows` in one list, as it is remembered: row, start, end.
     pattern: Vec<u8>,
 }
@@ -47,22 +48,11 @@ impl Memory for BlockMatrix {
     }
 }
 
-/// An element of an active row.
+/// An element of an active row: where its value lies, and its column.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Element {
+struct Element {
     at: u32,
-    /// Where the row of its column starts in a padded matrix.
-    pub(crate) padded: u32,
-    /// The same in a matrix of [`BlockMatrix::columns`] rows, as wide as there are active rows,
-    /// evenly.
-    pub(crate) compact: u32,
-}
-
-impl Element {
-    /// Its column, of a matrix whose padded rows are as long as those it was made for.
-    const fn column(&self, ld: usize) -> usize {
-        self.padded as usize / ld
-    }
+    column: u16,
 }
 
 impl BlockMatrix {
@@ -70,7 +60,7 @@ impl BlockMatrix {
     pub(crate) fn apply(&self, v: &[f64], out: &mut [f64]) {
         out.copy_from_slice(v);
         for (&i, elements) in self.active.iter().zip(self.elements()) {
-            out[usize::from(i)] = elements.iter().map(|e| self.value(e) * v[e.column(self.ld)]).sum();
+            out[usize::from(i)] = elements.iter().map(|e| self.value(e) * v[usize::from(e.column)]).sum();
         }
     }
 
@@ -83,7 +73,7 @@ impl BlockMatrix {
         for (&k, elements) in self.active.iter().zip(self.elements()) {
             let factor = v[usize::from(k)];
             for element in elements {
-                out[element.column(self.ld)] += factor * self.value(element);
+                out[usize::from(element.column)] += factor * self.value(element);
             }
         }
     }
@@ -95,14 +85,13 @@ impl BlockMatrix {
         let mut m = Self {
             n,
             ld,
-            data: vec![0.0; n * ld],
+            data: Lines::zeros(n * ld),
             rows: vec![Vec::new(); n],
             known: vec![0; n],
             active: Vec::new(),
-            rest: (0..n as u16).collect(),
-            columns: Vec::new(),
             elements: Vec::new(),
             ends: Vec::new(),
+            plan: Plan::new(&vec![Vec::new(); n]),
             pattern: Vec::new(),
         };
         m.reset();
@@ -139,11 +128,11 @@ impl BlockMatrix {
 
     /// Sets the block whose first element is at (`row`, `col`) of the tangent space.
     pub(crate) fn set_at<const R: usize, const C: usize>(&mut self, row: usize, col: usize, block: &SMatrix<f64, R, C>) {
-        for i in 0..R {
-            self.mark(row + i, col, C);
-            let at = (row + i) * self.ld + col;
-            for (j, out) in self.data[at..at + C].iter_mut().enumerate() {
-                *out = block[(i, j)];
+        (row..row + R).for_each(|i| self.mark(i, col, C));
+        for (j, column) in (col..col + C).zip(block.column_iter()) {
+            let at = j * self.ld + row;
+            for (out, value) in self.data[at..at + R].iter_mut().zip(column.iter()) {
+                *out = *value;
             }
         }
     }
@@ -151,13 +140,15 @@ impl BlockMatrix {
     /// Sets a whole row.
     pub(crate) fn set_row(&mut self, row: usize, values: &[f64]) {
         self.mark(row, 0, values.len());
-        self.data[row * self.ld..row * self.ld + values.len()].copy_from_slice(values);
+        for (k, value) in values.iter().enumerate() {
+            self.data[k * self.ld + row] = *value;
+        }
     }
 
     /// Sets one element.
     pub(crate) fn set_element(&mut self, row: usize, col: usize, value: f64) {
         self.mark(row, col, 1);
-        self.data[row * self.ld + col] = value;
+        self.data[col * self.ld + row] = value;
     }
 
     #[inline]
@@ -190,27 +181,22 @@ impl BlockMatrix {
         }
         *ranges = merged;
         (start..end.min(64)).for_each(|k| self.known[row] |= 1 << k);
-        let is_active = |i: &u16| !self.rows[*i as usize].is_empty();
-        (self.active, self.rest) = (0..self.n as u16).partition(is_active);
-        let lists = |i: u16, k: u16| self.rows[i as usize].iter().any(|&(s, e)| s <= k && k < e);
-        self.columns = (0..self.n as u16)
-            .filter(|&k| self.active.iter().any(|&i| i == k || lists(i, k)))
-            .collect();
+        self.active = (0..self.n as u16).filter(|&i| !self.rows[usize::from(i)].is_empty()).collect();
         self.elements.clear();
         self.ends.clear();
-        let (ld, width) = (self.ld as u32, self.active.len().next_multiple_of(2));
         for &i in &self.active {
-            let listed = self.columns.iter().enumerate().filter(|&(_, &k)| lists(i, k));
+            let ranges = &self.rows[usize::from(i)];
+            let listed = ranges.iter().flat_map(|&(start, end)| start..end);
             // The one of the identity comes last where it is not in a range.
-            let own = self.columns.iter().enumerate().filter(|&(_, &k)| k == i && !lists(i, i));
-            let element = |(place, &k): (usize, &u16)| Element {
-                at: u32::from(i) * ld + u32::from(k),
-                padded: u32::from(k) * ld,
-                compact: (place * width) as u32,
+            let own = (!ranges.iter().any(|&(start, end)| start <= i && i < end)).then_some(i);
+            let element = |column: u16| Element {
+                at: u32::from(column) * self.ld as u32 + u32::from(i),
+                column,
             };
             self.elements.extend(listed.chain(own).map(element));
             self.ends.push(self.elements.len());
         }
+        self.plan = Plan::new(&self.rows);
         self.pattern.clear();
         for (&i, ranges) in self.active.iter().map(|i| (i, &self.rows[usize::from(*i)])) {
             let numbers = ranges.iter().flat_map(|&(start, end)| [i, start, end]);
@@ -229,7 +215,7 @@ impl BlockMatrix {
     /// One element.
     #[must_use]
     pub fn get(&self, row: usize, col: usize) -> f64 {
-        self.data[row * self.ld + col]
+        self.data[col * self.ld + row]
     }
 
     /// The ranges of columns that row `i` may read besides the identity.
@@ -237,37 +223,22 @@ impl BlockMatrix {
         &self.rows[i]
     }
 
-    #[cfg(test)]
-    pub(crate) fn row(&self, i: usize) -> (&[f64], &[(u16, u16)]) {
-        (&self.data[i * self.ld..(i + 1) * self.ld], &self.rows[i])
-    }
-
     /// The elements that differ from those of the identity: row, column, and by how much.
     pub(crate) fn changes(&self) -> impl Iterator<Item = (u16, u16, f64)> {
         let rows = self.active.iter().zip(self.elements());
         rows.flat_map(move |(&i, elements)| {
             elements.iter().filter_map(move |element| {
-                let column = (element.at as usize - usize::from(i) * self.ld) as u16;
-                let change = self.value(element) - f64::from(u8::from(column == i));
-                (change != 0.0).then_some((i, column, change))
+                let change = self.value(element) - f64::from(u8::from(element.column == i));
+                (change != 0.0).then_some((i, element.column, change))
             })
         })
     }
 
     /// The active rows of M x into `out`, of an `x` that is zero from `end` on.
     pub(crate) fn active_rows(&self, x: &[f64], end: usize, out: &mut [f64]) {
-        for &i in &self.active {
-            let i = usize::from(i);
-            let (row, mut sum, mut own) = (&self.data[i * self.ld..], 0.0, x[i]);
-            for &(s, e) in &self.rows[i] {
-                let (s, e) = (usize::from(s), usize::from(e));
-                if s <= i && i < e {
-                    own = 0.0;
-                }
-                let e = e.min(end).max(s);
-                sum += dot(&row[s..e], &x[s..e]);
-            }
-            out[i] = sum + own;
+        for (&i, elements) in self.active.iter().zip(self.elements()) {
+            let read = elements.iter().filter(|e| usize::from(e.column) < end);
+            out[usize::from(i)] = read.map(|e| self.value(e) * x[usize::from(e.column)]).sum();
         }
     }
 
@@ -276,18 +247,13 @@ impl BlockMatrix {
         &self.active
     }
 
-    /// Rows of the identity, in order.
-    pub(crate) fn rest(&self) -> &[u16] {
-        &self.rest
-    }
-
-    /// Columns that active rows read, in order.
-    pub(crate) fn columns(&self) -> &[u16] {
-        &self.columns
+    /// Its transpose in padded rows, and how the kernels go through it.
+    pub(crate) fn transposed(&self) -> (&[f64], &Plan) {
+        (&self.data, &self.plan)
     }
 
     /// What active rows read, row by row.
-    pub(crate) fn elements(&self) -> impl Iterator<Item = &[Element]> {
+    fn elements(&self) -> impl Iterator<Item = &[Element]> {
         let mut start = 0;
         self.ends.iter().map(move |&end| {
             let row = &self.elements[start..end];
@@ -297,22 +263,9 @@ impl BlockMatrix {
     }
 
     /// The value of an element.
-    pub(crate) fn value(&self, element: &Element) -> f64 {
+    fn value(&self, element: &Element) -> f64 {
         self.data[element.at as usize]
     }
-}
-
-/// a·b, four products at a time.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
-    let mut sums = [0.0; 4];
-    for (a, b) in a.iter().zip(b) {
-        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
-            *sum += a * b;
-        }
-    }
-    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
-    (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
 }
 
 #[cfg(test)]
@@ -326,13 +279,13 @@ mod tests {
         m.set_at(0, 3, &Matrix3::from_element(2.0));
         m.set_at(3, 3, &Matrix3::from_element(5.0));
         m.set_element(5, 0, 7.0);
-        let pattern = m.row(5).1.to_vec();
+        let pattern = m.ranges(5).to_vec();
         assert_eq!(pattern, [(0, 1), (3, 6)]);
         m.reset();
         for (i, j) in (0..6).flat_map(|i| (0..6).map(move |j| (i, j))) {
             assert_eq!(m.get(i, j), f64::from(u8::from(i == j)));
         }
-        assert_eq!(m.row(5).1, pattern);
+        assert_eq!(m.ranges(5), pattern);
     }
 
     #[test]
@@ -340,8 +293,11 @@ mod tests {
         let mut m = BlockMatrix::identity(6);
         m.set_at(0, 3, &Matrix2x3::from_element(2.0));
         m.set_element(5, 0, 7.0);
-        assert_eq!((m.active(), m.columns()), (&[0, 1, 5][..], &[0, 1, 3, 4, 5][..]));
-        let place = |e: &Element| (e.at as usize / m.ld, e.at as usize % m.ld);
+        assert_eq!(m.active(), [0, 1, 5]);
+        let place = |e: &Element| {
+            assert_eq!(usize::from(e.column), e.at as usize / m.ld);
+            (e.at as usize % m.ld, e.at as usize / m.ld)
+        };
         let read: Vec<Vec<_>> = m.elements().map(|row| row.iter().map(place).collect()).collect();
         let wanted = [
             &[(0, 3), (0, 4), (0, 5), (0, 0)][..],
@@ -357,6 +313,6 @@ mod tests {
         m.set_at(0, 3, &Matrix1::new(1.0));
         m.set_at(0, 0, &Matrix1::new(1.0));
         m.set_at(0, 1, &nalgebra::RowVector2::new(1.0, 1.0));
-        assert_eq!(m.row(0).1, [(0, 4)]);
+        assert_eq!(m.ranges(0), [(0, 4)]);
     }
 }

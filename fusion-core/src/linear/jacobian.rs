@@ -207,6 +207,11 @@ impl Jacobian {
         &self.h[i * self.ld..(i + 1) * self.ld]
     }
 
+    /// Its rows, one after the other, padded.
+    pub(crate) fn padded_rows(&self) -> &[f64] {
+        &self.h[..self.rows * self.ld]
+    }
+
     /// Ranges of columns that may be non-zero; they do not overlap.
     #[must_use]
     pub fn columns(&self) -> &[(usize, usize)] {

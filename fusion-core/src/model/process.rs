@@ -137,6 +137,13 @@ pub trait Process: Debug + Send + Sync {
     /// `x`: the process's blocks only, in the canonical chart.
     fn linearise(&self, x: &[f64], input: &Input<'_>, dt: f64, out: &mut Transition);
 
+    /// Both for one step, to the bit: first [`Process::linearise`], then [`Process::propagate`]. For
+    /// processes whose two have much in common.
+    fn step(&self, x: &mut [f64], input: &Input<'_>, dt: f64, out: &mut Transition) {
+        self.linearise(x, input, dt, out);
+        self.propagate(x, input, dt);
+    }
+
     /// By how much the vehicle may change each number of an input sample from one sample to the next,
     /// in the units of the sample; what is beyond it is looked at twice before it is believed. Empty
     /// where nothing is known, infinite for a number that may change freely.

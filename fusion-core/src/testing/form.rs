@@ -2,7 +2,7 @@
 
 use super::Lcg;
 use crate::chart::{Body, Reset};
-use crate::covariance::{Covariance, Form, FormKind, Workspace, cholesky, solve_rows};
+use crate::covariance::{Covariance, Form, FormKind, Kernel, Workspace, cholesky};
 use crate::filter::{Estimator, Filter, Observed, Parts, UpdateRule, Verdict};
 use crate::gate::Open;
 use crate::linear::{BlockMatrix, Jacobian, Transition};
@@ -265,8 +265,7 @@ fn condition(c: &mut Covariance, h: &Jacobian, r: &[f64], w: &mut Workspace) -> 
     if !cholesky(&w.s, &mut w.l, h.rows()) {
         return Err("S is not positive".to_owned());
     }
-    w.kt.copy_from_slice(&w.hp);
-    solve_rows(&w.l, &mut w.kt, h.rows(), w.ld);
+    w.gain(h.rows());
     c.condition(h, r, w);
     Ok(())
 }
@@ -366,6 +365,7 @@ pub fn check_update_rule(rule: &Arc<dyn UpdateRule>) -> Result<(), String> {
             update: rule.clone(),
             form: form.clone(),
             reset: Reset::Plain,
+            kernel: Kernel::default(),
         };
         let mut filter = Filter::of(Arc::new(layout), Arc::new(Still), parts, Size::same(m));
         let mut belief = filter.belief().clone();

@@ -36,6 +36,15 @@ pub(super) fn check_steps(layout: &Layout, process: &dyn Process, x: &[f64], inp
     process.propagate(&mut moved, input, dt);
     finite("the propagated state", &moved)?;
     process.propagate(&mut still, input, 0.0);
+    let (mut stepped, mut t) = (x.to_vec(), Transition::new(layout));
+    process.step(&mut stepped, input, dt, &mut t);
+    let apart = linearised(layout, process, x, input, dt);
+    let element = |t: &Transition, k: usize| t.phi.get(k / layout.dim(), k % layout.dim()).to_bits();
+    let is_alike = (0..layout.dim() * layout.dim()).all(|k| element(&t, k) == element(&apart, k));
+    let noise = |t: &Transition| [t.before.entries.clone(), t.after.entries.clone()];
+    if stepped != moved || !is_alike || noise(&t) != noise(&apart) {
+        return Err("a step in one call is another one than its two parts".to_owned());
+    }
     let mut drift = vec![0.0; layout.dim()];
     layout.minus(&still, x, &mut drift);
     for b in layout.blocks() {

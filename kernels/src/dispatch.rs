@@ -1,0 +1,131 @@
+//! Which kernel runs.
+
+use crate::congruence::{self, Plan, Product};
+use crate::lanes::{Lanes, Plain};
+use crate::update;
+
+/// The instructions that a filter's arithmetic uses. There is none of a kind that this processor has not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Kernel(Kind);
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Portable,
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+    #[cfg(target_arch = "aarch64")]
+    Neon,
+}
+
+/// The best that the processor has.
+impl Default for Kernel {
+    fn default() -> Self {
+        Self::here().last().unwrap_or(Self::PORTABLE)
+    }
+}
+
+impl Kernel {
+    /// Without fused multiply-add: the same bits on every machine.
+    pub const PORTABLE: Self = Self(Kind::Portable);
+
+    /// Those that this processor can run, the best last.
+    pub fn here() -> impl Iterator<Item = Self> {
+        #[cfg(target_arch = "x86_64")]
+        let more = [
+            (Kind::Avx2, is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")),
+            (Kind::Avx512, is_x86_feature_detected!("avx512f")),
+        ];
+        #[cfg(target_arch = "aarch64")]
+        let more = [(Kind::Neon, true)];
+        #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+        let more: [(Kind, bool); 0] = [];
+        let more = more.into_iter().filter_map(|(kind, is_here)| is_here.then_some(Self(kind)));
+        core::iter::once(Self::PORTABLE).chain(more)
+    }
+
+    /// The one of that name, if this processor can run it.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::here().find(|kernel| kernel.name() == name)
+    }
+
+    /// Its name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self.0 {
+            Kind::Portable => "portable",
+            #[cfg(target_arch = "x86_64")]
+            Kind::Avx2 => "avx2",
+            #[cfg(target_arch = "x86_64")]
+            Kind::Avx512 => "avx512",
+            #[cfg(target_arch = "aarch64")]
+            Kind::Neon => "neon",
+        }
+    }
+}
+
+/// A method for each operation, which runs it on the lanes of the kernel.
+macro_rules! operations {
+    ($($(#[$doc:meta])* $module:ident::$name:ident($($arg:ident: $type:ty),* $(,)?);)*) => {
+        impl Kernel {
+            $(
+                $(#[$doc])*
+                #[inline]
+                pub fn $name(self, $($arg: $type),*) {
+                    #[inline(always)]
+                    fn on<L: Lanes>($($arg: $type),*) {
+                        $module::$name::<L>($($arg),*);
+                    }
+                    #[cfg(target_arch = "x86_64")]
+                    #[target_feature(enable = "avx512f")]
+                    fn avx512($($arg: $type),*) {
+                        on::<crate::x86::Avx512>($($arg),*);
+                    }
+                    #[cfg(target_arch = "x86_64")]
+                    #[target_feature(enable = "avx2,fma")]
+                    fn avx2($($arg: $type),*) {
+                        on::<crate::x86::Avx2>($($arg),*);
+                    }
+                    #[inline(never)]
+                    fn portable($($arg: $type),*) {
+                        on::<Plain>($($arg),*);
+                    }
+                    match self.0 {
+                        Kind::Portable => portable($($arg),*),
+                        #[cfg(target_arch = "x86_64")]
+                        #[expect(unsafe_code, reason = "a call of a function that needs features of the processor")]
+                        // SAFETY: a kernel of this kind is made by `here` only, where they are detected.
+                        Kind::Avx512 => unsafe { avx512($($arg),*) },
+                        #[cfg(target_arch = "x86_64")]
+                        #[expect(unsafe_code, reason = "a call of a function that needs features of the processor")]
+                        // SAFETY: as above.
+                        Kind::Avx2 => unsafe { avx2($($arg),*) },
+                        #[cfg(target_arch = "aarch64")]
+                        Kind::Neon => on::<crate::neon::Neon>($($arg),*),
+                    }
+                }
+            )*
+        }
+    };
+}
+
+operations! {
+    /// The product ΦPΦᵀ into `w`; `phi` is Φᵀ, row by row, in rows as long as those of P.
+    congruence::product(plan: &Plan, phi: &[f64], p: &[f64], w: &mut Product);
+    /// P ← the product in `w`.
+    congruence::place(plan: &Plan, w: &Product, p: &mut [f64]);
+    /// out ← HP, of `rows` rows; H is zero outside `columns`.
+    update::project(rows: usize, h: &[f64], columns: &[(usize, usize)], p: &[f64], out: &mut [f64], ld: usize);
+    /// X ← L⁻¹X for m rows; L is lower, m×m, row by row.
+    update::forward(l: &[f64], m: usize, x: &mut [f64], ld: usize);
+    /// X ← L⁻ᵀX.
+    update::backward(l: &[f64], m: usize, x: &mut [f64], ld: usize);
+    /// P ← P − UᵀU, U of m rows; P stays symmetric to the bit.
+    update::downdate(n: usize, u: &[f64], m: usize, p: &mut [f64]);
+    /// P ← P − DᵀK − KᵀD, of m rows each; P stays symmetric to the bit.
+    update::refine(n: usize, d: &[f64], k: &[f64], m: usize, p: &mut [f64]);
+    /// X ← X − RY for m rows; R is m×m, row by row.
+    update::subtract(r: &[f64], m: usize, y: &[f64], x: &mut [f64], ld: usize);
+}

@@ -1,0 +1,125 @@
+//! Eight numbers at a time, on whatever the processor has.
+
+/// Eight numbers that are computed with at once.
+///
+/// A type with intrinsics is named by [`crate::dispatch`] only, in functions that have the features
+/// of the processor enabled; its methods are inlined there.
+pub(crate) trait Lanes: Copy {
+    /// Tiles of eight columns that three rows are computed in at once: as many as the registers hold.
+    const TILES: usize;
+    fn splat(value: f64) -> Self;
+    fn load(from: &[f64; 8]) -> Self;
+    fn store(self, to: &mut [f64; 8]);
+    fn add(self, other: Self) -> Self;
+    fn mul(self, other: Self) -> Self;
+    /// self · by + to.
+    fn mul_add(self, by: Self, to: Self) -> Self;
+    /// from − self · by.
+    fn mul_sub_from(self, by: Self, from: Self) -> Self;
+    /// from − self.
+    fn sub_from(self, from: Self) -> Self;
+    /// The first `count` lanes of `first`, then those of `self`; `count` is below 8.
+    fn after(self, count: usize, first: Self) -> Self;
+    /// Rows become columns.
+    fn transpose(rows: [Self; 8]) -> [Self; 8];
+}
+
+/// `slice[at..at + N]`, checked in builds with debug assertions only.
+///
+/// # Safety
+/// The slice has `at + N` elements at least.
+#[expect(
+    unsafe_code,
+    reason = "bounds are checked once per product: in its inner loops they cost as much as the arithmetic"
+)]
+#[inline(always)]
+pub(crate) unsafe fn some<T, const N: usize>(slice: &[T], at: usize) -> &[T; N] {
+    debug_assert!(at + N <= slice.len());
+    // SAFETY: as the caller promises.
+    unsafe { &*slice.as_ptr().add(at).cast() }
+}
+
+/// Plain numbers: what every processor has, without fused multiply-add.
+#[derive(Clone, Copy)]
+pub(crate) struct Plain([f64; 8]);
+
+impl Plain {
+    #[inline(always)]
+    fn with(mut self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
+        for k in 0..8 {
+            self.0[k] = f(self.0[k], other.0[k]);
+        }
+        self
+    }
+}
+
+impl Lanes for Plain {
+    const TILES: usize = 1;
+    #[inline(always)]
+    fn splat(value: f64) -> Self {
+        Self([value; 8])
+    }
+    #[inline(always)]
+    fn load(from: &[f64; 8]) -> Self {
+        Self(*from)
+    }
+    #[inline(always)]
+    fn store(self, to: &mut [f64; 8]) {
+        *to = self.0;
+    }
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self.with(other, |a, b| a + b)
+    }
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        self.with(other, |a, b| a * b)
+    }
+    #[inline(always)]
+    fn mul_add(self, by: Self, to: Self) -> Self {
+        self.mul(by).add(to)
+    }
+    #[inline(always)]
+    fn mul_sub_from(self, by: Self, from: Self) -> Self {
+        self.mul(by).sub_from(from)
+    }
+    #[inline(always)]
+    fn sub_from(self, from: Self) -> Self {
+        self.with(from, |a, b| b - a)
+    }
+    #[inline(always)]
+    fn after(mut self, count: usize, first: Self) -> Self {
+        for k in 0..8 {
+            if k < count {
+                self.0[k] = first.0[k];
+            }
+        }
+        self
+    }
+    #[inline(always)]
+    fn transpose(rows: [Self; 8]) -> [Self; 8] {
+        let mut out = rows;
+        for i in 0..8 {
+            for j in 0..8 {
+                out[j].0[i] = rows[i].0[j];
+            }
+        }
+        out
+    }
+}
+
+/// Per count, which lanes come from the first of two: all bits of a lane or none.
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+pub(crate) static FIRST: [[u64; 8]; 8] = {
+    let mut masks = [[0; 8]; 8];
+    let mut count = 0;
+    while count < 8 {
+        let mut k = 0;
+        while k < count {
+            masks[count][k] = u64::MAX;
+            k += 1;
+        }
+        count += 1;
+    }
+    masks
+};
