@@ -100,13 +100,21 @@ impl Gravity {
     #[must_use]
     pub fn gradient(self, lat: f64, h: f64) -> Gradient {
         let (sin, cos) = lat.sin_cos();
+        self.gradient_of(sin, cos, h)
+    }
+
+    /// The same from sin φ and cos φ, for callers that have them.
+    #[inline]
+    #[must_use]
+    pub fn gradient_of(self, sin: f64, cos: f64, h: f64) -> Gradient {
         let s = sin * sin;
         let (per_s, per_height) = match self {
             Self::Flat(_) => (0.0, 0.0),
             Self::Somigliana => {
                 let w2 = 1.0 - E2 * s;
-                let surface = G_EQUATOR * (1.0 + K * s) / w2.sqrt();
-                let surface_s = G_EQUATOR * (K + 0.5 * E2 * (1.0 + K * s) / w2) / w2.sqrt();
+                let root = G_EQUATOR / w2.sqrt();
+                let surface = root * (1.0 + K * s);
+                let surface_s = root * (K + 0.5 * E2 * (1.0 + K * s) / w2);
                 let u = h / SEMI_MAJOR_AXIS;
                 let slope = 2.0 * (1.0 + FLATTENING + M - 2.0 * FLATTENING * s);
                 let factor = 1.0 - slope * u + 3.0 * u * u;

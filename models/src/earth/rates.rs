@@ -6,10 +6,14 @@
 //! Valid           everywhere; within 6 m of a pole tan φ is held at 1e6
 //! Source          Groves 2013, eqs. 2.123 and 5.44
 
-use fusion_core::geometry::wgs84::{EARTH_RATE, Geodetic, Radii, divisible_cos};
+use fusion_core::geometry::so3::wrap_angle;
+use fusion_core::geometry::wgs84::{EARTH_RATE, ECCENTRICITY_SQUARED, Geodetic, Radii, divisible_cos};
 use nalgebra::{Matrix3, Vector3};
 
 use super::gravity::Gravity;
+
+/// The largest difference of latitude \[rad\] that is a small one: 6 km.
+const NEAR: f64 = 1e-3;
 
 /// Everything a navigation equation needs of the Earth at one point, from one sine and cosine.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,6 +43,52 @@ impl LocalEarth {
             meridian: r.meridian + position.height,
             normal: r.normal + position.height,
             height: position.height,
+        }
+    }
+
+    /// The same at another position, near this one: a latitude that differs by less than 1e-3 rad needs
+    /// no sine.
+    #[inline]
+    #[must_use]
+    pub fn near(&self, position: &Geodetic, here: &Geodetic) -> Self {
+        let d = position.lat - here.lat;
+        if d.abs() > NEAR || self.cos_lat.abs() < NEAR {
+            return Self::at(position);
+        }
+        // What is left out is below 1e-18: d⁶/720 of the cosine, d⁷/5040 of the sine.
+        let d2 = d * d;
+        let (versine, sin) = (d2 * (0.5 - d2 / 24.0), d * (1.0 - d2 / 6.0 * (1.0 - d2 / 20.0)));
+        let sin_lat = self.sin_lat + (self.cos_lat * sin - self.sin_lat * versine);
+        let cos_lat = self.cos_lat - (self.sin_lat * sin + self.cos_lat * versine);
+        let r = Radii::of_sin_squared(sin_lat * sin_lat);
+        Self {
+            sin_lat,
+            cos_lat,
+            meridian: r.meridian + position.height,
+            normal: r.normal + position.height,
+            height: position.height,
+        }
+    }
+
+    /// dRM/dφ and dRN/dφ \[m/rad\].
+    #[inline]
+    #[must_use]
+    pub fn radii_slopes(&self) -> Radii {
+        let k = ECCENTRICITY_SQUARED * self.sin_lat * self.cos_lat / (1.0 - ECCENTRICITY_SQUARED * self.sin_lat * self.sin_lat);
+        Radii {
+            meridian: 3.0 * (self.meridian - self.height) * k,
+            normal: (self.normal - self.height) * k,
+        }
+    }
+
+    /// A place `d_ned` \[m\] from `here`, which is where this is.
+    #[inline]
+    #[must_use]
+    pub fn offset(&self, here: &Geodetic, d_ned: &Vector3<f64>) -> Geodetic {
+        Geodetic {
+            lat: here.lat + d_ned.x / self.meridian,
+            lon: wrap_angle(here.lon + d_ned.y / (self.normal * self.cos_lat)),
+            height: here.height - d_ned.z,
         }
     }
 

@@ -8,7 +8,7 @@
 //!            velocity by within it: (T Δw)²/8, (T Δf)²/8 per axis and sample
 
 use super::kinematic::{psd, value};
-use super::strapdown::discrete::{Discrete, Slots};
+use super::strapdown::discrete::{Discrete, Slots, times_diagonal};
 use super::strapdown::increments;
 use super::strapdown::pairing::{Mode, Pairing, neighbour};
 use super::vibration::{self, Vibration};
@@ -85,9 +85,15 @@ pub(super) struct Inertial {
 pub(super) struct Corrected {
     pub(super) rate: Vector3<f64>,
     gain: Vector3<f64>,
+    bias: Vector3<f64>,
 }
 
 impl Corrected {
+    /// What another sample of the sensor says.
+    fn also(&self, measured: &[f64]) -> Vector3<f64> {
+        (Vector3::new(measured[0], measured[1], measured[2]) - self.bias).component_mul(&self.gain)
+    }
+
     /// ∂/∂bias, a diagonal.
     fn by_bias(&self) -> Vector3<f64> {
         -self.gain
@@ -97,11 +103,6 @@ impl Corrected {
     fn by_scale(&self) -> Vector3<f64> {
         -self.rate.component_mul(&self.gain)
     }
-}
-
-/// `m · diag(d)`.
-fn times_diagonal(m: &Matrix3<f64>, d: &Vector3<f64>) -> Matrix3<f64> {
-    Matrix3::from_fn(|i, j| m[(i, j)] * d[j])
 }
 
 /// What a sensor's error model makes of what it measures.
@@ -123,15 +124,14 @@ impl Correction {
         rate.component_div(&self.gain) + self.bias
     }
 
-    fn rate(&self, measured: &[f64]) -> Vector3<f64> {
-        (Vector3::new(measured[0], measured[1], measured[2]) - self.bias).component_mul(&self.gain)
-    }
-
     fn of(self, measured: &[f64]) -> Corrected {
-        Corrected {
-            rate: self.rate(measured),
+        let mut corrected = Corrected {
+            rate: Vector3::zeros(),
             gain: self.gain,
-        }
+            bias: self.bias,
+        };
+        corrected.rate = corrected.also(measured);
+        corrected
     }
 }
 
@@ -180,12 +180,16 @@ impl Inertial {
     /// The constant rate and force that stand for a sample: coning and sculling added, where a neighbour
     /// tells of them.
     pub(super) fn driving(&self, x: &[f64], input: &Input<'_>) -> (Vector3<f64>, Vector3<f64>) {
-        let (gyro, accelerometer) = (self.gyro(x), self.accelerometer(x));
-        let (mut w, mut f) = (gyro.rate(&input.sample[..3]), accelerometer.rate(&input.sample[3..IMU]));
+        self.driven(&self.corrected(x, input), input)
+    }
+
+    /// The same of a sample that is corrected already.
+    pub(super) fn driven(&self, (gyro, accelerometer): &(Corrected, Corrected), input: &Input<'_>) -> (Vector3<f64>, Vector3<f64>) {
+        let (mut w, mut f) = (gyro.rate, accelerometer.rate);
         let other = self.correction.and_then(|_| neighbour(input, IMU));
         // The first sample of a stream covers no time and corrects nothing.
         if let Some(other) = other.filter(|other| other.interval > 0.0) {
-            let (w2, f2) = (gyro.rate(&other.sample[..3]), accelerometer.rate(&other.sample[3..IMU]));
+            let (w2, f2) = (gyro.also(&other.sample[..3]), accelerometer.also(&other.sample[3..IMU]));
             let (we, fe, wl, fl) = if other.is_earlier { (w2, f2, w, f) } else { (w, f, w2, f2) };
             // The intervals may differ; for linear rates this length is exact.
             let pair = 2.0 * input.interval * input.interval / (input.interval + other.interval);
@@ -205,12 +209,12 @@ impl Inertial {
     ) {
         for (param, effect) in [(&self.accel_bias, f.by_bias()), (&self.accel_scale, f.by_scale())] {
             if let Param::State(slot) = param {
-                slots.write_column(*slot, &phi.by_force.map(|block| block.map(|m| times_diagonal(&m, &effect))), out);
+                slots.write_column(*slot, &phi.by_force, &effect, out);
             }
         }
         for (param, effect) in [(&self.gyro_bias, w.by_bias()), (&self.gyro_scale, w.by_scale())] {
             if let Param::State(slot) = param {
-                slots.write_column(*slot, &phi.by_rate.map(|block| block.map(|m| times_diagonal(&m, &effect))), out);
+                slots.write_column(*slot, &phi.by_rate, &effect, out);
             }
         }
     }

@@ -56,6 +56,16 @@ impl From<Discretisation> for Order {
 type M = Matrix3<f64>;
 type V = Vector3<f64>;
 
+/// `m · diag(d)`.
+#[inline]
+pub(crate) fn times_diagonal(m: &M, d: &V) -> M {
+    let mut product = *m;
+    for (mut column, d) in product.column_iter_mut().zip(d) {
+        column *= *d;
+    }
+    product
+}
+
 /// Where position, velocity and attitude are.
 #[derive(Debug)]
 pub(crate) struct Slots<P> {
@@ -84,22 +94,35 @@ pub(crate) struct Discrete {
 impl<P: Tangent<3>> Slots<P> {
     /// Writes what of `phi` is of the three blocks themselves.
     pub(crate) fn write(&self, phi: &Discrete, out: &mut Transition) {
-        let column = |j: usize| phi.kinematic.map(|row| row[j]);
-        self.write_column(self.position, &column(0), out);
-        self.write_column(self.velocity, &column(1), out);
-        self.write_column(self.attitude, &column(2), out);
+        let [r, v, a] = &phi.kinematic;
+        self.write_row(self.position, r, out);
+        self.write_row(self.velocity, v, out);
+        self.write_row(self.attitude, a, out);
     }
 
-    /// Writes the response of the three blocks to an error of `of`.
-    pub(crate) fn write_column<B: Tangent<3>>(&self, of: Slot<B>, [r, v, a]: &[Option<M>; 3], out: &mut Transition) {
+    fn write_row<B: Tangent<3>>(&self, row: Slot<B>, [r, v, a]: &[Option<M>; 3], out: &mut Transition) {
         if let Some(block) = r {
-            out.set(self.position, of, block);
+            out.set(row, self.position, block);
         }
         if let Some(block) = v {
-            out.set(self.velocity, of, block);
+            out.set(row, self.velocity, block);
         }
         if let Some(block) = a {
-            out.set(self.attitude, of, block);
+            out.set(row, self.attitude, block);
+        }
+    }
+
+    /// Writes the response of the three blocks to an error of `of`, which has `effect`, per axis, on the
+    /// force or rate that `column` is the response to.
+    pub(crate) fn write_column<B: Tangent<3>>(&self, of: Slot<B>, [r, v, a]: &[Option<M>; 3], effect: &V, out: &mut Transition) {
+        if let Some(block) = r {
+            out.set(self.position, of, &times_diagonal(block, effect));
+        }
+        if let Some(block) = v {
+            out.set(self.velocity, of, &times_diagonal(block, effect));
+        }
+        if let Some(block) = a {
+            out.set(self.attitude, of, &times_diagonal(block, effect));
         }
     }
 

@@ -34,7 +34,7 @@
 use fusion_core::geometry::{so3, wgs84};
 use nalgebra::{Matrix3, Vector3};
 
-use super::mechanisation::Nav;
+use super::mechanisation::{Nav, Start};
 use crate::earth::{Gravity, LocalEarth, gravity::Gradient};
 
 /// The 3×3 blocks of the error dynamics F; see the module's equations. The first letter names
@@ -99,17 +99,22 @@ impl ByPlace {
 #[inline]
 #[must_use]
 pub fn continuous(nav: &Nav, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, gravity: Gravity) -> Blocks {
-    let p = &nav.position;
-    let slopes = wgs84::radii_derivative(p.lat);
-    linearise(nav, w_ib_b, f_ib_b, &slopes, &gravity.gradient(p.lat, p.height))
+    continuous_at(&Start::of(nav), w_ib_b, f_ib_b, gravity)
+}
+
+/// The same where a step begins.
+#[inline]
+#[must_use]
+pub(crate) fn continuous_at(start: &Start, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, gravity: Gravity) -> Blocks {
+    let earth = &start.earth;
+    let gradient = gravity.gradient_of(earth.sin_lat, earth.cos_lat, earth.height);
+    linearise(start, w_ib_b, f_ib_b, &earth.radii_slopes(), &gradient)
 }
 
 /// [`continuous`] for given derivatives of the radii with latitude and of gravity.
 #[inline]
-fn linearise(nav: &Nav, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, slopes: &wgs84::Radii, gradient: &Gradient) -> Blocks {
-    let earth = LocalEarth::at(&nav.position);
-    let c_nb = so3::rotation(&nav.q_nb);
-    let v = &nav.v_eb_n;
+fn linearise(start: &Start, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, slopes: &wgs84::Radii, gradient: &Gradient) -> Blocks {
+    let (earth, c_nb, v) = (&start.earth, &start.c_nb, &start.nav.v_eb_n);
     let (rm, rn, tan) = (earth.meridian, earth.normal, earth.tan_lat());
     let lat_rate = v.x / rm;
     let east = v.y / rn;
@@ -126,7 +131,7 @@ fn linearise(nav: &Nav, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, slopes: &w
         0.0,
     );
 
-    let by_place = ByPlace::new(&earth, v, slopes);
+    let by_place = ByPlace::new(earth, v, slopes);
     let mut vr = so3::skew(v) * (2.0 * by_place.earth_rate + by_place.transport_rate);
     vr.m31 += gradient.per_latitude / rm;
     vr.m33 -= gradient.per_height;
@@ -406,7 +411,7 @@ mod tests {
     fn blocks_match_the_printed_navigation_frame_model_after_the_change_of_coordinates() {
         for (nav, w, f) in cases() {
             let (frozen, gradient) = printed_earth(&nav);
-            let b = linearise(&nav, &w, &f, &frozen, &gradient);
+            let b = linearise(&Start::of(&nav), &w, &f, &frozen, &gradient);
             let got = to_printed(&canonical(&b), &nav, &w);
             assert_blocks_equal(&got, &printed_ned(&nav, &f, gradient.per_height), "NED");
             // Inputs: printed states ∇ = δb_a enter through C, ε_g = δb_g through −C.
@@ -423,7 +428,7 @@ mod tests {
         put(&mut t, 2, 2, &swap_matrix());
         for (nav, w, f) in cases() {
             let (frozen, gradient) = printed_earth(&nav);
-            let b = linearise(&nav, &w, &f, &frozen, &gradient);
+            let b = linearise(&Start::of(&nav), &w, &f, &frozen, &gradient);
             let got = t * to_printed(&canonical(&b), &nav, &w) * t;
             assert_blocks_equal(&got, &printed_enu(&nav, &f, gradient.per_height), "ENU");
         }
@@ -434,7 +439,7 @@ mod tests {
         for (nav, w, f) in cases() {
             let (frozen, gradient) = printed_earth(&nav);
             let exact = continuous(&nav, &w, &f, Gravity::Somigliana);
-            let printed = linearise(&nav, &w, &f, &frozen, &gradient);
+            let printed = linearise(&Start::of(&nav), &w, &f, &frozen, &gradient);
             // 2 %: 3 e² of the radii, 0.4 % of the gravity gradient; but not nothing.
             for (a, b) in [(exact.rr, printed.rr), (exact.vr, printed.vr), (exact.ar, printed.ar)] {
                 assert!((a - b).amax() < 0.02 * b.amax() && a != b);
@@ -473,7 +478,7 @@ mod tests {
         let gravity = Gravity::TittertonWeston;
         let (nav, w, f) = at_rest(gravity);
         let (frozen, gradient) = printed_earth(&nav);
-        let printed = linearise(&nav, &w, &f, &frozen, &gradient);
+        let printed = linearise(&Start::of(&nav), &w, &f, &frozen, &gradient);
         // 5e-8 1/s: half of the last digit printed, four decimals of 1e-3. As much again for the
         // slope of gravity with latitude, which the printed model leaves out: it moves Schuler ±
         // Foucault by 4.9e-8.

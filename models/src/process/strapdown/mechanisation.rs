@@ -15,7 +15,7 @@
 //!              Weston 2004, §3.5 for the first-order integrator
 
 use fusion_core::geometry::{so3, wgs84::Geodetic};
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 pub use super::increments::{
     coning_rate, rotation_vector_one_sample, rotation_vector_three_sample, rotation_vector_two_sample, sculling_rate, velocity_one_sample,
@@ -32,6 +32,25 @@ pub struct Nav {
     pub v_eb_n: Vector3<f64>,
     /// Attitude, body to navigation.
     pub q_nb: UnitQuaternion<f64>,
+}
+
+/// Where a step begins: what the step and its derivative both need, from one sine and cosine.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Start {
+    pub(crate) nav: Nav,
+    pub(crate) earth: LocalEarth,
+    pub(crate) c_nb: Matrix3<f64>,
+}
+
+impl Start {
+    #[inline]
+    pub(crate) fn of(nav: &Nav) -> Self {
+        Self {
+            nav: *nav,
+            earth: LocalEarth::at(&nav.position),
+            c_nb: so3::rotation(&nav.q_nb),
+        }
+    }
 }
 
 /// Time derivative of a [`Nav`].
@@ -76,12 +95,19 @@ pub fn derivative(nav: &Nav, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, gravi
 #[inline]
 #[must_use]
 pub fn step(nav: &Nav, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, dt: f64, gravity: Gravity) -> Nav {
-    let v = &nav.v_eb_n;
-    let phi = w_ib_b * dt;
-    let dv_n = nav.q_nb * so3::mean_rotated(&phi, &(f_ib_b * dt));
+    step_from(&Start::of(nav), w_ib_b, f_ib_b, dt, gravity)
+}
 
-    let middle = nav.position.offset(&(v * (0.5 * dt)));
-    let earth = LocalEarth::at(&middle);
+/// The same of a step whose start is known already.
+#[inline]
+#[must_use]
+pub(crate) fn step_from(start: &Start, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, dt: f64, gravity: Gravity) -> Nav {
+    let (nav, v) = (&start.nav, &start.nav.v_eb_n);
+    let phi = w_ib_b * dt;
+    let dv_n = start.c_nb * so3::mean_rotated(&phi, &(f_ib_b * dt));
+
+    let middle = start.earth.offset(&nav.position, &(v * (0.5 * dt)));
+    let earth = start.earth.near(&middle, &nav.position);
     let w_ie = earth.earth_rate_n();
     let g = Vector3::new(0.0, 0.0, earth.gravity(gravity));
     let coriolis = (2.0 * w_ie + earth.transport_rate_n(v)).cross(v);

@@ -18,7 +18,7 @@ pub mod increments;
 pub mod mechanisation;
 pub mod pairing;
 
-use super::inertial::{IMU, Inertial};
+use super::inertial::{Corrected, IMU, Inertial};
 use crate::block::{Build, BuildError, Channel, ProcessSpec, imu_channels};
 use crate::earth::Gravity;
 use crate::process::agility::{Agility, AgilitySpec};
@@ -26,10 +26,10 @@ use crate::process::kinematic::{self, Kinematic};
 use crate::units::{Axes, dim, range};
 use crate::vocabulary::state;
 use discrete::Discrete;
-use fusion_core::geometry::so3;
 use fusion_core::linear::Transition;
 use fusion_core::model::{Gap, Input, Order, Preparation, Process, SignalsOut};
 use fusion_core::state::{Signal, Vector};
+use mechanisation::Start;
 use nalgebra::Matrix3;
 use pairing::Mode;
 use schemars::JsonSchema;
@@ -183,39 +183,19 @@ impl Process for Strapdown {
     }
 
     fn propagate(&self, x: &mut [f64], input: &Input<'_>, dt: f64) {
-        let (w, f) = self.inertial.driving(x, input);
-        let nav = self.kinematic.read(x);
-        let next = if self.integrator == Integrator::FirstOrder {
-            mechanisation::step_first_order(&nav, &w, &f, dt, self.gravity)
-        } else {
-            mechanisation::step(&nav, &w, &f, dt, self.gravity)
-        };
-        self.kinematic.write(&next, x);
+        let (start, corrected) = self.start(x, input);
+        self.write_next(&start, &corrected, x, input, dt);
     }
 
     fn linearise(&self, x: &[f64], input: &Input<'_>, dt: f64, out: &mut Transition) {
-        let nav = self.kinematic.read(x);
-        let corrected = self.inertial.corrected(x, input);
-        let (gyro, accel) = self.inertial.noise(input);
-        let slots = self.kinematic.slots;
-        let phi: Discrete = if self.discretisation == Discretisation::Exact {
-            let (w, f) = self.inertial.driving(x, input);
-            slots.write_exact_noise(&so3::rotation(&nav.q_nb), (&w, &f), &gyro, &accel, dt, out);
-            discrete::over_ellipsoid(&nav, (&w, &f), dt, self.gravity)
-        } else {
-            let b = error_model::continuous(&nav, &corrected.0.rate, &corrected.1.rate, self.gravity);
-            slots.write_trapezoid(&-b.v_accel, &gyro, &accel, dt, out);
-            if self.discretisation == Discretisation::SecondOrder {
-                discrete::second_order(&b, dt)
-            } else {
-                discrete::first_order(&b, dt)
-            }
-        };
-        slots.write(&phi, out);
-        if self.position_psd != Matrix3::zeros() {
-            out.noise_trapezoid(slots.position, slots.position, &(self.position_psd * dt));
-        }
-        self.inertial.write_transition(&corrected, &phi, &slots, out);
+        let (start, corrected) = self.start(x, input);
+        self.write_transition(&start, &corrected, input, dt, out);
+    }
+
+    fn step(&self, x: &mut [f64], input: &Input<'_>, dt: f64, out: &mut Transition) {
+        let (start, corrected) = self.start(x, input);
+        self.write_transition(&start, &corrected, input, dt, out);
+        self.write_next(&start, &corrected, x, input, dt);
     }
 
     fn agility(&self) -> &[f64] {
@@ -246,6 +226,54 @@ impl Process for Strapdown {
         out.add(self.acceleration, slots.attitude, &b.va);
         // b.v_accel = ∂v̇/∂b_a = −C_nb; by force it is C_nb.
         self.inertial.add_by_force(self.acceleration, &-b.v_accel, &f, out);
+    }
+}
+
+/// Rate and force, free of the known errors of the sensors.
+type Sample = (Corrected, Corrected);
+
+impl Strapdown {
+    /// What the step of a sample and its derivative both need.
+    #[inline]
+    fn start(&self, x: &[f64], input: &Input<'_>) -> (Start, Sample) {
+        (Start::of(&self.kinematic.read(x)), self.inertial.corrected(x, input))
+    }
+
+    #[inline]
+    fn write_next(&self, start: &Start, corrected: &Sample, x: &mut [f64], input: &Input<'_>, dt: f64) {
+        let (w, f) = self.inertial.driven(corrected, input);
+        let next = if self.integrator == Integrator::FirstOrder {
+            mechanisation::step_first_order(&start.nav, &w, &f, dt, self.gravity)
+        } else {
+            mechanisation::step_from(start, &w, &f, dt, self.gravity)
+        };
+        self.kinematic.write(&next, x);
+    }
+
+    #[inline]
+    fn write_transition(&self, start: &Start, corrected: &Sample, input: &Input<'_>, dt: f64, out: &mut Transition) {
+        let (gyro, accel) = self.inertial.noise(input);
+        let slots = &self.kinematic.slots;
+        let mut write = |phi: &Discrete| {
+            slots.write(phi, out);
+            self.inertial.write_transition(corrected, phi, slots, out);
+        };
+        if self.discretisation == Discretisation::Exact {
+            let (w, f) = self.inertial.driven(corrected, input);
+            write(&discrete::over_ellipsoid(&start.nav, (&w, &f), dt, self.gravity));
+            slots.write_exact_noise(&start.c_nb, (&w, &f), &gyro, &accel, dt, out);
+        } else {
+            let b = error_model::continuous_at(start, &corrected.0.rate, &corrected.1.rate, self.gravity);
+            if self.discretisation == Discretisation::SecondOrder {
+                write(&discrete::second_order(&b, dt));
+            } else {
+                write(&discrete::first_order(&b, dt));
+            }
+            slots.write_trapezoid(&start.c_nb, &gyro, &accel, dt, out);
+        }
+        if self.position_psd != Matrix3::zeros() {
+            out.noise_trapezoid(slots.position, slots.position, &(self.position_psd * dt));
+        }
     }
 }
 
