@@ -4,6 +4,7 @@ use super::progress::Progress;
 use super::{DesignArgs, Failure, OutputArgs};
 use clap::{Args, ValueEnum};
 use fusion::config::Diagnostics;
+use fusion::core::covariance::Kernel;
 use fusion::core::time::Time;
 use fusion::design::Design;
 use fusion::models::units::{self, Dimensional, dim};
@@ -24,6 +25,10 @@ pub(super) struct RunArgs {
     /// Seed of simulated data and random faults, instead of the design's.
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
+    /// What computes, instead of the best that the processor has: `portable` gives the same figures on
+    /// every machine, to the last digit of sin and exp.
+    #[arg(long, value_name = "NAME", value_parser = kernel)]
+    kernel: Option<Kernel>,
     /// Smooths the estimates by all data of the log, and scores them too; with `--out` writes
     /// smoothed.csv, with the columns and epochs of estimates.csv. Until the end of the log the filter's
     /// steps are kept on `disk`, in `--out`, or in `memory`; by default on disk where there is
@@ -78,8 +83,17 @@ impl RunArgs {
     }
 }
 
+/// The kernel of that name.
+fn kernel(name: &str) -> Result<Kernel, String> {
+    let here = || Kernel::here().map(Kernel::name).collect::<Vec<_>>().join(", ");
+    Kernel::named(name).ok_or_else(|| format!("this processor has {}", here()))
+}
+
 pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
-    let design = args.design.read()?;
+    let mut design = args.design.read()?;
+    if let Some(kernel) = args.kernel {
+        design.set_kernel(kernel);
+    }
     let options = Options {
         data: args.design.data.clone(),
         base: args.design.base(),

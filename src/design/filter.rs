@@ -2,7 +2,7 @@
 
 use crate::config::{Diagnostic, Diagnostics, Node, did_you_mean};
 use fusion_core::chart::{Biases, Reset, Side};
-use fusion_core::covariance::FormKind;
+use fusion_core::covariance::{FormKind, Kernel};
 use fusion_core::filter::{Backend, BankLimits, ChartKind, Iterated, Spread, UpdateKind};
 use fusion_core::state::{Kind, Layout, StateRole};
 use schemars::JsonSchema;
@@ -36,6 +36,9 @@ pub struct FilterSpec {
     /// Carries what may be true as hypotheses until it is known: for sensors whose gate is `hypotheses`, and
     /// for starts without a heading.
     pub bank: Option<BankSpec>,
+    /// What computes, where a run names it: no part of a design, which is to run everywhere.
+    #[serde(skip)]
+    pub kernel: Option<Kernel>,
 }
 
 /// A bank of hypotheses.
@@ -239,6 +242,7 @@ impl FilterSpec {
             Some(ResetSpec::Full) => backend.reset = Reset::Full,
             None => {}
         }
+        backend.kernel = self.kernel;
         backend
     }
 

@@ -5,6 +5,7 @@ use super::{
     SourceDesign, leaders, names, nested,
 };
 use crate::config::{Diagnostic, Diagnostics, Document, Entry, Node, Value, did_you_mean};
+use fusion_core::covariance::Kernel;
 use fusion_models::block::{InitialiserSpec, StageSpec};
 use fusion_models::registry::{self, Role};
 use fusion_models::sim::INSTRUMENTS;
@@ -41,6 +42,14 @@ pub struct Design<P = Named<ProcessDesign>> {
     pub reference: Option<Named<ReferenceSpec>>,
     /// What could not be read; nothing of a design without mistakes.
     pub(crate) unread: Unread,
+}
+
+impl<P> Design<P> {
+    /// Names what computes, for the filters inside stages too.
+    pub fn set_kernel(&mut self, kernel: Kernel) {
+        self.filter.kernel = Some(kernel);
+        self.filters.iter_mut().for_each(|inside| inside.block.set_kernel(kernel));
+    }
 }
 
 /// A design as far as it could be read, in which further mistakes are looked for.

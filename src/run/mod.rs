@@ -218,6 +218,7 @@ impl<'a> Run<'a> {
         let summary = Summary {
             description: self.design.run.description.clone(),
             backend: self.design.filter.backend_name(),
+            kernel: self.design.filter.kernel.unwrap_or_default().name(),
             health: health.finish(),
             started: counters.started,
             waiting: if has_started { Vec::new() } else { runner.waits_for() },

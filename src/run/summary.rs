@@ -72,6 +72,8 @@ pub struct Summary {
     pub description: String,
     /// The backend: chart, update, form.
     pub backend: String,
+    /// What computed: the instructions of the processor. Another one rounds differently.
+    pub kernel: &'static str,
     /// What the filters said of themselves: the design's own first, then those inside stages.
     pub health: Vec<FilterHealth>,
     /// When the filter started \[s\]; none if it never did.

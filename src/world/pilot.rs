@@ -28,7 +28,10 @@ pub(super) fn script(design: &Design, simulation: &Named<SimulationDesign>, seed
         let unknown = |_| mistake(format!("no variant is called `{name}`"));
         document.overlay(&format!("variant.{name}")).map_err(unknown)?;
     }
-    let pilot = build(document)?;
+    let mut pilot = build(document)?;
+    if let Some(kernel) = design.filter.kernel {
+        pilot.set_kernel(kernel);
+    }
     let Some(own) = pilot.simulation.as_ref().filter(|s| s.block.world.steered_by.is_none()) else {
         return Err(mistake(format!("`{name}` does not steer the vehicle itself")));
     };

@@ -112,3 +112,16 @@ fn a_checkpoint_of_another_design_or_half_of_one_is_refused_and_changes_nothing(
     nav.restore(&checkpoint).unwrap();
     assert_eq!(nav.checkpoint(), checkpoint, "back to row 300");
 }
+
+#[test]
+fn every_kernel_goes_on_from_a_checkpoint_as_without_a_stop() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/ins-gps.toml");
+    for kernel in fusion::core::covariance::Kernel::here() {
+        let read = |sets: &[&str]| {
+            let (mut design, options) = shipped(&file, sets);
+            design.set_kernel(kernel);
+            (design, options)
+        };
+        obeys(kernel.name(), read, 1500);
+    }
+}

@@ -2,6 +2,7 @@
 
 use super::real::{real, recorded};
 use fusion::config::Document;
+use fusion::core::covariance::Kernel;
 use fusion::design::Design;
 use fusion::run::{Options, Summary, run};
 use serde_json::Value;
@@ -53,6 +54,26 @@ fn same_results(name: &str, of: impl Fn(&str) -> Summary) {
 fn simulated_designs_give_the_same_with_every_form() {
     for name in ["ins-gps", "ins-gps-outlier"] {
         same_results(name, |form| simulated(name, form));
+    }
+}
+
+#[test]
+fn kernels_that_fuse_give_the_same_figures_and_the_portable_one_to_rounding() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/ins-gps-outlier.toml");
+    let results = |kernel: Kernel| {
+        let mut design = Design::read(Document::load(&file).unwrap()).unwrap();
+        design.set_kernel(kernel);
+        let summary = run(&design, &Options::default(), &mut |_| {}).unwrap();
+        assert_eq!(summary.kernel, kernel.name());
+        let parameters: Vec<_> = summary.parameters.iter().map(|p| (&p.value, &p.sigma)).collect();
+        serde_json::to_value((&summary.score, &parameters, &summary.sensors)).unwrap()
+    };
+    let portable = results(Kernel::PORTABLE);
+    let fused: Vec<_> = Kernel::here().filter(|k| *k != Kernel::PORTABLE).map(results).collect();
+    for found in &fused {
+        assert_eq!(differ("fused", found, &fused[0], 0.0), None);
+        // 1e-6: as between forms.
+        assert_eq!(differ("portable", found, &portable, 1e-6), None);
     }
 }
 

@@ -196,6 +196,19 @@ pub fn shipped(file: &Path, sets: &[&str]) -> (Design, Options) {
 }
 
 #[test]
+fn every_kernel_ends_as_in_time_order_whatever_the_order_of_arrival() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/ins-gps.toml");
+    for kernel in fusion::core::covariance::Kernel::here() {
+        let read = |sets: &[&str]| {
+            let (mut design, options) = shipped(&file, sets);
+            design.set_kernel(kernel);
+            (design, options)
+        };
+        obeys(kernel.name(), read, 1500);
+    }
+}
+
+#[test]
 fn every_simulated_design_ends_as_in_time_order_whatever_the_order_of_arrival() {
     let mut count = 0;
     for folder in ["configs", "configs/backends", "configs/published"] {
