@@ -16,6 +16,7 @@ use crate::design::Design;
 use crate::observe::{Hub, Timing};
 use crate::output::Unwritable;
 use crate::rows::Pose;
+use fusion_core::covariance::Kernel;
 use fusion_core::memory::{self, Memory, Tape};
 use fusion_core::runner::{Runner, StreamId};
 use fusion_core::time::Time;
@@ -88,7 +89,7 @@ impl<'o> Saving<'o> {
         let mut saving = Self {
             to: options.checkpoint.as_ref(),
             from: options.resume.as_deref(),
-            fingerprint: fingerprint_of_run(&design.document, &told(options)),
+            fingerprint: fingerprint_of_run(&design.document, &told(design, options)),
             progress: Progress::default(),
             last: Instant::now(),
             bytes: Vec::new(),
@@ -225,16 +226,20 @@ fn failed(from: &Path, why: impl core::fmt::Display) -> Diagnostics {
     Diagnostic::error(format!("cannot go on with {}: {why}", from.display())).into()
 }
 
-/// The options that a run depends on.
-fn told(options: &Options) -> String {
-    format!(
-        "{:?} {:?} {} {} {:?}",
-        options.seed,
-        options.smooth,
-        options.out.is_some(),
-        options.causal,
-        options.data
-    )
+/// The options that a run depends on. All kernels but the portable one agree in every bit.
+fn told(design: &Design, options: &Options) -> String {
+    let Options {
+        seed,
+        smooth,
+        out,
+        data,
+        causal,
+        base: _,
+        checkpoint: _,
+        resume: _,
+    } = options;
+    let is_portable = design.filter.kernel.unwrap_or_default() == Kernel::PORTABLE;
+    format!("{seed:?} {smooth:?} {} {data:?} {causal} {is_portable}", out.is_some())
 }
 
 /// Writes `file` so that it has its old content or the new one at any moment.

@@ -56,7 +56,11 @@ struct Part {
 }
 
 fusion_core::memory!(EpisodeScorer { during, outside; windows });
-fusion_core::memory!(Part { position, horizontal, nees });
+fusion_core::memory!(Part {
+    position,
+    horizontal,
+    nees
+});
 
 impl EpisodeScorer {
     pub(super) fn new(windows: Windows) -> Self {

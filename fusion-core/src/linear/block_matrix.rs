@@ -219,7 +219,7 @@ impl BlockMatrix {
     }
 
     /// The ranges of columns that row `i` may read besides the identity.
-    pub(super) fn ranges(&self, i: usize) -> &[(u16, u16)] {
+    pub(crate) fn ranges(&self, i: usize) -> &[(u16, u16)] {
         &self.rows[i]
     }
 
