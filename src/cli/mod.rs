@@ -70,6 +70,8 @@ Examples:
   fusion run drive.toml --set 'sensor.gnss.noise.sigma=[\"1 m\", \"1 m\", \"2 m\"]'
   fusion run --seed 7                            other random numbers
   fusion run drive.toml --out results --smooth   smoothed.csv too: what all of the log says of each epoch
+  fusion run drive.toml --out results --checkpoint saved --every '10 s'
+  fusion run drive.toml --out results --resume saved    goes on after a crash or a kill
   fusion run drive.toml --strict                 exit code 3 unless the filter was in good health")]
     Run(run::RunArgs),
     /// Check a design and show what it resolves to, without running it.

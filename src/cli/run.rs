@@ -43,8 +43,8 @@ pub(super) struct RunArgs {
     /// `--out`, files that are not finished then stay there too. FILE is removed at the end of the run.
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
-    /// Time between two checkpoints, by the clock.
-    #[arg(long, value_name = "TIME", default_value = "10 s", value_parser = period, requires = "checkpoint")]
+    /// Time between two checkpoints, by the clock: 10 s by default.
+    #[arg(long, value_name = "TIME", default_value = "10 s", hide_default_value = true, value_parser = period, requires = "checkpoint")]
     every: Duration,
     /// Goes on with the run that was saved in FILE; everything else must be as it was begun with. What comes out
     /// is the same, to the last bit, as without a stop. Give `--checkpoint FILE` too to save it further.

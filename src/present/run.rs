@@ -231,15 +231,45 @@ impl Summary {
         all.extend(smoothed.flat_map(undefined).map(|warning| format!("smoothed: {warning}")));
         for (consumer, count) in &self.unused_rows {
             let rows = if *count == 1 { "1 row was" } else { &format!("{count} rows were") };
-            all.push(format!(
-                "`{consumer}`: {rows} too late or not finite; a longer `reorder` under [run] accepts later rows"
-            ));
+            let (why, is_late) = self.why_unused(consumer);
+            let help = if is_late {
+                "; a longer `reorder` under [run] accepts later rows"
+            } else {
+                ""
+            };
+            all.push(format!("`{consumer}`: {rows} {why}{help}"));
         }
         all.extend(self.failures.iter().map(|f| format!("the estimator failed: {f}")));
         if self.further_failures > 0 {
             all.push(format!("the estimator failed {} times more", self.further_failures));
         }
         all
+    }
+}
+
+impl Summary {
+    /// Why rows of a consumer were not used, and whether they may have been late.
+    fn why_unused(&self, consumer: &str) -> (String, bool) {
+        let known = self.consumers.iter().filter(|c| c.name == consumer);
+        let reasons = known.flat_map(|c| {
+            [
+                ("late", c.late),
+                ("not finite", c.not_finite),
+                ("out of range", c.out_of_range),
+                ("spikes", c.spikes),
+                ("frozen", c.frozen),
+                ("time jumps", c.time_jumps),
+                ("otherwise", c.otherwise),
+            ]
+        });
+        let reasons: Vec<(&str, u64)> = reasons.filter(|(_, count)| *count > 0).collect();
+        if reasons.is_empty() {
+            // Inside a stage they are counted together.
+            return ("too late or not finite".to_owned(), true);
+        }
+        let is_late = reasons.iter().any(|(why, _)| *why == "late");
+        let list: Vec<String> = reasons.iter().map(|(why, count)| format!("{count} {why}")).collect();
+        (format!("not used ({})", list.join(", ")), is_late)
     }
 }
 

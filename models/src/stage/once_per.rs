@@ -1,6 +1,6 @@
 //! Rows of a stream at the epochs of another one.
 //!
-//! Rule       after each row of `each`, the first row of `source` passes, with its own stamp; all others do not.
+//! Rule       after each row of `each`, the first row of `source` that is finite passes, with its own stamp; all others do not.
 //!            So a filter takes what an instrument says only when another one speaks: a published filter that is
 //!            updated by all its rows at once
 //! Valid      a source much faster than the other stream: its row comes up to one of its intervals later
@@ -101,7 +101,8 @@ impl Stage for OncePer {
     fn row(&mut self, input: usize, time: Time, row: &[f64], _: Option<&View<'_>>, out: &mut Emitter<'_>) {
         if input != SOURCE {
             self.is_due = true;
-        } else if core::mem::take(&mut self.is_due) {
+        } else if self.is_due && row.iter().all(|v| v.is_finite()) {
+            self.is_due = false;
             out.emit(time, row);
         }
     }

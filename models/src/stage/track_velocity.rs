@@ -83,8 +83,10 @@ memory!(TrackVelocity { ; shares });
 
 impl Stage for TrackVelocity {
     fn row(&mut self, _: usize, time: Time, row: &[f64], _: Option<&View<'_>>, out: &mut Emitter<'_>) {
-        let ahead = row.iter().zip(&self.shares).map(|(speed, share)| speed * share).sum();
-        out.emit(time, &[ahead, 0.0, 0.0]);
+        let ahead: f64 = row.iter().zip(&self.shares).map(|(speed, share)| speed * share).sum();
+        if ahead.is_finite() {
+            out.emit(time, &[ahead, 0.0, 0.0]);
+        }
     }
 }
 
