@@ -146,7 +146,7 @@ pub struct Record {
     /// Length of its way \[m\].
     pub way: f64,
     /// The headings that the controller wanted, each with the time from which on \[s, rad\]; none where it wanted
-    /// none. Changes below [`SAME_HEADING`] are left out. Drawn, not tabulated.
+    /// none. Changes below a tenth of a degree are left out. Drawn, not tabulated.
     #[serde(skip)]
     pub headings: Vec<(f64, Option<f64>)>,
 }
