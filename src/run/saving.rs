@@ -102,14 +102,16 @@ impl<'o> Saving<'o> {
             let error = Diagnostic::error("a run that is smoothed by all of its log cannot be saved: its steps are as long as the log");
             return Err(error.help(help).into());
         }
-        match (saving.to, saving.from) {
-            (_, Some(from)) => saving.bytes = saving.read(from)?,
-            (Some(Checkpoints { file, .. }), None) if file.exists() => {
-                let file = file.display();
-                let error = Diagnostic::error(format!("{file} is there already, of a run that was stopped"));
-                return Err(error.help(format!("go on with it by `--resume {file}`, or remove it")).into());
-            }
-            _ => {}
+        if let Some(Checkpoints { file, .. }) = saving.to
+            && saving.from != Some(file)
+            && file.exists()
+        {
+            let file = file.display();
+            let error = Diagnostic::error(format!("{file} is there already, of a run that was stopped"));
+            return Err(error.help(format!("go on with it by `--resume {file}`, or remove it")).into());
+        }
+        if let Some(from) = saving.from {
+            saving.bytes = saving.read(from)?;
         }
         Ok(saving)
     }

@@ -243,6 +243,9 @@ fn what_cannot_be_gone_on_with_is_told_and_stays_as_it_is() {
         assert!(kept() == before, "{args:?}");
     };
     told(&saved, "go on with it by `--resume saved`");
+    fs::write(w.path("other"), "of another run").unwrap();
+    let to_other = ["--out", "out", "--resume", "saved", "--checkpoint", "other"];
+    told(&to_other, "go on with it by `--resume other`");
     told(&["--out", "out", "--resume", "saved", "--seed", "5"], "saved is of another run");
     told(&["--out", "out", "--resume", "nothing"], "cannot go on with nothing");
     told(&["--out", "out", "--resume", "saved", "--smooth"], "cannot be saved");
