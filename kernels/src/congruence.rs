@@ -3,23 +3,24 @@
 //! P is symmetric, n rows of a multiple of eight numbers, zero behind n; Φ is stored transposed, in
 //! rows of the same length, so that row k is column k of Φ: both products below read it along rows.
 //!
-//! With `end` the first row from which on Φ is diagonal, and A = ΦP of the rows before it,
+//! With `end` the first row from which on Φ is diagonal, `whole` the tiles of eight columns that lie before
+//! it, and `rest` the columns between them and `end`,
 //!
-//! 1. A_i = Σ_k Φ_ik P_k over the columns k that row i reads, three rows at a time,
-//! 2. (ΦPΦᵀ)_i = A_i ∘ m + Σ_k A_ik (Φᵀ)_k over the columns that any row reads; m has the diagonal of Φ
-//!    where step 2 reads no column, 0 elsewhere; the upper triangle only, in tiles of eight,
-//! 3. the tiles of the upper triangle, and their transposes, take their places in P.
+//! 1. A_i = Σ_k Φ_ik P_k for the rows before `end`, over the columns k that row i reads, three rows at a time,
+//! 2. R_i = Σ_k A_ik (Φᵀ)_k for their columns before `end`: tiles of the upper triangle, and the rows of the
+//!    rest from column 0 on, over the columns k that the tile's rows of Φ read,
+//! 3. in P, the tiles of R and their transposes take their places; behind `end` a column is one of A, scaled.
 
 use crate::Lines;
-use crate::lanes::{Lanes, some};
+use crate::lanes::{Lanes, some, some_mut};
+use core::ops::Range;
 
 /// Rows that are computed together: they read nearly the same columns.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Group {
-    first: usize,
-    rows: usize,
-    /// Where its columns lie in [`Plan::reads`].
-    reads: (usize, usize),
+    rows: Range<usize>,
+    /// The columns that they read, in order.
+    reads: Vec<u16>,
 }
 
 /// The pattern of a Φ, and how its products go through it.
@@ -28,14 +29,13 @@ pub struct Plan {
     n: usize,
     /// Tiles of eight columns.
     tiles: usize,
-    /// The first row from which on Φ is diagonal, and the tiles up to it.
+    /// The first row from which on Φ is diagonal: eight times `whole`, and the rest.
     end: usize,
-    end_tiles: usize,
+    whole: usize,
+    rest: usize,
     groups: Vec<Group>,
-    /// The columns that each group reads, in order.
-    reads: Vec<u16>,
-    /// The columns that any row before `end` reads, in order.
-    columns: Vec<u16>,
+    /// Per tile before `end`, the columns that its rows read, in order.
+    columns: Vec<Vec<u16>>,
     /// Whether Φ may have other numbers than 1 from row `end` on.
     is_scaled: bool,
 }
@@ -57,39 +57,33 @@ impl Plan {
             columns
         };
         let end = (0..n).rfind(|&i| of(i).len() > 1).map_or(0, |i| i + 1);
-        let mut plan = Self {
-            n,
-            tiles: n.div_ceil(8),
-            end,
-            end_tiles: end.div_ceil(8),
-            groups: Vec::new(),
-            reads: Vec::new(),
-            columns: Vec::new(),
-            is_scaled: rows[end..].iter().any(|ranges| !ranges.is_empty()),
-        };
+        let mut groups = Vec::new();
         let mut i = 0;
         while i < end {
-            let (first, mut columns) = (i, of(i));
+            let (first, mut reads) = (i, of(i));
             i += 1;
             while i < end && i - first < 3 {
                 let next = of(i);
-                let both = union(&columns, &next);
-                if both.len() > columns.len().min(next.len()) + SPARE {
+                let both = union(&reads, &next);
+                if both.len() > reads.len().min(next.len()) + SPARE {
                     break;
                 }
-                columns = both;
+                reads = both;
                 i += 1;
             }
-            plan.columns = union(&plan.columns, &columns);
-            let start = plan.reads.len();
-            plan.reads.extend(columns);
-            plan.groups.push(Group {
-                first,
-                rows: i - first,
-                reads: (start, plan.reads.len()),
-            });
+            groups.push(Group { rows: first..i, reads });
         }
-        plan
+        let of_tile = |t: usize| (8 * t..end.min(8 * t + 8)).fold(Vec::new(), |all, i| union(&all, &of(i)));
+        Self {
+            n,
+            tiles: n.div_ceil(8),
+            end,
+            whole: end / 8,
+            rest: end % 8,
+            groups,
+            columns: (0..end.div_ceil(8)).map(of_tile).collect(),
+            is_scaled: rows[end..].iter().any(|ranges| !ranges.is_empty()),
+        }
     }
 
     /// Row length of P and Φᵀ.
@@ -108,13 +102,11 @@ fn union(a: &[u16], b: &[u16]) -> Vec<u16> {
 /// Working memory of a product, sized once.
 #[derive(Clone, Debug)]
 pub struct Product {
-    /// A of a group.
+    /// A and R, in rows as long as those of P.
     a: Lines,
-    /// ΦPΦᵀ: the upper triangle, as far as the tiles of `end`.
     r: Lines,
-    /// The diagonal of Φ, and m.
+    /// The diagonal of Φ where it is scaled, 1 elsewhere.
     diagonal: Lines,
-    m: Lines,
 }
 
 impl Product {
@@ -123,17 +115,17 @@ impl Product {
     pub fn new(n: usize) -> Self {
         let ld = n.next_multiple_of(8);
         Self {
-            a: Lines::zeros(3 * ld),
-            r: Lines::zeros(ld * ld),
+            a: Lines::zeros(n * ld),
+            r: Lines::zeros(n * ld),
             diagonal: Lines::zeros(ld),
-            m: Lines::zeros(ld),
         }
     }
 
     /// (ΦPΦᵀ)_ii.
     #[must_use]
+    #[inline]
     pub fn variance(&self, plan: &Plan, p: &[f64], i: usize) -> f64 {
-        if i < 8 * plan.end_tiles {
+        if i < plan.end {
             self.r[i * plan.ld() + i]
         } else if plan.is_scaled {
             p[i * plan.ld() + i] * (self.diagonal[i] * self.diagonal[i])
@@ -141,100 +133,74 @@ impl Product {
             p[i * plan.ld() + i]
         }
     }
-
-    /// The diagonal of Φ, and m.
-    fn scales(&mut self, plan: &Plan, phi: &[f64]) {
-        let ld = plan.ld();
-        for i in 0..plan.n {
-            self.diagonal[i] = phi[i * ld + i];
-        }
-        self.m.copy_from_slice(&self.diagonal);
-        for &k in plan.columns.iter().filter(|&&k| usize::from(k) < 8 * plan.end_tiles) {
-            self.m[usize::from(k)] = 0.0;
-        }
-    }
 }
 
-/// The rows of ΦPΦᵀ that are not a scaling of those of P.
+/// A and R of ΦPΦᵀ.
 #[inline(always)]
 pub(crate) fn product<L: Lanes>(plan: &Plan, phi: &[f64], p: &[f64], w: &mut Product) {
-    let (tiles, n, ld) = (plan.tiles, plan.n, plan.ld());
+    let (n, ld) = (plan.n, plan.ld());
     let is_large = p.len() >= n * ld && phi.len() >= n * ld;
-    let has_room = w.a.len() >= 3 * ld && w.m.len() >= ld;
+    let has_room = w.a.len() >= n * ld && w.r.len() >= n * ld && w.diagonal.len() >= ld;
     assert!(is_large && has_room, "matrices of {n} rows");
-    w.scales(plan, phi);
+    if plan.is_scaled {
+        for i in plan.end..n {
+            w.diagonal[i] = phi[i * ld + i];
+        }
+    }
+    let (p8, a8) = (p.as_chunks::<8>().0, w.a.as_chunks_mut::<8>().0);
     for group in &plan.groups {
-        match group.rows {
-            1 => rows::<L, 1>(plan, group, phi, p, w),
-            2 => rows::<L, 2>(plan, group, phi, p, w),
-            _ => rows::<L, 3>(plan, group, phi, p, w),
+        match group.rows.len() {
+            1 => left::<L, 1>(plan, group, phi, p8, a8),
+            2 => left::<L, 2>(plan, group, phi, p8, a8),
+            _ => left::<L, 3>(plan, group, phi, p8, a8),
         }
     }
-    // The rows that share a tile with the last of these.
-    let (p, r) = (p.as_chunks::<8>().0, w.r.as_chunks_mut::<8>().0);
-    let diagonal = w.diagonal.as_chunks::<8>().0;
-    for i in plan.end..plan.n.min(8 * plan.end_tiles) {
-        for t in i / 8..tiles {
-            let at = i * tiles + t;
-            let mut v = L::load(&p[at]);
-            if plan.is_scaled {
-                v = v.mul(L::load(&diagonal[t]).mul(L::splat(diagonal[i / 8][i % 8])));
+    let (phi, r8) = (phi.as_chunks::<8>().0, w.r.as_chunks_mut::<8>().0);
+    for (t, columns) in plan.columns.iter().enumerate() {
+        let upper = if t < plan.whole { 8 * t + 8 } else { 0 };
+        for rows in [0..upper, 8 * plan.whole..plan.end] {
+            let mut i = rows.start;
+            while i < rows.end {
+                i += match rows.end - i {
+                    1 => right::<L, 1>(columns, phi, i, &w.a, plan.tiles, t, r8),
+                    2 => right::<L, 2>(columns, phi, i, &w.a, plan.tiles, t, r8),
+                    3 => right::<L, 3>(columns, phi, i, &w.a, plan.tiles, t, r8),
+                    8.. if L::ROWS == 8 => right::<L, 8>(columns, phi, i, &w.a, plan.tiles, t, r8),
+                    _ => right::<L, 4>(columns, phi, i, &w.a, plan.tiles, t, r8),
+                };
             }
-            v.store(&mut r[at]);
         }
     }
 }
 
+/// A = ΦP of the G rows of a group.
 #[inline(always)]
-fn rows<L: Lanes, const G: usize>(plan: &Plan, group: &Group, phi: &[f64], p: &[f64], w: &mut Product) {
-    let tiles = plan.tiles;
-    let reads = &plan.reads[group.reads.0..group.reads.1];
-    let p = p.as_chunks::<8>().0;
-    let a = w.a.as_chunks_mut::<8>().0;
+fn left<L: Lanes, const G: usize>(plan: &Plan, group: &Group, phi: &[f64], p: &[[f64; 8]], a: &mut [[f64; 8]]) {
     let mut t = 0;
-    while t < tiles {
-        let wide = L::TILES.min(tiles - t);
+    while t < plan.tiles {
+        let wide = L::TILES.min(plan.tiles - t);
         match wide {
-            1 => left::<L, G, 1>(reads, phi, group.first, p, tiles, t, a),
-            2 => left::<L, G, 2>(reads, phi, group.first, p, tiles, t, a),
-            _ => left::<L, G, 3>(reads, phi, group.first, p, tiles, t, a),
+            1 => left_tiles::<L, G, 1>(plan, group, phi, p, t, a),
+            2 => left_tiles::<L, G, 2>(plan, group, phi, p, t, a),
+            _ => left_tiles::<L, G, 3>(plan, group, phi, p, t, a),
         }
         t += wide;
-    }
-    let phi = phi.as_chunks::<8>().0;
-    let (m, r) = (w.m.as_chunks::<8>().0, w.r.as_chunks_mut::<8>().0);
-    let mut t = group.first / 8;
-    while t < plan.end_tiles {
-        let wide = L::TILES.min(plan.end_tiles - t);
-        match wide {
-            1 => right::<L, G, 1>(&plan.columns, phi, group.first, &w.a, m, tiles, t, r),
-            2 => right::<L, G, 2>(&plan.columns, phi, group.first, &w.a, m, tiles, t, r),
-            _ => right::<L, G, 3>(&plan.columns, phi, group.first, &w.a, m, tiles, t, r),
-        }
-        t += wide;
-    }
-    let a = w.a.as_chunks::<8>().0;
-    for t in plan.end_tiles..tiles {
-        for g in 0..G {
-            let v = L::load(&a[g * tiles + t]).mul(L::load(&m[t]));
-            v.store(&mut r[(group.first + g) * tiles + t]);
-        }
     }
 }
 
-/// Tiles `t` to `t + W` of A = ΦP, of G rows from `first` on.
+/// Its tiles `t` to `t + W`.
 #[inline(always)]
-fn left<L: Lanes, const G: usize, const W: usize>(
-    reads: &[u16],
+fn left_tiles<L: Lanes, const G: usize, const W: usize>(
+    plan: &Plan,
+    group: &Group,
     phi: &[f64],
-    first: usize,
     p: &[[f64; 8]],
-    tiles: usize,
     t: usize,
     a: &mut [[f64; 8]],
 ) {
+    let (tiles, first) = (plan.tiles, group.rows.start);
     let mut sum = [[L::splat(0.0); W]; G];
-    for &k in reads {
+    for &k in &group.reads {
         let k = usize::from(k);
         #[expect(unsafe_code, reason = "see `some`")]
         // SAFETY: `Plan::new` has k < n, first + G ≤ n and t + W ≤ tiles; `product` looks at the lengths.
@@ -247,95 +213,162 @@ fn left<L: Lanes, const G: usize, const W: usize>(
         }
     }
     for g in 0..G {
-        let out = &mut a[g * tiles + t..][..W];
+        #[expect(unsafe_code, reason = "see `some`")]
+        // SAFETY: as above.
+        let out = unsafe { some_mut::<_, W>(a, (first + g) * tiles + t) };
         for w in 0..W {
             sum[g][w].store(&mut out[w]);
         }
     }
 }
 
-/// Tiles `t` to `t + W` of AΦᵀ, of G rows from `first` on.
-#[expect(clippy::too_many_arguments, reason = "pieces of borrowed memory")]
+/// Tile `t` of R, of G rows from `first` on; these are G.
 #[inline(always)]
-fn right<L: Lanes, const G: usize, const W: usize>(
+fn right<L: Lanes, const G: usize>(
     columns: &[u16],
     phi: &[[f64; 8]],
     first: usize,
     a: &[f64],
-    m: &[[f64; 8]],
     tiles: usize,
     t: usize,
     r: &mut [[f64; 8]],
-) {
-    let mut sum = [[L::splat(0.0); W]; G];
-    let own = a.as_chunks::<8>().0;
-    for g in 0..G {
-        for w in 0..W {
-            sum[g][w] = L::load(&own[g * tiles + t + w]).mul(L::load(&m[t + w]));
-        }
-    }
+) -> usize {
+    let mut sum = [L::splat(0.0); G];
     for &k in columns {
         let k = usize::from(k);
         #[expect(unsafe_code, reason = "see `some`")]
-        // SAFETY: as in `left`; `a` has three rows.
-        let row = unsafe { some::<_, W>(phi, k * tiles + t) };
+        // SAFETY: as in `left_tiles`.
+        let [row] = unsafe { some::<_, 1>(phi, k * tiles + t) };
+        let row = L::load(row);
         for g in 0..G {
             #[expect(unsafe_code, reason = "see `some`")]
-            // SAFETY: as above.
-            let [factor] = unsafe { some::<_, 1>(a, 8 * g * tiles + k) };
-            let factor = L::splat(*factor);
-            for w in 0..W {
-                sum[g][w] = factor.mul_add(L::load(&row[w]), sum[g][w]);
-            }
+            // SAFETY: as in `left_tiles`; A has as many rows as P.
+            let [factor] = unsafe { some::<_, 1>(a, 8 * (first + g) * tiles + k) };
+            sum[g] = L::splat(*factor).mul_add(row, sum[g]);
         }
     }
     for g in 0..G {
-        let out = &mut r[(first + g) * tiles + t..][..W];
-        for w in 0..W {
-            sum[g][w].store(&mut out[w]);
-        }
+        #[expect(unsafe_code, reason = "see `some`")]
+        // SAFETY: as above.
+        let [out] = unsafe { some_mut::<_, 1>(r, (first + g) * tiles + t) };
+        sum[g].store(out);
     }
+    G
 }
 
 /// Puts what [`product`] made into P.
 #[inline(always)]
 pub(crate) fn place<L: Lanes>(plan: &Plan, w: &Product, p: &mut [f64]) {
-    let (tiles, n) = (plan.tiles, plan.n);
-    let (p, r) = (p.as_chunks_mut::<8>().0, w.r.as_chunks::<8>().0);
-    for i in 0..plan.end_tiles {
-        let rows = (n - 8 * i).min(8);
-        for j in i..tiles {
-            let mut tile = [L::splat(0.0); 8];
-            for k in 0..8 {
-                tile[k] = L::load(&r[(8 * i + k) * tiles + j]);
-            }
-            let across = L::transpose(tile);
-            if i == j {
-                for k in 0..8 {
-                    if k < rows {
-                        tile[k].after(k, across[k]).store(&mut p[(8 * i + k) * tiles + i]);
-                    }
-                }
-                continue;
-            }
-            let below = (n - 8 * j).min(8);
-            for k in 0..8 {
-                tile[k].store(&mut p[(8 * i + k) * tiles + j]);
-                if k < below {
-                    across[k].store(&mut p[(8 * j + k) * tiles + i]);
-                }
-            }
+    let (n, ld) = (plan.n, plan.ld());
+    assert!(p.len() >= n * ld && w.a.len() >= n * ld && w.r.len() >= n * ld && w.diagonal.len() >= ld, "matrices of {n} rows");
+    for i in 0..plan.whole {
+        for j in i..plan.tiles {
+            place_tile::<L>(plan, w, p, i, j);
         }
     }
-    if plan.is_scaled {
-        let diagonal = w.diagonal.as_chunks::<8>().0;
-        for i in 8 * plan.end_tiles..n {
-            let own = L::splat(diagonal[i / 8][i % 8]);
-            for t in plan.end_tiles..tiles {
-                let at = &mut p[i * tiles + t];
+    place_rest::<L>(plan, w, p);
+    place_behind::<L>(plan, w, p);
+}
+
+/// Tile (i, j) and its transpose; i is before `whole`.
+#[inline(always)]
+fn place_tile<L: Lanes>(plan: &Plan, w: &Product, p: &mut [f64], i: usize, j: usize) {
+    let (tiles, n, whole) = (plan.tiles, plan.n, plan.whole);
+    let mut tile = [L::splat(0.0); 8];
+    for k in 0..8 {
+        tile[k] = if j < whole { row::<L>(&w.r, tiles, 8 * i + k, j) } else { plan.scaled(w, 8 * i + k, j) };
+    }
+    let across = L::transpose(tile);
+    if i == j {
+        for k in 0..8 {
+            put(tile[k].after(k, across[k]), p, tiles, 8 * i + k, i);
+        }
+        return;
+    }
+    let rest = if j == whole { plan.rest } else { 0 };
+    for k in 0..8 {
+        if k < rest {
+            put(row::<L>(&w.r, tiles, 8 * j + k, i), p, tiles, 8 * j + k, i);
+        } else if 8 * j + k < n {
+            put(across[k], p, tiles, 8 * j + k, i);
+        }
+    }
+    for k in 0..8 {
+        let own = plan.mirrored(&w.r, tile[k], rest, 8 * i + k);
+        put(own, p, tiles, 8 * i + k, j);
+    }
+}
+
+/// The rows between the whole tiles and `end`, from their diagonal on.
+#[inline(always)]
+fn place_rest<L: Lanes>(plan: &Plan, w: &Product, p: &mut [f64]) {
+    let (tiles, whole) = (plan.tiles, plan.whole);
+    for c in 0..plan.rest {
+        let i = 8 * whole + c;
+        let own = plan.scaled::<L>(w, i, whole).after(plan.rest, row(&w.r, tiles, i, whole));
+        put(plan.mirrored(&w.r, own, c, i), p, tiles, i, whole);
+        for t in whole + 1..tiles {
+            put(plan.scaled::<L>(w, i, t), p, tiles, i, t);
+        }
+    }
+}
+
+/// The rows from `end` on, where Φ is diagonal.
+#[inline(always)]
+fn place_behind<L: Lanes>(plan: &Plan, w: &Product, p: &mut [f64]) {
+    let (tiles, whole) = (plan.tiles, plan.whole);
+    if plan.rest == 0 && !plan.is_scaled {
+        return;
+    }
+    for i in plan.end..plan.n {
+        let last = if plan.is_scaled { tiles } else { whole + 1 };
+        for t in whole..last {
+            let mut own = row::<L>(p, tiles, i, t);
+            if plan.is_scaled {
                 // The product of both scales first: it is the same on both sides of the diagonal.
-                L::load(at).mul(L::load(&diagonal[t]).mul(own)).store(at);
+                own = own.mul(row::<L>(&w.diagonal, tiles, 0, t).mul(L::splat(w.diagonal[i])));
             }
+            if t == whole {
+                own = plan.mirrored(p, own, plan.rest, i);
+            }
+            put(own, p, tiles, i, t);
         }
     }
+}
+
+impl Plan {
+    /// Tile `t` of row `i` of A, scaled as the columns behind `end` are.
+    #[inline(always)]
+    fn scaled<L: Lanes>(&self, w: &Product, i: usize, t: usize) -> L {
+        let own: L = row(&w.a, self.tiles, i, t);
+        if self.is_scaled { own.mul(row(&w.diagonal, self.tiles, 0, t)) } else { own }
+    }
+
+    /// `own`, its first `count` lanes from column `i` of the rows from the last whole tile on.
+    #[inline(always)]
+    fn mirrored<L: Lanes>(&self, m: &[f64], mut own: L, count: usize, i: usize) -> L {
+        for c in (0..count).rev() {
+            #[expect(unsafe_code, reason = "see `some`")]
+            // SAFETY: `count` rows from there on are below n, i < ld; `place` looks at the lengths.
+            let [value] = unsafe { some::<_, 1>(m, (8 * self.whole + c) * self.ld() + i) };
+            own = own.after(c + 1, L::splat(*value));
+        }
+        own
+    }
+}
+
+/// Tile `t` of row `i` of `m`.
+#[inline(always)]
+fn row<L: Lanes>(m: &[f64], tiles: usize, i: usize, t: usize) -> L {
+    #[expect(unsafe_code, reason = "see `some`")]
+    // SAFETY: only for i < n, or i = 0 of the diagonal, and t < tiles; `place` looks at the lengths.
+    L::load(unsafe { some::<_, 8>(m, 8 * (i * tiles + t)) })
+}
+
+/// The same, written.
+#[inline(always)]
+fn put<L: Lanes>(own: L, m: &mut [f64], tiles: usize, i: usize, t: usize) {
+    #[expect(unsafe_code, reason = "see `some`")]
+    // SAFETY: as in `row`.
+    own.store(unsafe { some_mut::<_, 8>(m, 8 * (i * tiles + t)) });
 }

@@ -7,6 +7,8 @@
 pub(crate) trait Lanes: Copy {
     /// Tiles of eight columns that three rows are computed in at once: as many as the registers hold.
     const TILES: usize;
+    /// Rows of one tile that are computed at once.
+    const ROWS: usize;
     fn splat(value: f64) -> Self;
     fn load(from: &[f64; 8]) -> Self;
     fn store(self, to: &mut [f64; 8]);
@@ -39,6 +41,18 @@ pub(crate) unsafe fn some<T, const N: usize>(slice: &[T], at: usize) -> &[T; N] 
     unsafe { &*slice.as_ptr().add(at).cast() }
 }
 
+/// The same, to be written.
+///
+/// # Safety
+/// As for [`some`].
+#[expect(unsafe_code, reason = "as above")]
+#[inline(always)]
+pub(crate) unsafe fn some_mut<T, const N: usize>(slice: &mut [T], at: usize) -> &mut [T; N] {
+    debug_assert!(at + N <= slice.len());
+    // SAFETY: as the caller promises.
+    unsafe { &mut *slice.as_mut_ptr().add(at).cast() }
+}
+
 /// Plain numbers: what every processor has, without fused multiply-add.
 #[derive(Clone, Copy)]
 pub(crate) struct Plain([f64; 8]);
@@ -55,6 +69,7 @@ impl Plain {
 
 impl Lanes for Plain {
     const TILES: usize = 1;
+    const ROWS: usize = 4;
     #[inline(always)]
     fn splat(value: f64) -> Self {
         Self([value; 8])

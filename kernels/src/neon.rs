@@ -22,6 +22,7 @@ impl Neon {
 // numbers.
 impl Lanes for Neon {
     const TILES: usize = 2;
+    const ROWS: usize = 4;
     #[inline(always)]
     fn splat(value: f64) -> Self {
         unsafe { Self([vdupq_n_f64(value); 4]) }

@@ -19,6 +19,7 @@ pub(crate) struct Avx2(__m256d, __m256d);
 // pointers come from references to eight numbers.
 impl Lanes for Avx512 {
     const TILES: usize = 3;
+    const ROWS: usize = 8;
     #[inline(always)]
     fn splat(value: f64) -> Self {
         unsafe { Self(_mm512_set1_pd(value)) }
@@ -95,6 +96,7 @@ unsafe fn pairs(t: [__m512d; 4]) -> [__m512d; 4] {
 // SAFETY: as above, with AVX2 and FMA.
 impl Lanes for Avx2 {
     const TILES: usize = 2;
+    const ROWS: usize = 4;
     #[inline(always)]
     fn splat(value: f64) -> Self {
         unsafe {
