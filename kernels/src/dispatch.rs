@@ -118,10 +118,10 @@ operations! {
     congruence::place(plan: &Plan, w: &Product, p: &mut [f64]);
     /// out ← HP, of `rows` rows; H is zero outside `columns`.
     update::project(rows: usize, h: &[f64], columns: &[(usize, usize)], p: &[f64], out: &mut [f64], ld: usize);
-    /// X ← L⁻¹X for m rows; L is lower, m×m, row by row.
-    update::forward(l: &[f64], m: usize, x: &mut [f64], ld: usize);
-    /// X ← L⁻ᵀX.
-    update::backward(l: &[f64], m: usize, x: &mut [f64], ld: usize);
+    /// out ← XHᵀ, m×m, row by row, where it is symmetric; X and H of m rows.
+    update::inner(m: usize, h: &[f64], x: &[f64], out: &mut [f64], ld: usize);
+    /// U ← L⁻¹X and K ← L⁻ᵀU of m rows; L is lower, m×m, row by row.
+    update::gain(l: &[f64], m: usize, x: &[f64], u: &mut [f64], k: &mut [f64], ld: usize);
     /// P ← P − UᵀU, U of m rows; P stays symmetric to the bit.
     update::downdate(n: usize, u: &[f64], m: usize, p: &mut [f64]);
     /// P ← P − DᵀK − KᵀD, of m rows each; P stays symmetric to the bit.

@@ -2,7 +2,7 @@
 //!
 //! P as in [`congruence`](crate::congruence); HP and its like are m rows of the same length.
 
-use crate::lanes::Lanes;
+use crate::lanes::{Lanes, some, some_mut};
 
 /// Rows `rows` of HP, one after the other: Σ_k H_ik P_k over the columns in `columns`.
 #[inline(always)]
@@ -46,16 +46,9 @@ fn some_tiles<L: Lanes, const G: usize, const W: usize>(
     let mut sum = [[L::splat(0.0); W]; G];
     for &(start, end) in columns {
         for k in start..end {
-            let mut factors = [0.0; G];
-            for g in 0..G {
-                factors[g] = h[8 * g * tiles + k];
-            }
-            if factors == [0.0; G] {
-                continue;
-            }
             let row = &p[k * tiles + t..][..W];
             for g in 0..G {
-                let factor = L::splat(factors[g]);
+                let factor = L::splat(h[8 * g * tiles + k]);
                 for w in 0..W {
                     sum[g][w] = factor.mul_add(L::load(&row[w]), sum[g][w]);
                 }
@@ -70,34 +63,78 @@ fn some_tiles<L: Lanes, const G: usize, const W: usize>(
     }
 }
 
-/// X ← L⁻¹X; L lower, m×m, row by row.
+/// Calls a function for the numbers of rows that are usual by that number, so that its loops are unrolled;
+/// 0 stands for any other.
+macro_rules! by_rows {
+    ($m:expr, $function:ident::<$lanes:ty>($($arg:expr),*)) => {
+        match $m {
+            1 => $function::<$lanes, 1>($($arg),*),
+            2 => $function::<$lanes, 2>($($arg),*),
+            3 => $function::<$lanes, 3>($($arg),*),
+            6 => $function::<$lanes, 6>($($arg),*),
+            _ => $function::<$lanes, 0>($($arg),*),
+        }
+    };
+}
+
+/// out ← XHᵀ, m×m, row by row, where it is symmetric: the elements up to the diagonal are computed.
 #[inline(always)]
-pub(crate) fn forward<L: Lanes>(l: &[f64], m: usize, x: &mut [f64], ld: usize) {
-    let (x, tiles) = (x.as_chunks_mut::<8>().0, ld / 8);
-    for i in 0..m {
-        let inverse = L::splat(1.0 / l[i * m + i]);
-        for t in 0..tiles {
-            let mut sum = L::load(&x[i * tiles + t]);
-            for k in 0..i {
-                sum = L::splat(l[i * m + k]).mul_sub_from(L::load(&x[k * tiles + t]), sum);
+pub(crate) fn inner<L: Lanes>(m: usize, h: &[f64], x: &[f64], out: &mut [f64], ld: usize) {
+    let (h, x, tiles) = (h.as_chunks::<8>().0, x.as_chunks::<8>().0, ld / 8);
+    let (mut i, mut j) = (0, 0);
+    while i < m {
+        // Eight elements: their terms by lanes, then the lanes of each.
+        let mut terms = [L::splat(0.0); 8];
+        let mut places = [(0, 0); 8];
+        let mut count = 0;
+        while count < 8 && i < m {
+            let (own, other) = (&x[i * tiles..][..tiles], &h[j * tiles..][..tiles]);
+            let mut sum = L::splat(0.0);
+            for t in 0..tiles {
+                sum = L::load(&own[t]).mul_add(L::load(&other[t]), sum);
             }
-            sum.mul(inverse).store(&mut x[i * tiles + t]);
+            terms[count] = sum;
+            places[count] = (i, j);
+            count += 1;
+            (i, j) = if j == i { (i + 1, 0) } else { (i, j + 1) };
+        }
+        let t = L::transpose(terms);
+        let sum = t[0].add(t[1]).add(t[2].add(t[3])).add(t[4].add(t[5]).add(t[6].add(t[7])));
+        let mut sums = [0.0; 8];
+        sum.store(&mut sums);
+        for k in 0..count {
+            let (i, j) = places[k];
+            out[i * m + j] = sums[k];
+            out[j * m + i] = sums[k];
         }
     }
 }
 
-/// X ← L⁻ᵀX.
+/// U ← L⁻¹X and K ← L⁻ᵀU; L lower, m×m, row by row.
 #[inline(always)]
-pub(crate) fn backward<L: Lanes>(l: &[f64], m: usize, x: &mut [f64], ld: usize) {
-    let (x, tiles) = (x.as_chunks_mut::<8>().0, ld / 8);
-    for i in (0..m).rev() {
-        let inverse = L::splat(1.0 / l[i * m + i]);
-        for t in 0..tiles {
+pub(crate) fn gain<L: Lanes>(l: &[f64], m: usize, x: &[f64], u: &mut [f64], k: &mut [f64], ld: usize) {
+    by_rows!(m, gain_of::<L>(l, m, x, u, k, ld / 8));
+}
+
+#[inline(always)]
+fn gain_of<L: Lanes, const M: usize>(l: &[f64], m: usize, x: &[f64], u: &mut [f64], k: &mut [f64], tiles: usize) {
+    let m = if M == 0 { m } else { M };
+    let (l, x) = (&l[..m * m], &x.as_chunks::<8>().0[..m * tiles]);
+    let (u, k) = (&mut u.as_chunks_mut::<8>().0[..m * tiles], &mut k.as_chunks_mut::<8>().0[..m * tiles]);
+    for t in 0..tiles {
+        for i in 0..m {
             let mut sum = L::load(&x[i * tiles + t]);
-            for k in i + 1..m {
-                sum = L::splat(l[k * m + i]).mul_sub_from(L::load(&x[k * tiles + t]), sum);
+            for j in 0..i {
+                sum = L::splat(l[i * m + j]).mul_sub_from(L::load(&u[j * tiles + t]), sum);
             }
-            sum.mul(inverse).store(&mut x[i * tiles + t]);
+            sum.mul(L::splat(1.0 / l[i * m + i])).store(&mut u[i * tiles + t]);
+        }
+        for i in (0..m).rev() {
+            let mut sum = L::load(&u[i * tiles + t]);
+            for j in i + 1..m {
+                sum = L::splat(l[j * m + i]).mul_sub_from(L::load(&k[j * tiles + t]), sum);
+            }
+            sum.mul(L::splat(1.0 / l[i * m + i])).store(&mut k[i * tiles + t]);
         }
     }
 }
@@ -105,46 +142,57 @@ pub(crate) fn backward<L: Lanes>(l: &[f64], m: usize, x: &mut [f64], ld: usize) 
 /// P ← P − UᵀU, U of m rows: symmetric to the bit.
 #[inline(always)]
 pub(crate) fn downdate<L: Lanes>(n: usize, u: &[f64], m: usize, p: &mut [f64]) {
-    let tiles = n.div_ceil(8);
-    let p = p.as_chunks_mut::<8>().0;
-    let mut i = 0;
-    while i < n {
-        match n - i {
-            1 => less::<L, 1>(u, m, i, p, tiles),
-            2 => less::<L, 2>(u, m, i, p, tiles),
-            _ => less::<L, 3>(u, m, i, p, tiles),
-        }
-        i += 3;
-    }
+    by_rows!(m, less::<L>(n, u, m, p));
 }
 
 #[inline(always)]
-fn less<L: Lanes, const G: usize>(u: &[f64], m: usize, i: usize, p: &mut [[f64; 8]], tiles: usize) {
+fn less<L: Lanes, const M: usize>(n: usize, u: &[f64], m: usize, p: &mut [f64]) {
+    let (m, tiles) = (if M == 0 { m } else { M }, n.div_ceil(8));
+    assert!(u.len() >= 8 * m * tiles && p.len() >= 8 * n * tiles, "U of {m} rows, P of {n}");
+    let p = p.as_chunks_mut::<8>().0;
     let mut t = 0;
     while t < tiles {
         let wide = L::TILES.min(tiles - t);
-        match wide {
-            1 => less_tiles::<L, G, 1>(u, m, i, p, tiles, t),
-            2 => less_tiles::<L, G, 2>(u, m, i, p, tiles, t),
-            _ => less_tiles::<L, G, 3>(u, m, i, p, tiles, t),
+        let mut i = 0;
+        while i < n {
+            i += match (wide, n - i) {
+                (1, 1 | 2) => less_tiles::<L, M, 1, 1>(u, m, i, p, tiles, t),
+                (2, 1 | 2) => less_tiles::<L, M, 1, 2>(u, m, i, p, tiles, t),
+                (_, 1 | 2) => less_tiles::<L, M, 1, 3>(u, m, i, p, tiles, t),
+                (1, _) => less_tiles::<L, M, 3, 1>(u, m, i, p, tiles, t),
+                (2, _) => less_tiles::<L, M, 3, 2>(u, m, i, p, tiles, t),
+                (_, _) => less_tiles::<L, M, 3, 3>(u, m, i, p, tiles, t),
+            };
         }
         t += wide;
     }
 }
 
+/// Tiles `t` to `t + W` of G rows from `i` on; these are G.
 #[inline(always)]
-fn less_tiles<L: Lanes, const G: usize, const W: usize>(u: &[f64], m: usize, i: usize, p: &mut [[f64; 8]], tiles: usize, t: usize) {
-    let rows = u.as_chunks::<8>().0;
+fn less_tiles<L: Lanes, const M: usize, const G: usize, const W: usize>(
+    u: &[f64],
+    m: usize,
+    i: usize,
+    p: &mut [[f64; 8]],
+    tiles: usize,
+    t: usize,
+) -> usize {
+    let m = if M == 0 { m } else { M };
     let mut sum = [[L::splat(0.0); W]; G];
     for g in 0..G {
-        let own = &p[(i + g) * tiles + t..][..W];
+        #[expect(unsafe_code, reason = "see `some`")]
+        // SAFETY: `less` has i + G ≤ n, t + W ≤ tiles, and looks at the lengths.
+        let own = unsafe { some::<_, W>(p, (i + g) * tiles + t) };
         for w in 0..W {
             sum[g][w] = L::load(&own[w]);
         }
     }
+    let rows = u.as_chunks::<8>().0;
     for l in 0..m {
-        let factors = &u[8 * l * tiles + i..][..G];
-        let row = &rows[l * tiles + t..][..W];
+        #[expect(unsafe_code, reason = "see `some`")]
+        // SAFETY: as above; l < m.
+        let (factors, row) = unsafe { (some::<_, G>(u, 8 * l * tiles + i), some::<_, W>(rows, l * tiles + t)) };
         for g in 0..G {
             let factor = L::splat(factors[g]);
             for w in 0..W {
@@ -153,11 +201,14 @@ fn less_tiles<L: Lanes, const G: usize, const W: usize>(u: &[f64], m: usize, i: 
         }
     }
     for g in 0..G {
-        let own = &mut p[(i + g) * tiles + t..][..W];
+        #[expect(unsafe_code, reason = "see `some`")]
+        // SAFETY: as above.
+        let own = unsafe { some_mut::<_, W>(p, (i + g) * tiles + t) };
         for w in 0..W {
             sum[g][w].store(&mut own[w]);
         }
     }
+    G
 }
 
 /// P ← P − DᵀK − KᵀD, of m rows each: both products are rounded before they are added, which is

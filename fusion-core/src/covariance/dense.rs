@@ -136,19 +136,20 @@ impl<'a> Whole<'a> {
             return self.refine(0..m, h, r, &mut w.dense, kernel);
         }
         for i in 0..m {
-            let (row, own, r) = (&h.padded_rows()[i * ld..], &mut w.u[..ld], r[i * m + i]);
+            let (row, own, r) = (&h.padded_rows()[i * ld..], &mut w.dense.c[..ld], r[i * m + i]);
+            let mut s = [0.0];
             kernel.project(1, row, h.columns(), self.p, own, ld);
-            let s = along(h, i, own) + r;
+            kernel.inner(1, row, own, &mut s, ld);
+            let s = s[0] + r;
             // Nothing but rounding is left of S: the rows before say the same, without noise, and the gain
             // is rounding too. P is then none, which the estimator finds.
             if s.is_nan() || s <= SINGULAR * w.s[i * m + i] {
                 self.p[0] = f64::NAN;
                 return;
             }
-            let k = &mut w.dense.k[..ld];
-            k.iter_mut().zip(&*own).for_each(|(k, hp)| *k = hp / s);
-            kernel.backward(&[s.sqrt()], 1, own, ld);
-            kernel.downdate(n, own, 1, self.p);
+            let (own, u, k) = (&w.dense.c[..ld], &mut w.u[..ld], &mut w.dense.k[..ld]);
+            kernel.gain(&[s.sqrt()], 1, own, u, k, ld);
+            kernel.downdate(n, u, 1, self.p);
             self.refine(i..i + 1, h, &[r], &mut w.dense, kernel);
         }
     }
@@ -160,15 +161,11 @@ impl<'a> Whole<'a> {
         let (k, c) = (&w.k[..m * ld], &mut w.c[..m * ld]);
         kernel.project(m, &h.padded_rows()[rows.start * ld..], h.columns(), self.p, c, ld);
         kernel.subtract(r, m, k, c, ld);
-        // D = C − ½K(HC), so that A − DKᵀ − KDᵀ has the term of second order too.
-        for i in 0..m {
-            for j in 0..=i {
-                let (ci, cj) = (&c[i * ld..(i + 1) * ld], &c[j * ld..(j + 1) * ld]);
-                let sum = along(h, rows.start + i, cj) + along(h, rows.start + j, ci);
-                w.along[i * m + j] = 0.25 * sum;
-                w.along[j * m + i] = 0.25 * sum;
-            }
-        }
+        // D = C − ½K(HC), so that A − DKᵀ − KDᵀ has the term of second order too; HC is symmetric but for
+        // rounding of what is itself rounding.
+        let own = &h.padded_rows()[rows.start * ld..];
+        kernel.inner(m, own, c, &mut w.along, ld);
+        w.along[..m * m].iter_mut().for_each(|v| *v *= 0.5);
         kernel.subtract(&w.along, m, k, c, ld);
         kernel.refine(n, c, k, m, self.p);
     }
@@ -329,13 +326,7 @@ fn project(n: usize, p: &[f64], h: &Jacobian, w: &mut Workspace) {
     let (m, ld) = (h.rows(), padded(n));
     w.forget_gain();
     w.kernel.project(m, h.padded_rows(), h.columns(), p, &mut w.hp, ld);
-    for i in 0..m {
-        for j in 0..=i {
-            let sum = along(h, j, &w.hp[i * ld..(i + 1) * ld]);
-            w.hph[i * m + j] = sum;
-            w.hph[j * m + i] = sum;
-        }
-    }
+    w.kernel.inner(m, h.padded_rows(), &w.hp, &mut w.hph, ld);
 }
 
 /// y ← y + a x.

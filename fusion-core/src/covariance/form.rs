@@ -65,6 +65,14 @@ pub trait Form: Debug + Send + Sync {
     /// Cholesky factor, and the gain.
     fn condition(&self, n: usize, p: &mut [f64], h: &Jacobian, r: &[f64], w: &mut Workspace);
 
+    /// Whether every variance is finite and none negative.
+    fn is_sound(&self, n: usize, p: &[f64]) -> bool {
+        (0..n).all(|i| {
+            let variance = self.element(n, p, i, i);
+            variance.is_finite() && variance >= 0.0
+        })
+    }
+
     /// Whether P is a covariance: finite, and no combination of states has a negative variance beyond
     /// rounding. By default P is factored for it; a form that cannot hold anything else knows.
     fn is_positive(&self, n: usize, p: &[f64], w: &mut Workspace) -> bool {
@@ -136,10 +144,7 @@ impl Workspace {
     pub fn gain(&mut self, m: usize) {
         let used = m * self.ld;
         let (u, kt) = (&mut self.u[..used], &mut self.kt[..used]);
-        u.copy_from_slice(&self.hp[..used]);
-        self.kernel.forward(&self.l, m, u, self.ld);
-        kt.copy_from_slice(u);
-        self.kernel.backward(&self.l, m, kt, self.ld);
+        self.kernel.gain(&self.l, m, &self.hp, u, kt, self.ld);
         self.is_optimal = true;
     }
 

@@ -181,8 +181,7 @@ impl Covariance {
     /// Whether every variance is finite and none negative.
     #[must_use]
     pub fn is_sound(&self) -> bool {
-        let variance = |i| self.form.element(self.n, &self.p, i, i);
-        (0..self.n).map(variance).all(|v| v.is_finite() && v >= 0.0)
+        self.form.is_sound(self.n, &self.p)
     }
 
     /// Whether it is a covariance to rounding: sound, and of no combination of states negative.

@@ -11,28 +11,39 @@ pub fn cholesky(s: &[f64], l: &mut [f64], m: usize) -> bool {
         1 => factor(&s[..1], &mut l[..1], 1),
         2 => factor(&s[..4], &mut l[..4], 2),
         3 => factor(&s[..9], &mut l[..9], 3),
+        6 => factor(&s[..36], &mut l[..36], 6),
         _ => factor(s, l, m),
     }
 }
 
+/// By the factors C D⁻¹ Cᵀ first: a column then waits for one division, not for a root and a division.
 #[inline(always)]
 fn factor(s: &[f64], l: &mut [f64], m: usize) -> bool {
-    for i in 0..m {
-        for j in 0..=i {
+    for j in 0..m {
+        // Above the diagonal of row k, C_ik / D_k: what later columns subtract.
+        for i in j..m {
             let mut sum = s[i * m + j];
             for k in 0..j {
-                sum -= l[i * m + k] * l[j * m + k];
+                sum -= l[i * m + k] * l[k * m + j];
             }
-            if i == j {
-                if !(sum > 0.0 && sum.is_finite()) {
-                    return false;
-                }
-                l[i * m + i] = sum.sqrt();
-            } else {
-                l[i * m + j] = sum / l[j * m + j];
-            }
+            l[i * m + j] = sum;
         }
-        l[i * m + i + 1..(i + 1) * m].fill(0.0);
+        let d = l[j * m + j];
+        if !(d > 0.0 && d.is_finite()) {
+            return false;
+        }
+        let inverse = 1.0 / d;
+        for i in j + 1..m {
+            l[j * m + i] = l[i * m + j] * inverse;
+        }
+    }
+    for j in 0..m {
+        let root = l[j * m + j].sqrt();
+        l[j * m + j] = root;
+        for i in j + 1..m {
+            l[i * m + j] /= root;
+            l[j * m + i] = 0.0;
+        }
     }
     true
 }
