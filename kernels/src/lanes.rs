@@ -24,6 +24,13 @@ pub(crate) trait Lanes: Copy {
     fn after(self, count: usize, first: Self) -> Self;
     /// Rows become columns.
     fn transpose(rows: [Self; 8]) -> [Self; 8];
+    /// Per row, the sum of its lanes: ((0 + 1) + (2 + 3)) + ((4 + 5) + (6 + 7)).
+    #[inline(always)]
+    fn sums(rows: [Self; 8]) -> Self {
+        let t = Self::transpose(rows);
+        let (low, high) = (t[0].add(t[1]).add(t[2].add(t[3])), t[4].add(t[5]).add(t[6].add(t[7])));
+        low.add(high)
+    }
 }
 
 /// `slice[at..at + N]`, checked in builds with debug assertions only.

@@ -7,21 +7,30 @@ use crate::lanes::{Lanes, some, some_mut};
 /// Rows `rows` of HP, one after the other: Σ_k H_ik P_k over the columns in `columns`.
 #[inline(always)]
 pub(crate) fn project<L: Lanes>(rows: usize, h: &[f64], columns: &[(usize, usize)], p: &[f64], out: &mut [f64], ld: usize) {
+    let last = columns.iter().fold(0, |last, range| last.max(range.1));
+    assert!(last <= ld && p.len() >= last * ld && h.len() >= rows * ld, "H of {rows} rows, {last} columns");
     let (p, out) = (p.as_chunks::<8>().0, out.as_chunks_mut::<8>().0);
     let mut i = 0;
     while i < rows {
-        match rows - i {
-            1 => some_rows::<L, 1>(&h[i * ld..], columns, p, &mut out[i * (ld / 8)..], ld),
-            2 => some_rows::<L, 2>(&h[i * ld..], columns, p, &mut out[i * (ld / 8)..], ld),
-            _ => some_rows::<L, 3>(&h[i * ld..], columns, p, &mut out[i * (ld / 8)..], ld),
-        }
-        i += 3;
+        let (h, out) = (&h[i * ld..], &mut out[i * (ld / 8)..]);
+        i += match rows - i {
+            1 => some_rows::<L, 1>(h, columns, p, out, ld / 8),
+            2 => some_rows::<L, 2>(h, columns, p, out, ld / 8),
+            6.. if L::ROWS == 8 => some_rows::<L, 6>(h, columns, p, out, ld / 8),
+            _ => some_rows::<L, 3>(h, columns, p, out, ld / 8),
+        };
     }
 }
 
+/// G of them; these are G.
 #[inline(always)]
-fn some_rows<L: Lanes, const G: usize>(h: &[f64], columns: &[(usize, usize)], p: &[[f64; 8]], out: &mut [[f64; 8]], ld: usize) {
-    let tiles = ld / 8;
+fn some_rows<L: Lanes, const G: usize>(
+    h: &[f64],
+    columns: &[(usize, usize)],
+    p: &[[f64; 8]],
+    out: &mut [[f64; 8]],
+    tiles: usize,
+) -> usize {
     let mut t = 0;
     while t < tiles {
         let wide = L::TILES.min(tiles - t);
@@ -32,6 +41,7 @@ fn some_rows<L: Lanes, const G: usize>(h: &[f64], columns: &[(usize, usize)], p:
         }
         t += wide;
     }
+    G
 }
 
 #[inline(always)]
@@ -46,9 +56,14 @@ fn some_tiles<L: Lanes, const G: usize, const W: usize>(
     let mut sum = [[L::splat(0.0); W]; G];
     for &(start, end) in columns {
         for k in start..end {
-            let row = &p[k * tiles + t..][..W];
+            #[expect(unsafe_code, reason = "see `some`")]
+            // SAFETY: `project` looks at the lengths of P, and t + W ≤ tiles.
+            let row = unsafe { some::<_, W>(p, k * tiles + t) };
             for g in 0..G {
-                let factor = L::splat(h[8 * g * tiles + k]);
+                #[expect(unsafe_code, reason = "see `some`")]
+                // SAFETY: `project` looks at the length of H, which has G rows from here on.
+                let [factor] = unsafe { some::<_, 1>(h, 8 * g * tiles + k) };
+                let factor = L::splat(*factor);
                 for w in 0..W {
                     sum[g][w] = factor.mul_add(L::load(&row[w]), sum[g][w]);
                 }
@@ -77,32 +92,92 @@ macro_rules! by_rows {
     };
 }
 
-/// out ← XHᵀ, m×m, row by row, where it is symmetric: the elements up to the diagonal are computed.
+/// out ← XHᵀ, m×m, row by row, where it is symmetric: the elements up to the diagonal are computed, eight
+/// at once.
 #[inline(always)]
 pub(crate) fn inner<L: Lanes>(m: usize, h: &[f64], x: &[f64], out: &mut [f64], ld: usize) {
-    let (h, x, tiles) = (h.as_chunks::<8>().0, x.as_chunks::<8>().0, ld / 8);
-    let (mut i, mut j) = (0, 0);
-    while i < m {
-        // Eight elements: their terms by lanes, then the lanes of each.
-        let mut terms = [L::splat(0.0); 8];
-        let mut places = [(0, 0); 8];
-        let mut count = 0;
-        while count < 8 && i < m {
-            let (own, other) = (&x[i * tiles..][..tiles], &h[j * tiles..][..tiles]);
-            let mut sum = L::splat(0.0);
-            for t in 0..tiles {
-                sum = L::load(&own[t]).mul_add(L::load(&other[t]), sum);
-            }
-            terms[count] = sum;
-            places[count] = (i, j);
-            count += 1;
-            (i, j) = if j == i { (i + 1, 0) } else { (i, j + 1) };
+    let tiles = ld / 8;
+    let (h, x, out) = (
+        &h.as_chunks::<8>().0[..m * tiles],
+        &x.as_chunks::<8>().0[..m * tiles],
+        &mut out[..m * m],
+    );
+    match m {
+        1 => eight::<L, 0, 1>(m, h, x, out, tiles),
+        2 => eight::<L, 0, 3>(m, h, x, out, tiles),
+        3 => eight::<L, 0, 6>(m, h, x, out, tiles),
+        6 => {
+            eight::<L, 0, 8>(m, h, x, out, tiles);
+            eight::<L, 8, 8>(m, h, x, out, tiles);
+            eight::<L, 16, 5>(m, h, x, out, tiles);
         }
-        let t = L::transpose(terms);
-        let sum = t[0].add(t[1]).add(t[2].add(t[3])).add(t[4].add(t[5]).add(t[6].add(t[7])));
-        let mut sums = [0.0; 8];
-        sum.store(&mut sums);
-        for k in 0..count {
+        _ => {
+            for i in 0..m {
+                for first in (0..=i).step_by(8) {
+                    let mut places = [(i, first); 8];
+                    let count = (i + 1 - first).min(8);
+                    for k in 0..count {
+                        places[k].1 = first + k;
+                    }
+                    elements::<L>(places, count, m, h, x, out, tiles);
+                }
+            }
+        }
+    }
+}
+
+/// The places of a lower triangle, row by row.
+const PLACES: [(usize, usize); 21] = {
+    let mut places = [(0, 0); 21];
+    let (mut k, mut i) = (0, 0);
+    while i < 6 {
+        let mut j = 0;
+        while j <= i {
+            places[k] = (i, j);
+            (k, j) = (k + 1, j + 1);
+        }
+        i += 1;
+    }
+    places
+};
+
+/// COUNT of them, at most eight, from FIRST on: places that are known to the compiler.
+#[inline(always)]
+fn eight<L: Lanes, const FIRST: usize, const COUNT: usize>(m: usize, h: &[[f64; 8]], x: &[[f64; 8]], out: &mut [f64], tiles: usize) {
+    let mut places = [PLACES[FIRST]; 8];
+    for k in 0..COUNT {
+        places[k] = PLACES[FIRST + k];
+    }
+    elements::<L>(places, COUNT, m, h, x, out, tiles);
+}
+
+/// `count` elements of XHᵀ, at most eight; the other places are among the first's.
+#[inline(always)]
+fn elements<L: Lanes>(
+    places: [(usize, usize); 8],
+    count: usize,
+    m: usize,
+    h: &[[f64; 8]],
+    x: &[[f64; 8]],
+    out: &mut [f64],
+    tiles: usize,
+) {
+    let mut terms = [L::splat(0.0); 8];
+    for t in 0..tiles {
+        for k in 0..8 {
+            if k < count {
+                let (i, j) = places[k];
+                #[expect(unsafe_code, reason = "see `some`")]
+                // SAFETY: the callers have i < m and j < m; X and H have m rows.
+                let ([x], [h]) = unsafe { (some::<_, 1>(x, i * tiles + t), some::<_, 1>(h, j * tiles + t)) };
+                terms[k] = L::load(x).mul_add(L::load(h), terms[k]);
+            }
+        }
+    }
+    let mut sums = [0.0; 8];
+    L::sums(terms).store(&mut sums);
+    for k in 0..8 {
+        if k < count {
             let (i, j) = places[k];
             out[i * m + j] = sums[k];
             out[j * m + i] = sums[k];
@@ -121,20 +196,27 @@ fn gain_of<L: Lanes, const M: usize>(l: &[f64], m: usize, x: &[f64], u: &mut [f6
     let m = if M == 0 { m } else { M };
     let (l, x) = (&l[..m * m], &x.as_chunks::<8>().0[..m * tiles]);
     let (u, k) = (&mut u.as_chunks_mut::<8>().0[..m * tiles], &mut k.as_chunks_mut::<8>().0[..m * tiles]);
+    // Divisions take longest: one per row, not per tile, where there is room for them.
+    let mut inverses = [0.0; M];
+    for i in 0..M {
+        inverses[i] = 1.0 / l[i * m + i];
+    }
     for t in 0..tiles {
         for i in 0..m {
+            let inverse = L::splat(if M == 0 { 1.0 / l[i * m + i] } else { inverses[i] });
             let mut sum = L::load(&x[i * tiles + t]);
             for j in 0..i {
                 sum = L::splat(l[i * m + j]).mul_sub_from(L::load(&u[j * tiles + t]), sum);
             }
-            sum.mul(L::splat(1.0 / l[i * m + i])).store(&mut u[i * tiles + t]);
+            sum.mul(inverse).store(&mut u[i * tiles + t]);
         }
         for i in (0..m).rev() {
+            let inverse = L::splat(if M == 0 { 1.0 / l[i * m + i] } else { inverses[i] });
             let mut sum = L::load(&u[i * tiles + t]);
             for j in i + 1..m {
                 sum = L::splat(l[j * m + i]).mul_sub_from(L::load(&k[j * tiles + t]), sum);
             }
-            sum.mul(L::splat(1.0 / l[i * m + i])).store(&mut k[i * tiles + t]);
+            sum.mul(inverse).store(&mut k[i * tiles + t]);
         }
     }
 }

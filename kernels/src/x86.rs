@@ -76,6 +76,17 @@ impl Lanes for Avx512 {
             [Self(c0), Self(c1), Self(c2), Self(c3), Self(c4), Self(c5), Self(c6), Self(c7)]
         }
     }
+    #[inline(always)]
+    fn sums(r: [Self; 8]) -> Self {
+        unsafe {
+            // Two rows: their sums of neighbours, by turns.
+            let both = |a: Self, b: Self| _mm512_add_pd(_mm512_unpacklo_pd(a.0, b.0), _mm512_unpackhi_pd(a.0, b.0));
+            let half = |a, b| _mm512_add_pd(_mm512_shuffle_f64x2::<0x88>(a, b), _mm512_shuffle_f64x2::<0xdd>(a, b));
+            let low = half(both(r[0], r[1]), both(r[2], r[3]));
+            let high = half(both(r[4], r[5]), both(r[6], r[7]));
+            Self(half(low, high))
+        }
+    }
 }
 
 /// Pairs of four columns, by rows, into these columns.

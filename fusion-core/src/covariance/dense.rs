@@ -75,19 +75,23 @@ impl<'a> Whole<'a> {
     /// P ← Φ(P + Q_before)Φᵀ + Q_after; false, and P as before, where a variance would overflow, be
     /// negative or not be a number.
     fn predict(&mut self, t: &Transition, w: &mut Scratch, kernel: Kernel) -> bool {
-        let ld = self.ld;
+        let (ld, p) = (self.ld, &mut self.p[..self.n * self.ld]);
+        let mut is_noise = true;
+        let is_sound = |i: u16, j: u16, v: f64| (v.abs() < LARGEST) & ((i != j) | (v >= 0.0));
         w.covered.clear();
-        for &(i, j, value) in &t.before.entries {
-            let p = &mut self.p[i as usize * ld + j as usize];
-            w.covered.push(*p);
+        w.covered.extend(t.before.entries.iter().map(|&(i, j, value)| {
+            let p = &mut p[i as usize * ld + j as usize];
+            is_noise &= is_sound(i, j, value);
+            let old = *p;
             *p += value;
-        }
+            old
+        }));
+        t.after.entries.iter().for_each(|&(i, j, v)| is_noise &= is_sound(i, j, v));
         let (phi, plan) = t.phi.transposed();
-        kernel.product(plan, phi, self.p, &mut w.product);
-        let mut noise = t.before.entries.iter().chain(&t.after.entries);
-        let is_sound = noise.all(|&(i, j, v)| v.abs() < LARGEST && (i != j || v >= 0.0))
+        kernel.product(plan, phi, p, &mut w.product);
+        let is_sound = is_noise
             && t.phi.active().iter().all(|&i| {
-                let v = w.product.variance(plan, self.p, i.into());
+                let v = w.product.variance(plan, p, i.into());
                 v.abs() < LARGEST && (v >= 0.0 || v + added(t, i) >= 0.0)
             });
         if !is_sound {
