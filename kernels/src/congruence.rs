@@ -87,6 +87,7 @@ impl Plan {
     }
 
     /// Row length of P and Φᵀ.
+    #[inline(always)]
     const fn ld(&self) -> usize {
         8 * self.tiles
     }

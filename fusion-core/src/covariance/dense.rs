@@ -76,17 +76,17 @@ impl<'a> Whole<'a> {
     /// negative or not be a number.
     fn predict(&mut self, t: &Transition, w: &mut Scratch, kernel: Kernel) -> bool {
         let (ld, p) = (self.ld, &mut self.p[..self.n * self.ld]);
-        let mut is_noise = true;
-        let is_sound = |i: u16, j: u16, v: f64| (v.abs() < LARGEST) & ((i != j) | (v >= 0.0));
-        w.covered.clear();
-        w.covered.extend(t.before.entries.iter().map(|&(i, j, value)| {
+        w.covered.resize(t.before.entries.len(), 0.0);
+        for (&(i, j, value), old) in t.before.entries.iter().zip(&mut w.covered) {
             let p = &mut p[i as usize * ld + j as usize];
-            is_noise &= is_sound(i, j, value);
-            let old = *p;
+            *old = *p;
             *p += value;
-            old
-        }));
-        t.after.entries.iter().for_each(|&(i, j, v)| is_noise &= is_sound(i, j, v));
+        }
+        // Meanwhile these numbers reach the cache, from where the product reads whole lines.
+        let mut is_noise = true;
+        for &(i, j, v) in t.before.entries.iter().chain(&t.after.entries) {
+            is_noise &= (v.abs() < LARGEST) & ((i != j) | (v >= 0.0));
+        }
         let (phi, plan) = t.phi.transposed();
         kernel.product(plan, phi, p, &mut w.product);
         let is_sound = is_noise
