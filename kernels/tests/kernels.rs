@@ -258,3 +258,28 @@ fn every_operation_of_an_update_is_that_of_plain_loops_and_fused_kernels_agree_t
         assert!(fused.windows(2).all(|pair| pair[0] == pair[1]), "n = {n}, m = {m}");
     }
 }
+
+/// FNV-1a of the bits.
+fn print_of<'a>(results: impl Iterator<Item = &'a Lines>) -> u64 {
+    let bytes = results.flat_map(|r| bits(r)).flat_map(u64::to_le_bytes);
+    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3))
+}
+
+/// The numbers here come from integers: they are the same on every machine. What AVX2 and AVX-512 make
+/// of them on one architecture, NEON has to make on the other.
+#[test]
+fn fused_kernels_of_all_architectures_agree_to_the_bit() {
+    for kernel in kernels().1 {
+        let mut random = Random(3);
+        let products: Vec<Lines> = patterns()
+            .iter()
+            .map(|rows| {
+                let (phi, p) = (phi(rows, &mut random), symmetric(rows.len(), &mut random));
+                congruence(kernel, rows, &phi, &p)
+            })
+            .collect();
+        let updates = [(15, 3), (21, 6), (40, 7)].map(|(n, m)| update(kernel, n, m, 5));
+        let found = [print_of(products.iter()), print_of(updates.iter().flatten())];
+        assert_eq!(found, [0x7e60_52cd_d372_2113, 0xb373_0b6b_23f8_2c7b], "{}", kernel.name());
+    }
+}
