@@ -1,11 +1,12 @@
 //! The filter that is assembled.
 
 use fusion::core::filter::{Backend, Estimator, Filter, Observed, Verdict};
-use fusion::core::gate::Open;
-use fusion::core::loss::Quadratic;
+use fusion::core::gate::{Gate, Open};
+use fusion::core::loss::{Loss, Quadratic};
 use fusion::core::model::{Input, Measurement, Size};
 use fusion::core::state::Belief;
 use fusion::core::time::Time;
+use std::hint::black_box;
 use std::sync::Arc;
 
 /// Biases that walk: 15 states.
@@ -58,7 +59,7 @@ attitude_sigma = ["0.5 deg", "0.5 deg", "3 deg"]
 pub const DT: f64 = 0.01;
 
 /// Mean rates and forces of the samples, a slow turn with some shaking.
-fn sample(k: usize) -> [f64; 6] {
+pub fn sample(k: usize) -> [f64; 6] {
     let t = k as f64 * DT;
     [
         0.02 * t.sin(),
@@ -82,38 +83,74 @@ pub fn fix(k: usize) -> [f64; 3] {
     [47_f64.to_radians() + 1.57e-6 * t, 8_f64.to_radians() - 1.15e-6 * t, 400.0 - t]
 }
 
+/// The assembled filter as programs have it, with its first belief.
+pub fn started(sensors: &str) -> fusion::Navigator {
+    let mut nav = fusion::Navigator::from_toml(&Composed::design(sensors)).expect("the design is sound");
+    // The sample that opens the first interval starts the filter.
+    nav.feed("imu", 0.0, &sample(0)).unwrap();
+    nav
+}
+
 pub struct Composed {
     pub filter: Filter,
-    gnss: Arc<dyn Measurement>,
+    pub gnss: Arc<dyn Measurement>,
     pub noise: [f64; 9],
     pub start: Belief,
-    pub samples: Vec<[f64; 6]>,
-    /// Each with the one before and its interval, as the process's preparation makes them.
+    /// Each sample with the one before and its interval, as the process's preparation makes them.
     prepared: Vec<[f64; 13]>,
 }
 
 impl Composed {
-    pub fn new(sensors: &str) -> Self {
-        let design = [PROCESS, sensors, OTHERS].concat();
-        let mut nav = fusion::Navigator::from_toml(&design).expect("the design is sound");
-        // The sample that opens the first interval starts the filter.
-        nav.feed("imu", 0.0, &sample(0)).unwrap();
+    /// The text of the design with these errors of the sensors.
+    pub fn design(sensors: &str) -> String {
+        [PROCESS, sensors, OTHERS].concat()
+    }
+
+    pub fn new(sensors: &str, backend: Backend) -> Self {
+        let nav = started(sensors);
         let start = nav.belief().expect("started").clone();
         let assembly = nav.assembly();
         let sensor = &assembly.sensors[0];
         let mut noise = [0.0; 9];
         (0..3).for_each(|i| noise[4 * i] = sensor.sigma[i] * sensor.sigma[i]);
         let size = Size::same(3);
-        let mut filter = Filter::new(assembly.layout.clone(), assembly.process.clone(), Backend::ERROR_STATE, size);
+        let mut filter = Filter::new(assembly.layout.clone(), assembly.process.clone(), backend, size);
         filter.set_belief(start.clone());
         Self {
             filter,
             gnss: sensor.model.clone(),
             noise,
             start,
-            samples: (0..2000).map(sample).collect(),
             prepared: (0..2000).map(prepared).collect(),
         }
+    }
+
+    /// In the middle of a run: correlated.
+    pub fn warm(sensors: &str, backend: Backend) -> Self {
+        let mut all = Self::new(sensors, backend);
+        for k in 1..=500 {
+            all.predict(k);
+            if k % 100 == 50 {
+                all.update(&fix(k));
+            }
+        }
+        all.start = all.filter.belief().clone();
+        all
+    }
+
+    /// So many predictions from there.
+    pub fn predictions(&mut self, steps: usize) {
+        self.filter.set_belief(self.start.clone());
+        (501..501 + steps).for_each(|k| self.predict(k));
+        black_box(self.filter.belief());
+    }
+
+    /// So many updates from there, by the same fix.
+    pub fn updates(&mut self, updates: usize) {
+        let z = fix(500);
+        self.filter.set_belief(self.start.clone());
+        (0..updates).for_each(|_| self.update(black_box(&z)));
+        black_box(self.filter.belief());
     }
 
     pub fn predict(&mut self, k: usize) {
@@ -125,6 +162,10 @@ impl Composed {
     }
 
     pub fn update(&mut self, z: &[f64; 3]) {
+        self.update_through(z, &mut Open, &Quadratic);
+    }
+
+    pub fn update_through(&mut self, z: &[f64; 3], gate: &mut dyn Gate, loss: &dyn Loss) {
         let observed = Observed {
             sensor: 0,
             model: self.gnss.as_ref(),
@@ -133,6 +174,6 @@ impl Composed {
             quality: None,
             lateness: None,
         };
-        assert_eq!(self.filter.update(&observed, &mut Open, &[], &Quadratic).verdict, Verdict::Accepted);
+        assert_eq!(self.filter.update(&observed, gate, &[], loss).verdict, Verdict::Accepted);
     }
 }

@@ -1,12 +1,18 @@
 //! The filter that one would write by hand.
 
-use crate::composed::DT;
+use crate::composed::{DT, fix, sample};
 use fusion::core::geometry::so3;
 use fusion::core::state::{Attitude, Belief, Geodetic, Manifold};
 use fusion::models::earth::Gravity;
 use fusion::models::process::strapdown::{error_model, increments, mechanisation};
 use mechanisation::Nav;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use std::hint::black_box;
+
+/// What the inertial unit says, as far as anything here runs.
+pub fn samples() -> Vec<[f64; 6]> {
+    (0..2000).map(sample).collect()
+}
 
 const LEVER_ARM: Vector3<f64> = Vector3::new(0.4, -0.2, -1.1);
 
@@ -81,6 +87,20 @@ impl Dense {
             f + increments::sculling_rate(&w0, &f0, &w, &f, DT),
         );
         self.nav = mechanisation::step(&self.nav, &wc, &fc, DT, Gravity::Somigliana);
+    }
+
+    /// So many predictions from here.
+    pub fn predictions(&self, samples: &[[f64; 6]], steps: usize) {
+        let mut all = self.clone();
+        (501..501 + steps).for_each(|k| all.predict(&samples[k], &samples[k - 1]));
+        black_box(&all);
+    }
+
+    /// So many updates from here, by the same fix.
+    pub fn updates(&self, updates: usize) {
+        let (mut all, z) = (self.clone(), fix(500));
+        (0..updates).for_each(|_| all.update(black_box(&z)));
+        black_box(&all);
     }
 
     pub fn update(&mut self, z: &[f64; 3]) {

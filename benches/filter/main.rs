@@ -6,26 +6,34 @@
 //!             element computed, Joseph's form as three dense products; mechanisation and error model
 //!             are the same functions. It is the rival of 21 states too: how long dense products of 21
 //!             rows take depends on the build profile by a factor of two
-//! `kernel/…`  the covariance alone: a prediction, and an update by six rows
+//! `kernel/…`  the covariance alone: a prediction, an update by six rows and one by three, beside dense
+//!             matrices of 15 states and the means of `rivals.rs` of as many states
+//! `backend/…` the same steps with every chart, update and form, beside the same dense filter
 //!
-//! Before anything is timed, both compute the same and must agree. A line with the ratio, from
-//! interleaved runs, follows each group: on a busy machine believe it rather than the times.
+//! Before anything is timed, both compute the same and must agree. Lines with ratios, from
+//! interleaved runs, follow each group: on a busy machine believe them rather than the times.
 
 #![expect(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "a benchmark")]
 
+mod backends;
 mod composed;
 mod dense;
 mod kernel;
+#[path = "../measure/mod.rs"]
+mod measure;
+mod rivals;
 
-use composed::{Composed, MARKOV, PLAIN, SCALES, fix};
+use backends::BACKENDS;
+use composed::{Composed, MARKOV, PLAIN, SCALES, fix, sample};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use dense::{Dense, P15};
-use fusion::core::filter::Estimator;
+use fusion::core::covariance::Kernel;
+use fusion::core::filter::{Backend, Estimator};
 use fusion::core::geometry::so3;
 use fusion::core::state::{Attitude, Geodetic, Manifold};
+use measure::{Work, compare};
 use nalgebra::Vector3;
-use std::hint::black_box;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Steps between two resets, so that the reset is not what is timed.
 const STEPS: usize = 100;
@@ -36,7 +44,7 @@ fn agree() {
     let (mut composed, mut dense) = pair();
     for k in 1..=1000 {
         composed.predict(k);
-        dense.predict(&composed.samples[k], &composed.samples[k - 1]);
+        dense.predict(&sample(k), &sample(k - 1));
         if k % 100 == 50 {
             composed.update(&fix(k));
             dense.update(&fix(k));
@@ -72,112 +80,91 @@ fn agree() {
 }
 
 fn pair() -> (Composed, Dense) {
-    let composed = Composed::new(PLAIN);
+    let composed = Composed::new(PLAIN, Backend::ERROR_STATE);
     let names: Vec<&str> = composed.filter.layout().blocks().iter().map(|b| b.name.as_str()).collect();
     assert_eq!(names, ["position", "velocity", "attitude", "gyro_bias", "accel_bias"]);
     let dense = Dense::new(&composed.start, &composed.noise);
     (composed, dense)
 }
 
-/// In the middle of a run: correlated.
-fn warm(sensors: &str) -> Composed {
-    let mut composed = Composed::new(sensors);
-    for k in 1..=500 {
-        composed.predict(k);
-        if k % 100 == 50 {
-            composed.update(&fix(k));
-        }
-    }
-    composed.start = composed.filter.belief().clone();
-    composed
+/// The prediction of a covariance alone, of B blocks of three, N states: every rival in a line of its own.
+fn kernel_predict<const N: usize, const B: usize>() {
+    let (dense, sparse, mut faer) = (rivals::Dense::<15>::new(), rivals::Sparse::<B>::new(), rivals::Faer::new(N));
+    let mut own = kernel::Composed::new(B, 6);
+    let works: [Work<'_>; 4] = [
+        ("composed", &mut || own.predict(STEPS)),
+        ("dense", &mut || {
+            dense.predict(STEPS);
+        }),
+        ("block-sparse", &mut || {
+            sparse.predict(STEPS);
+        }),
+        ("faer", &mut || {
+            faer.predict(STEPS);
+        }),
+    ];
+    compare(&format!("kernel/predict/n={N}"), STEPS, works);
 }
 
-fn predict_composed(c: &mut Composed) {
-    c.filter.set_belief(c.start.clone());
-    (501..501 + STEPS).for_each(|k| c.predict(k));
-    black_box(c.filter.belief());
-}
-
-fn predict_dense(d: &Dense, samples: &[[f64; 6]]) {
-    let mut d = d.clone();
-    (501..501 + STEPS).for_each(|k| d.predict(&samples[k], &samples[k - 1]));
-    black_box(&d);
-}
-
-fn update_composed(c: &mut Composed, z: &[f64; 3]) {
-    c.filter.set_belief(c.start.clone());
-    (0..UPDATES).for_each(|_| c.update(black_box(z)));
-    black_box(c.filter.belief());
-}
-
-fn update_dense(d: &Dense, z: &[f64; 3]) {
-    let mut d = d.clone();
-    (0..UPDATES).for_each(|_| d.update(black_box(z)));
-    black_box(&d);
-}
-
-/// Prints the ratio of the least times of interleaved runs.
-fn ratio(what: &str, per_run: usize, mut composed: impl FnMut(), mut dense: impl FnMut()) {
-    let time = |run: &mut dyn FnMut()| {
-        let clock = Instant::now();
-        run();
-        clock.elapsed()
-    };
-    let mut least = [Duration::MAX; 2];
-    for _ in 0..500 {
-        least[0] = least[0].min(time(&mut composed));
-        least[1] = least[1].min(time(&mut dense));
-    }
-    let [a, b] = least.map(|d| d.as_nanos() as f64 / per_run as f64);
-    println!("{what}: composed {a:.0} ns, dense {b:.0} ns, ratio {:.2}", a / b);
+/// Its update by M rows.
+fn kernel_update<const N: usize, const B: usize, const M: usize>() {
+    rivals::agree::<N, B, M>();
+    let (dense, sparse) = (rivals::Dense::<15>::new(), rivals::Sparse::<B>::new());
+    let mut own = kernel::Composed::new(B, M);
+    let works: [Work<'_>; 3] = [
+        ("composed", &mut || own.update(UPDATES)),
+        ("dense", &mut || {
+            dense.update::<M>(UPDATES);
+        }),
+        ("block-sparse", &mut || {
+            sparse.update::<M>(UPDATES);
+        }),
+    ];
+    compare(&format!("kernel/update/m={M}/n={N}"), UPDATES, works);
 }
 
 fn benches(c: &mut Criterion) {
+    println!("kernel: {}", Kernel::default().name());
     agree();
-    let plain = warm(PLAIN);
-    let dense = Dense::new(&plain.start, &plain.noise);
-    let samples = plain.samples.clone();
+    let mut plain = Composed::warm(PLAIN, Backend::ERROR_STATE);
+    let (dense, samples) = (Dense::new(&plain.start, &plain.noise), dense::samples());
     for (what, sensors) in [("n=15", PLAIN), ("n=21", SCALES), ("n=21, Gauss-Markov", MARKOV)] {
-        let mut composed = warm(sensors);
+        let mut composed = Composed::warm(sensors, Backend::ERROR_STATE);
         let name = format!("filter/predict/{what}");
         let mut group = c.benchmark_group(&name);
         group.throughput(Throughput::Elements(STEPS as u64));
-        group.bench_function("composed", |b| b.iter(|| predict_composed(&mut composed)));
-        group.bench_function("dense", |b| b.iter(|| predict_dense(&dense, &samples)));
+        group.bench_function("composed", |b| b.iter(|| composed.predictions(STEPS)));
+        group.bench_function("dense", |b| b.iter(|| dense.predictions(&samples, STEPS)));
         group.finish();
-        ratio(&name, STEPS, || predict_composed(&mut composed), || predict_dense(&dense, &samples));
+        let rival = &mut || dense.predictions(&samples, STEPS);
+        compare(&name, STEPS, [("composed", &mut || composed.predictions(STEPS)), ("dense", rival)]);
     }
 
-    let (z, mut composed) = (fix(500), plain);
     let name = "filter/update/gnss_position/n=15";
     let mut group = c.benchmark_group(name);
     group.throughput(Throughput::Elements(UPDATES as u64));
-    group.bench_function("composed", |b| b.iter(|| update_composed(&mut composed, &z)));
-    group.bench_function("dense", |b| b.iter(|| update_dense(&dense, &z)));
+    group.bench_function("composed", |b| b.iter(|| plain.updates(UPDATES)));
+    group.bench_function("dense", |b| b.iter(|| dense.updates(UPDATES)));
     group.finish();
-    ratio(name, UPDATES, || update_composed(&mut composed, &z), || update_dense(&dense, &z));
+    let rival = &mut || dense.updates(UPDATES);
+    compare(name, UPDATES, [("composed", &mut || plain.updates(UPDATES)), ("dense", rival)]);
 
-    let rival = kernel::Dense::new();
-    for blocks in [5, 7] {
-        let mut own = kernel::Composed::new(blocks);
-        own.agrees(&rival);
-        let n = 3 * blocks;
-        ratio(
-            &format!("kernel/predict/n={n}"),
-            STEPS,
-            || own.predict(STEPS),
-            || {
-                rival.predict(STEPS);
-            },
-        );
-        ratio(
-            &format!("kernel/update/m=6/n={n}"),
-            UPDATES,
-            || own.update(UPDATES),
-            || {
-                rival.update(UPDATES);
-            },
-        );
+    kernel_predict::<15, 5>();
+    kernel_update::<15, 5, 6>();
+    kernel_update::<15, 5, 3>();
+    kernel_predict::<21, 7>();
+    kernel_update::<21, 7, 6>();
+    kernel_update::<21, 7, 3>();
+    for (name, backend) in BACKENDS {
+        for (n, sensors) in [(15, PLAIN), (21, SCALES)] {
+            let mut own = Composed::warm(sensors, backend);
+            let rival = &mut || dense.predictions(&samples, STEPS);
+            let what = format!("backend/predict/{name}/n={n}");
+            compare(&what, STEPS, [("composed", &mut || own.predictions(STEPS)), ("dense", rival)]);
+            let rival = &mut || dense.updates(UPDATES);
+            let what = format!("backend/update/{name}/n={n}");
+            compare(&what, UPDATES, [("composed", &mut || own.updates(UPDATES)), ("dense", rival)]);
+        }
     }
 }
 
