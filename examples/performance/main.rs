@@ -1,0 +1,99 @@
+//! Measures and writes the section of README.md on speed: `cargo run --release --example performance`.
+//!
+//! It runs the benches, keeps the lines of figures that they print in `benches/figures.txt` with what the
+//! machine and the build are, and makes the section of them. `-- --again` makes it of the file as it is.
+
+#![expect(clippy::print_stdout, reason = "an example prints")]
+
+mod section;
+
+use std::fmt::Write as _;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::{env, fs};
+
+/// The benches whose lines are figures.
+const BENCHES: [&str; 3] = ["filter", "models", "scenario"];
+
+/// What the options of a build are where Cargo.toml says nothing: those of cargo's release profile.
+const DEFAULTS: [(&str, &str); 3] = [("opt-level", "3"), ("lto", "false"), ("codegen-units", "16")];
+
+type Failure = Box<dyn std::error::Error>;
+
+fn main() -> Result<(), Failure> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let (file, readme) = (root.join("benches/figures.txt"), root.join("README.md"));
+    if !env::args().any(|argument| argument == "--again") {
+        let mut text = format!("# Written by `cargo run --release --example performance`.\n{}", facts(root)?);
+        for bench in BENCHES {
+            text += &lines(root, bench)?;
+        }
+        fs::write(&file, text)?;
+    }
+    let section = section::render(&fs::read_to_string(&file)?)?;
+    fs::write(&readme, section::replaced(&fs::read_to_string(&readme)?, &section)?)?;
+    println!("{section}");
+    Ok(())
+}
+
+/// What is measured on, and how it was built.
+fn facts(root: &Path) -> Result<String, Failure> {
+    let mut text = String::new();
+    let cores = std::thread::available_parallelism()?;
+    let (system, architecture) = (env::consts::OS, env::consts::ARCH);
+    writeln!(text, "processor: {}, {cores} cores, {system} {architecture}", processor())?;
+    let compiler = Command::new("rustc").arg("--version").output()?;
+    writeln!(text, "compiler: {}", String::from_utf8(compiler.stdout)?.trim())?;
+    writeln!(text, "profile: {}", profile(&fs::read_to_string(root.join("Cargo.toml"))?)?)?;
+    Ok(text)
+}
+
+/// As the system names it, where it does.
+fn processor() -> String {
+    let info = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": "));
+    name.map_or_else(|| "unknown".to_owned(), |(_, name)| name.trim().to_owned())
+}
+
+/// The options of `cargo bench`: of Cargo.toml, and of the environment, which has the last word.
+fn profile(manifest: &str) -> Result<String, Failure> {
+    let manifest: toml::Table = toml::from_str(manifest)?;
+    let of = |name: &str| manifest.get("profile").and_then(|p| p.get(name)).and_then(|p| p.as_table());
+    let own = || ["bench", "release"].into_iter().filter_map(of);
+    let mut options: Vec<String> = DEFAULTS
+        .iter()
+        .map(|(key, default)| {
+            let declared = own().find_map(|table| table.get(*key));
+            format!("{key} = {}", declared.map_or_else(|| (*default).to_owned(), ToString::to_string))
+        })
+        .collect();
+    for (package, table) in own().filter_map(|table| table.get("package")?.as_table()).flatten() {
+        let keys = table.as_table().into_iter().flatten();
+        options.extend(keys.map(|(key, value)| format!("{key} = {value} of {package}")));
+    }
+    let is_option =
+        |name: &str| name == "RUSTFLAGS" || name.starts_with("CARGO_PROFILE_RELEASE_") || name.starts_with("CARGO_PROFILE_BENCH_");
+    options.extend(
+        env::vars()
+            .filter(|(name, _)| is_option(name))
+            .map(|(name, value)| format!("{name} = {value}")),
+    );
+    Ok(format!("bench, {}", options.join(", ")))
+}
+
+/// What a bench says of its figures; what criterion would time takes longer and is left out.
+fn lines(root: &Path, bench: &str) -> Result<String, Failure> {
+    let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    cargo.current_dir(root).args(["bench", "--bench", bench, "--", "nothing"]);
+    println!("cargo bench --bench {bench} -- nothing");
+    let out = cargo.stderr(Stdio::inherit()).output()?;
+    if !out.status.success() {
+        return Err(format!("the bench {bench} failed").into());
+    }
+    let text = String::from_utf8(out.stdout)?;
+    let is_figure = |line: &&str| {
+        line.split_once(": ")
+            .is_some_and(|(name, _)| name == "kernel" || name.contains('/'))
+    };
+    Ok(text.lines().filter(is_figure).map(|line| format!("{line}\n")).collect())
+}
