@@ -3,9 +3,13 @@
 //! `filter`  rows in memory, fed through the runner: reordering, stages, estimator
 //! `run`     from compressed text to the score, as `fusion run` does it
 //!
-//! The log lies in `$FUSION_DATA`, or in `../shared/data` beside the checkout.
+//! The log lies in `$FUSION_DATA`, or in `../shared/data` beside the checkout. The figures of a whole process
+//! over a simulated log come first: `scenario/process.rs`.
 
 #![expect(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "a benchmark")]
+
+#[path = "scenario/process.rs"]
+mod process;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use fusion::assembly::{assemble, declared_streams};
@@ -77,6 +81,10 @@ fn feed(design: &Design, rows: &[Row]) -> u64 {
     epochs
 }
 
+fn whole_process(_: &mut Criterion) {
+    process::figures();
+}
+
 fn benches(c: &mut Criterion) {
     if !data().join(LOG).exists() {
         println!("scenario/pntos: skipped, no {LOG} in {}; set FUSION_DATA", data().display());
@@ -103,6 +111,6 @@ fn benches(c: &mut Criterion) {
 criterion_group! {
     name = all;
     config = Criterion::default().sample_size(10).warm_up_time(Duration::from_secs(1)).measurement_time(Duration::from_secs(15));
-    targets = benches
+    targets = whole_process, benches
 }
 criterion_main!(all);
