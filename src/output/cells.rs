@@ -1,34 +1,80 @@
 //! A table of text, written cell by cell.
 
+use super::decimal;
 use core::fmt::Display;
 use std::io::{self, Write};
 
-/// Writes rows of as many cells as the first has; a cell that would break its row is quoted.
+/// Text is handed on in pieces of about this size.
+const PIECE: usize = 32 << 10;
+
+/// Writes rows of as many cells as the first has; a cell that would break its row is quoted (RFC 4180).
 #[derive(Debug)]
 pub(crate) struct Cells<W: Write> {
-    out: csv::Writer<W>,
-    /// The cell being made.
-    cell: Vec<u8>,
+    out: W,
+    /// What is held back: rows, and the begun one.
+    text: Vec<u8>,
+    /// Cells of the begun row, and of the first.
+    begun: usize,
+    width: Option<usize>,
 }
 
 impl<W: Write> Cells<W> {
     pub(crate) fn new(out: W) -> Self {
         Self {
-            out: csv::Writer::from_writer(out),
-            cell: Vec::with_capacity(32),
+            out,
+            text: Vec::with_capacity(PIECE + PIECE / 8),
+            begun: 0,
+            width: None,
         }
+    }
+
+    /// Begins a cell: where its text starts.
+    fn begin(&mut self) -> usize {
+        if self.begun > 0 {
+            self.text.push(b',');
+        }
+        self.begun += 1;
+        self.text.len()
     }
 
     /// A cell as it is formatted: `format_args!("{x:.3}")`, a name.
     pub(crate) fn put(&mut self, content: impl Display) -> io::Result<()> {
-        self.cell.clear();
-        write!(self.cell, "{content}")?;
-        Ok(self.out.write_field(&self.cell)?)
+        let start = self.begin();
+        write!(self.text, "{content}")?;
+        let breaks = |byte: &u8| matches!(byte, b',' | b'"' | b'\n' | b'\r');
+        if self.text[start..].iter().any(breaks) {
+            let content = self.text.split_off(start);
+            self.text.push(b'"');
+            for byte in content {
+                self.text.extend(core::iter::repeat_n(byte, if byte == b'"' { 2 } else { 1 }));
+            }
+            self.text.push(b'"');
+        }
+        Ok(())
     }
 
     /// A cell of text.
     pub(crate) fn text(&mut self, text: &str) -> io::Result<()> {
-        Ok(self.out.write_field(text)?)
+        self.put(text)
+    }
+
+    /// A number with so many decimals.
+    pub(crate) fn fixed(&mut self, number: f64, decimals: usize) {
+        self.begin();
+        decimal::fixed(&mut self.text, number, decimals);
+    }
+
+    /// A number with one digit before the point, so many behind it, and an exponent of ten.
+    pub(crate) fn scientific(&mut self, number: f64, decimals: usize) {
+        self.begin();
+        decimal::scientific(&mut self.text, number, decimals);
+    }
+
+    /// So many cells with nothing to say.
+    pub(crate) fn empty(&mut self, cells: usize) {
+        (0..cells).for_each(|_| {
+            self.begin();
+        });
     }
 
     /// A cell where there may be nothing to say.
@@ -46,23 +92,41 @@ impl<W: Write> Cells<W> {
 
     /// Ends the row.
     pub(crate) fn end(&mut self) -> io::Result<()> {
-        Ok(self.out.write_record(None::<&[u8]>)?)
+        let cells = core::mem::take(&mut self.begun);
+        let width = *self.width.get_or_insert(cells);
+        if cells != width {
+            return Err(io::Error::other(format!("a row has {cells} cells, the first has {width}")));
+        }
+        self.text.push(b'\n');
+        if self.text.len() >= PIECE {
+            self.pass_on()?;
+        }
+        Ok(())
+    }
+
+    /// Hands on what is held back.
+    fn pass_on(&mut self) -> io::Result<()> {
+        // What fails once is not written again.
+        let written = self.out.write_all(&self.text);
+        self.text.clear();
+        written
     }
 
     /// Writes what is held back.
     pub(crate) fn flush(&mut self) -> io::Result<()> {
+        self.pass_on()?;
         self.out.flush()
     }
 
     /// What is written to; what is held back is not there yet.
     pub(crate) fn sink(&self) -> &W {
-        self.out.get_ref()
+        &self.out
     }
 
     /// Writes what is held back, and returns what was written to.
     pub(crate) fn finish(mut self) -> io::Result<W> {
         self.flush()?;
-        self.out.into_inner().map_err(|error| io::Error::other(error.to_string()))
+        Ok(self.out)
     }
 }
 
@@ -80,9 +144,12 @@ mod tests {
         cells.maybe(None::<f64>).unwrap();
         cells.put(-7).unwrap();
         cells.end().unwrap();
+        cells.fixed(0.125, 2);
+        cells.scientific(-1234.5, 3);
+        cells.empty(1);
+        cells.end().unwrap();
         cells.flush().unwrap();
-        drop(cells);
-        let expected = "t_s,\"roof, left\",\"an \"\"odd\"\" name\"\n1.234e3,,-7\n";
+        let expected = "t_s,\"roof, left\",\"an \"\"odd\"\" name\"\n1.234e3,,-7\n0.12,-1.234e3,\n";
         assert_eq!(String::from_utf8(bytes).unwrap(), expected);
     }
 

@@ -2,7 +2,6 @@
 
 use super::Cells;
 use crate::solution::{Solution, sigmas};
-use core::fmt;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::memory::{Memory, Tape};
@@ -45,15 +44,6 @@ fn axes(kind: Kind) -> Vec<String> {
         Kind::Geodetic => ["_lat", "_lon", "_height"].map(str::to_owned).to_vec(),
         Kind::Position | Kind::Velocity | Kind::Vector(3) => ["_x", "_y", "_z"].map(str::to_owned).to_vec(),
         Kind::Vector(n) => (0..n).map(|i| format!("_{i}")).collect(),
-    }
-}
-
-/// A number with so many decimals.
-struct Fixed(f64, usize);
-
-impl fmt::Display for Fixed {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:.*}", self.1, self.0)
     }
 }
 
@@ -130,62 +120,66 @@ impl<W: Write> EstimateWriter<W> {
     /// # Errors
     /// What the writer reports.
     pub fn write(&mut self, s: &Solution, belief: &Belief) -> io::Result<()> {
-        self.cells.put(format_args!("{:.6}", s.time.seconds()))?;
-        self.position(s)?;
+        self.cells.fixed(s.time.seconds(), 6);
+        self.position(s);
         let velocity = s.velocity.as_ref().map(|(v, _)| v);
         let rpy = s.rpy();
         let angles = rpy.map(|(rpy, _)| rpy.map(f64::to_degrees));
-        self.axes(velocity, 5)?;
-        self.axes(angles.as_ref(), 6)?;
-        self.position_sigma(s)?;
-        self.axes(s.velocity.as_ref().map(|(_, p)| sigmas(p)).as_ref(), 6)?;
-        self.axes(rpy.map(|(_, spread)| spread.map(f64::to_degrees)).as_ref(), 6)?;
-        self.further(belief)?;
+        self.axes(velocity, 5);
+        self.axes(angles.as_ref(), 6);
+        self.position_sigma(s);
+        self.axes(s.velocity.as_ref().map(|(_, p)| sigmas(p)).as_ref(), 6);
+        self.axes(rpy.map(|(_, spread)| spread.map(f64::to_degrees)).as_ref(), 6);
+        self.further(belief);
         self.cells.end()
     }
 
     /// Three numbers with so many decimals.
-    fn axes(&mut self, numbers: Option<&Vector3<f64>>, decimals: usize) -> io::Result<()> {
-        (0..3).try_for_each(|i| self.cells.maybe(numbers.map(|v| Fixed(v[i], decimals))))
+    fn axes(&mut self, numbers: Option<&Vector3<f64>>, decimals: usize) {
+        match numbers {
+            Some(numbers) => numbers.iter().for_each(|number| self.cells.fixed(*number, decimals)),
+            None => self.cells.empty(3),
+        }
     }
 
     /// Latitude, longitude, height, then metres from the origin.
-    fn position(&mut self, s: &Solution) -> io::Result<()> {
-        let place = s.position.as_ref().map(|(place, _)| *place);
-        let degrees = place.map(|p| [p.lat.to_degrees(), p.lon.to_degrees()]);
-        (0..2).try_for_each(|i| self.cells.maybe(degrees.map(|d| Fixed(d[i], 10))))?;
-        self.cells.maybe(place.map(|p| Fixed(p.height, 4)))?;
-        let ned = place.map(|place| self.origin.frame(place).to_ned(&place));
-        self.axes(ned.as_ref(), 4)
+    fn position(&mut self, s: &Solution) {
+        let Some((place, _)) = s.position else {
+            return self.cells.empty(6);
+        };
+        self.cells.fixed(place.lat.to_degrees(), 10);
+        self.cells.fixed(place.lon.to_degrees(), 10);
+        self.cells.fixed(place.height, 4);
+        let ned = self.origin.frame(place).to_ned(&place);
+        self.axes(Some(&ned), 4);
     }
 
-    fn position_sigma(&mut self, s: &Solution) -> io::Result<()> {
+    fn position_sigma(&mut self, s: &Solution) {
         let Some((place, p)) = &s.position else {
-            return self.cells.texts([""; 6]);
+            return self.cells.empty(6);
         };
         let metres = sigmas(p);
         let (north, east) = place.metres_per_radian();
-        self.cells.put(format_args!("{:.3e}", (metres.x / north).to_degrees()))?;
-        self.cells.put(format_args!("{:.3e}", (metres.y / east).to_degrees()))?;
-        self.cells.put(format_args!("{:.6}", metres.z))?;
-        self.axes(Some(&metres), 6)
+        self.cells.scientific((metres.x / north).to_degrees(), 3);
+        self.cells.scientific((metres.y / east).to_degrees(), 3);
+        self.cells.fixed(metres.z, 6);
+        self.axes(Some(&metres), 6);
     }
 
     /// The states that the solution does not show, each with its 1σ.
-    fn further(&mut self, belief: &Belief) -> io::Result<()> {
+    fn further(&mut self, belief: &Belief) {
         for block in &self.further {
             let values = &belief.x[block.storage_range()];
             if block.kind == Kind::Attitude {
                 let rpy = so3::to_rpy(&Attitude::read(values));
-                rpy.iter().try_for_each(|angle| self.cells.put(format_args!("{angle:.8e}")))?;
+                rpy.iter().for_each(|angle| self.cells.scientific(*angle, 8));
             } else {
-                values.iter().try_for_each(|value| self.cells.put(format_args!("{value:.8e}")))?;
+                values.iter().for_each(|value| self.cells.scientific(*value, 8));
             }
             for sigma in belief.covariance.sigmas(block) {
-                self.cells.put(format_args!("{sigma:.4e}"))?;
+                self.cells.scientific(sigma, 4);
             }
         }
-        Ok(())
     }
 
     /// Writes what is held back.

@@ -13,6 +13,7 @@
 //! | runs.csv | run of a campaign | `run,seed`; RMS and maxima of the errors; NEES; what became of the measurements of every sensor |
 
 mod cells;
+mod decimal;
 mod estimates;
 mod set;
 mod spill;

@@ -35,25 +35,24 @@ impl<W: Write> UpdateWriter<W> {
     /// # Errors
     /// What the writer reports.
     pub fn write(&mut self, time: Time, sensor: &str, u: &Update<'_>) -> io::Result<()> {
-        self.cells.put(format_args!("{:.6}", time.seconds()))?;
+        self.cells.fixed(time.seconds(), 6);
         self.cells.texts([sensor, verdict_name(u.verdict)])?;
-        [u.nis, u.statistic, u.threshold]
-            .into_iter()
-            .try_for_each(|value| self.number(value))?;
+        [u.nis, u.statistic, u.threshold].into_iter().for_each(|value| self.number(value));
         self.cells.text(if u.mode == Mode::Track { "track" } else { "denied" })?;
-        self.number(u.weight)?;
+        self.number(u.weight);
         for values in [u.residual, u.innovation_sigma] {
-            (0..self.rows).try_for_each(|i| self.number(values.get(i).copied().unwrap_or(f64::NAN)))?;
+            (0..self.rows).for_each(|i| self.number(values.get(i).copied().unwrap_or(f64::NAN)));
         }
         self.cells.end()
     }
 
     /// A number, or an empty cell where there is none.
-    fn number(&mut self, value: f64) -> io::Result<()> {
+    fn number(&mut self, value: f64) {
         if value.is_nan() {
-            return self.cells.text("");
+            self.cells.empty(1);
+        } else {
+            self.cells.scientific(value, 6);
         }
-        self.cells.put(format_args!("{value:.6e}"))
     }
 
     /// Writes what is held back.
