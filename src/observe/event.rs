@@ -3,7 +3,7 @@
 use super::Heard;
 use crate::rows::Row;
 use crate::score::{EpochError, ReferenceEpoch};
-use crate::solution::Solution;
+use crate::solution::Solved;
 use fusion_core::memory::Memory;
 use fusion_core::runner::{Event, Halt};
 use fusion_core::state::Belief;
@@ -25,8 +25,8 @@ pub enum RunEvent<'a> {
     Estimate {
         /// Whose estimate it is.
         filter: &'a Heard,
-        /// Position, velocity and attitude.
-        solution: &'a Solution,
+        /// Position, velocity and attitude; looking at them costs what reading them costs, once.
+        solution: &'a Solved<'a>,
         /// The whole of it.
         belief: &'a Belief,
     },

@@ -169,11 +169,9 @@ impl Filters {
 mod tests {
     use super::*;
     use crate::observe::{Counters, Hub};
-    use crate::score::Comparison;
     use fusion_core::filter::FilterError;
     use fusion_core::runner::{Discard, Observer, RowId};
     use fusion_core::time::Time;
-    use nalgebra::Vector3;
 
     #[test]
     fn what_a_filter_inside_a_stage_tells_is_counted_under_the_names_of_its_stages() {
@@ -208,7 +206,7 @@ mod tests {
         assert_eq!(names, ["height", "outer.height", "outer.inner.height"]);
         assert_eq!(filters.iter().map(|f| f.first_sensor).collect::<Vec<_>>(), [0, 1, 2]);
         let mut counters = Counters::default();
-        let mut hub = Hub::new(&filters, &Comparison::new(Vector3::zeros(), []));
+        let mut hub = Hub::new(&filters, None);
         hub.add(&mut counters);
         let row = RowId {
             stream: 0,
@@ -247,7 +245,7 @@ mod tests {
         assert_eq!(counters.failures, [format!("outer.inner: {why}"), why.to_string()]);
         assert_eq!(counters.further_failures, 0);
         // Those beyond the tenth are counted.
-        let mut hub = Hub::new(&filters, &Comparison::new(Vector3::zeros(), []));
+        let mut hub = Hub::new(&filters, None);
         hub.add(&mut counters);
         for _ in 0..11 {
             hub.on(&failed).unwrap();

@@ -107,7 +107,7 @@ impl RunObserver for Finals<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::solution::Solution;
+    use crate::solution::SolutionReader;
     use fusion_core::memory::{restore, save};
 
     #[test]
@@ -138,8 +138,9 @@ mod tests {
         let filter = filters.iter().nth(1).unwrap();
         let belief = Belief::initial(&filter.layout, &FormKind::Joseph.form(), Time::default());
         let mut finals = Finals::new(&filters);
-        let solution = &Solution::default();
         let (mut bytes, belief) = (Vec::new(), &belief);
+        let mut reader = SolutionReader::new(&filter.layout, filter.process.clone());
+        let solution = &reader.solved(belief);
         finals.on(&RunEvent::Estimate { filter, solution, belief }).unwrap();
         save(&mut finals, &mut bytes);
         let mut twin = Finals::new(&filters);

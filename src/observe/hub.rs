@@ -9,13 +9,14 @@ use fusion_core::runner::{Event, Halt, Observer};
 use fusion_core::time::Time;
 use std::collections::VecDeque;
 
-/// Hears a runner and tells the observers of a run, one after the other. It reads the solution of
-/// an estimate and computes its error, each once, for all of them.
+/// Hears a runner and tells the observers of a run, one after the other. The solution of an estimate is
+/// read, and its error computed, once for all of them: the one where somebody looks at it, the other
+/// where there is a reference.
 pub struct Hub<'a> {
     filters: &'a Filters,
     /// By filter.
     readers: Vec<SolutionReader>,
-    /// By filter.
+    /// By filter; none without a reference.
     comparisons: Box<[Comparison]>,
     /// True states of the outermost filter that its estimates have not reached.
     truths: VecDeque<(Time, Vec<f64>)>,
@@ -31,14 +32,14 @@ impl core::fmt::Debug for Hub<'_> {
 }
 
 impl<'a> Hub<'a> {
-    /// Without observers; every filter is compared with the reference, as `comparison` does.
+    /// Without observers; every filter is compared with the reference, as `comparison` does, if there is one.
     #[must_use]
-    pub fn new(filters: &'a Filters, comparison: &Comparison) -> Self {
+    pub fn new(filters: &'a Filters, comparison: Option<&Comparison>) -> Self {
         let readers = filters.iter().map(|f| SolutionReader::new(&f.layout, f.process.clone()));
         Self {
             filters,
             readers: readers.collect(),
-            comparisons: filters.iter().map(|_| comparison.clone()).collect(),
+            comparisons: filters.iter().filter_map(|_| comparison.cloned()).collect(),
             truths: VecDeque::new(),
             observers: Vec::new(),
             current: None,
@@ -157,7 +158,7 @@ impl Observer for Hub<'_> {
         let Event::Estimate { belief } = event else {
             return tell(&mut self.observers, &RunEvent::Filter { filter, event });
         };
-        let solution = &self.readers[filter.number].read(belief);
+        let solution = &self.readers[filter.number].solved(belief);
         let estimate = RunEvent::Estimate { filter, solution, belief };
         tell(&mut self.observers, &estimate)?;
         if filter.is_outermost() {
@@ -174,7 +175,10 @@ impl Observer for Hub<'_> {
             }
         }
         let observers = &mut self.observers;
-        self.comparisons[filter.number].reach(solution, |epoch, error| {
+        let Some(comparison) = self.comparisons.get_mut(filter.number) else {
+            return Ok(());
+        };
+        comparison.reach(solution, |epoch, error| {
             tell(observers, &RunEvent::Reference { filter, epoch, error })
         })
     }

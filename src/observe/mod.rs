@@ -8,9 +8,9 @@
 //! ```
 //!
 //! The runner tells [`Event`](fusion_core::runner::Event)s. The [`Hub`] finds the filter that an
-//! event comes from, reads the solution of an estimate, computes its error against the reference,
-//! each once, and tells every observer a [`RunEvent`]. The first observer that cannot go on stops
-//! the run.
+//! event comes from and tells every observer a [`RunEvent`]. The solution of an estimate is read once,
+//! where somebody looks at it; its error is computed once, where there is a reference. The first observer
+//! that cannot go on stops the run.
 
 mod consumers;
 mod counters;

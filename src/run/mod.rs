@@ -21,7 +21,7 @@ use crate::design::{Design, Named, ReferenceSpec};
 use crate::health::HealthRecord;
 use crate::observe::{Consumers, Counters, FilterScore, Filters, Finals, Heard, Hub, RunObserver, Smoother, Statistics, Timing};
 use crate::rows::{Feed, outages as silences};
-use crate::score::Outage;
+use crate::score::{Comparison, Outage};
 use crate::solution::SolutionReader;
 use crate::world::{SimulatedRows, drawn_start};
 use aboard::Carried;
@@ -164,7 +164,7 @@ impl<'a> Run<'a> {
         let mut smoother = match planned {
             None => None,
             Some(planned) => {
-                let hub = Hub::new(&filters, &comparison.emptied());
+                let hub = Hub::new(&filters, comparison.as_ref().map(Comparison::emptied).as_ref());
                 let by = planned.by(self.design, &self.assembly, &files)?;
                 Some(smoothing::smoother(
                     self.design,
@@ -176,7 +176,7 @@ impl<'a> Run<'a> {
                 ))
             }
         };
-        let mut hub = Hub::new(&filters, &comparison);
+        let mut hub = Hub::new(&filters, comparison.as_ref());
         hub.add(&mut counters);
         hub.add(&mut consumers);
         hub.add(&mut statistics);
@@ -188,7 +188,7 @@ impl<'a> Run<'a> {
         smoother.iter_mut().for_each(|smoother| hub.add(smoother));
         further.iter_mut().for_each(|observer| hub.add(*observer));
         if rewinds {
-            let mut current = Hub::new(&filters, &comparison);
+            let mut current = Hub::new(&filters, comparison.as_ref());
             current_score.iter_mut().for_each(|score| current.add(score));
             files.current.iter_mut().for_each(|file| current.add(file));
             hub.add_current(current);

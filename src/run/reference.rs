@@ -98,15 +98,17 @@ impl Reference {
         }
     }
 
-    /// What compares estimates with it; what was read ahead goes there. A simulated truth is that
-    /// of the body origin.
-    pub(super) fn comparison(&mut self, design: &Design) -> Comparison {
-        let Self::Ahead(epochs) = self else {
-            return Comparison::new(Vector3::zeros(), []);
+    /// What compares estimates with it, if there is one; what was read ahead goes there. A simulated truth is
+    /// that of the body origin.
+    pub(super) fn comparison(&mut self, design: &Design) -> Option<Comparison> {
+        let epochs = match self {
+            Self::None => return None,
+            Self::Along(..) => return Some(Comparison::new(Vector3::zeros(), [])),
+            Self::Ahead(epochs) => epochs,
         };
         let spec = design.reference.as_ref().map(|r| &r.block);
         let lever_arm = spec.map_or_else(Vector3::zeros, |s| s.lever_arm.si().into());
-        Comparison::new(lever_arm, core::mem::take(epochs))
+        Some(Comparison::new(lever_arm, core::mem::take(epochs)))
     }
 }
 

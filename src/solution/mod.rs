@@ -4,8 +4,10 @@
 //! by name.
 
 mod reader;
+mod solved;
 
 pub use reader::SolutionReader;
+pub use solved::Solved;
 
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;

@@ -1,6 +1,6 @@
 //! Reading the solution out of beliefs.
 
-use super::Solution;
+use super::{Solution, Solved};
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::model::{Input, Process, SignalBuffer};
 use fusion_core::state::{Attitude, Belief, Layout, Quantity, Tangent, Velocity};
@@ -50,6 +50,11 @@ impl SolutionReader {
     #[must_use]
     pub fn layout(&self) -> &Layout {
         &self.layout
+    }
+
+    /// The solution of `belief`, read when somebody looks at it.
+    pub fn solved<'a>(&'a mut self, belief: &'a Belief) -> Solved<'a> {
+        Solved::new(self, belief)
     }
 
     /// The solution of `belief`.

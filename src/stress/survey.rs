@@ -187,14 +187,14 @@ impl RunObserver for Survey {
                     self.started.get_or_insert(belief.time);
                 }
             }
-            RunEvent::Estimate { filter, solution, .. } if filter.is_outermost() => {
-                if let Some(last) = self.last_estimate.replace(solution.time) {
-                    self.longest_pause = self.longest_pause.max(solution.time.seconds_since(last));
+            RunEvent::Estimate { filter, solution, belief } if filter.is_outermost() => {
+                if let Some(last) = self.last_estimate.replace(belief.time) {
+                    self.longest_pause = self.longest_pause.max(belief.time.seconds_since(last));
                 }
-                let is_next = |last: &ReferenceEpoch| solution.time.nanos().saturating_sub(last.time.nanos()) >= SPACING;
+                let is_next = |last: &ReferenceEpoch| belief.time.nanos().saturating_sub(last.time.nanos()) >= SPACING;
                 if self.estimates.last().is_none_or(is_next) {
                     self.estimates.push(ReferenceEpoch {
-                        time: solution.time,
+                        time: belief.time,
                         position: solution.position.map(|(p, _)| p),
                         velocity: solution.velocity.map(|(v, _)| v),
                         attitude: solution.attitude.map(|(q, _)| q),

@@ -221,8 +221,8 @@ impl RunObserver for Watch<'_> {
                     });
                 }
             }
-            RunEvent::Estimate { filter, solution, .. } if filter.is_outermost() => {
-                self.estimates = [self.estimates[1], Some(solution.time)];
+            RunEvent::Estimate { filter, solution, belief } if filter.is_outermost() => {
+                self.estimates = [self.estimates[1], Some(belief.time)];
                 let (mut found, mounting) = (Vec::new(), self.mounting);
                 if let Some(comparison) = &mut self.comparison {
                     let reached = comparison.reach(solution, |_, error| {

@@ -38,8 +38,8 @@ impl<R> Lines<R> {
 impl<R: Read> Read for Lines<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let read = self.inner.read(buffer)?;
-        let ends = buffer.iter().take(read).enumerate().filter(|(_, byte)| **byte == b'\n');
-        self.ends.extend(ends.map(|(i, _)| self.bytes + i as u64));
+        let ends = memchr::memchr_iter(b'\n', buffer.get(..read).unwrap_or_default());
+        self.ends.extend(ends.map(|i| self.bytes + i as u64));
         self.bytes += read as u64;
         Ok(read)
     }

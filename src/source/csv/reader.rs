@@ -6,7 +6,7 @@ use crate::rows::{DataError, SourceError};
 use crate::source::OpenContext;
 use crate::source::decode::{Cell, Malformed, RawRows};
 use crate::source::file::{BUFFER, DataFile};
-use ::csv::{ByteRecord, Error, ErrorKind, Reader, ReaderBuilder, Trim};
+use ::csv::{ByteRecord, Error, ErrorKind, Reader, ReaderBuilder};
 use std::io::Read;
 
 /// An open file.
@@ -26,7 +26,7 @@ impl CsvRows {
     pub(super) fn open(spec: &CsvSpec, file: &DataFile, context: &OpenContext) -> Result<Self, SourceError> {
         let byte = |c: char| u8::try_from(c).unwrap_or(b',');
         let mut builder = ReaderBuilder::new();
-        builder.has_headers(false).flexible(true).trim(Trim::All).buffer_capacity(BUFFER);
+        builder.has_headers(false).flexible(true).buffer_capacity(BUFFER);
         builder.delimiter(byte(spec.delimiter)).comment(spec.comment.map(byte));
         let mut rows = Self {
             file: file.name(),
@@ -50,7 +50,10 @@ impl CsvRows {
         }
         self.is_pending = !has_header;
         self.columns = if has_header {
-            self.record.iter().map(|name| String::from_utf8_lossy(name).into_owned()).collect()
+            self.record
+                .iter()
+                .map(|name| String::from_utf8_lossy(name.trim_ascii()).into_owned())
+                .collect()
         } else {
             (1..=self.record.len()).map(|k| k.to_string()).collect()
         };
@@ -94,13 +97,13 @@ impl RawRows for CsvRows {
     }
 
     fn cell(&self, column: usize) -> Cell<'_> {
-        Cell::Text(self.record.get(column).unwrap_or_default())
+        Cell::Text(self.record.get(column).unwrap_or_default().trim_ascii())
     }
 
     /// A row has a field per column; one more may be there if it is empty.
     fn malformed(&self) -> Option<Malformed> {
         let (fields, named) = (self.record.len(), self.columns.len());
-        let is_trailing = fields == named + 1 && self.record.get(named).is_some_and(<[u8]>::is_empty);
+        let is_trailing = fields == named + 1 && self.record.get(named).is_some_and(|cell| cell.trim_ascii().is_empty());
         if fields == named || is_trailing {
             return None;
         }
