@@ -4,7 +4,7 @@ use super::intervals::Intervals;
 use super::trace::{Samples, Trace};
 use crate::assembly::{Assembly, StreamChannel, StreamLayout};
 use crate::design::{Design, MapDetailSpec};
-use crate::observe::{Filters, RunEvent, RunObserver};
+use crate::observe::{Filters, RunEvent, RunObserver, Thinning};
 use crate::present::Unit;
 use crate::rows::Row;
 use crate::score::{EpochError, ReferenceEpoch, attitude_error};
@@ -25,6 +25,9 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 const BUCKETS: usize = 8192;
 /// Points of a path, and fixes of a sensor.
 const POINTS: usize = 8192;
+/// Estimates are drawn this often at most \[ns\]: 50 Hz shows every motion of a vehicle or a hand. What is measured
+/// is drawn at its own rate.
+const PERIOD: i64 = 20_000_000;
 /// Input channels that are drawn; further ones are left out.
 const INPUTS: usize = 24;
 /// Channels with such names say how good others are.
@@ -51,6 +54,8 @@ pub struct Frame {
 #[derive(Clone, Debug)]
 pub struct Recording {
     pub(super) frame: Frame,
+    /// Which estimates are drawn.
+    thinning: Thinning,
     local: Option<LocalFrame>,
     pub(super) position: Quantity,
     pub(super) velocity: Quantity,
@@ -175,6 +180,7 @@ impl<const N: usize> Unwrapped<N> {
 /// The tracks that the design gives are there before.
 impl Memory for Recording {
     fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.thinning.remember(tape);
         self.local.remember(tape);
         self.position.remember(tape);
         self.velocity.remember(tape);
@@ -225,6 +231,7 @@ impl Recording {
         Self {
             local: frame.origin.map(LocalFrame::new),
             frame,
+            thinning: Thinning::new(PERIOD),
             position: Quantity::new(),
             velocity: Quantity::new(),
             attitude: Quantity::new(),
@@ -517,7 +524,11 @@ impl RunObserver for Recording {
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
         match event {
             RunEvent::Row(row) => self.row(row),
-            RunEvent::Estimate { filter, solution, .. } if filter.is_outermost() => self.estimate(solution),
+            RunEvent::Estimate { filter, solution, belief } if filter.is_outermost() => {
+                if self.thinning.takes(belief.time) {
+                    self.estimate(solution);
+                }
+            }
             RunEvent::Reference { filter, epoch, error } if filter.is_outermost() => self.reference(epoch, *error),
             RunEvent::Filter {
                 filter,
