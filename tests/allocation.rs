@@ -9,6 +9,7 @@
 )]
 
 use fusion::Navigator;
+use fusion::config::Document;
 use fusion::core::chart::{Biases, Reset, Side};
 use fusion::core::covariance::{Form, FormKind, SquareRoot, Workspace};
 use fusion::core::filter::{Backend, Bank, BankLimits, ChartKind, Estimator, Filter, Observed, Verdict};
@@ -20,7 +21,10 @@ use fusion::core::runner::{Event, Halt, Observer};
 use fusion::core::smoother::{FixedInterval, Link, Shelf, Tape};
 use fusion::core::state::{Declaration, Dynamics, LayoutBuilder, StateRole, Vector};
 use fusion::core::time::Time;
+use fusion::design::Design;
 use fusion::output::FileSet;
+use fusion::report::Recording;
+use fusion::run::{Options, Run};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
@@ -492,4 +496,75 @@ fn smoothing_on_disk_takes_as_much_memory_for_a_log_ten_times_as_long() {
     assert!(in_memory(20_000) > 5 * in_memory(2_000));
     drop(set);
     std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// Laps of 40 s, with a hundred estimates, fixes and epochs of the reference in each second.
+const LAPS: &str = r#"
+[run]
+origin = { latitude = "48.8 deg", longitude = "2.3 deg" }
+seed = 1
+
+[process]
+type = "planar_odometry"
+source = "odometry"
+forward_noise = "0.001 m/sqrt(s)"
+sideways_noise = "0.001 m/sqrt(s)"
+yaw_rate_noise = "0.1 deg/sqrt(s)"
+
+[sensor.gnss]
+type = "gnss_position"
+source = "gnss"
+horizontal = true
+noise = { sigma = "1 m" }
+gate = { type = "nis", probability = 0.999 }
+
+[initial.start]
+type = "explicit"
+position_sigma = 0
+heading = 0
+heading_sigma = "5 deg"
+
+[reference]
+source = "reference"
+episodes = [{ from = "10 s", to = "20 s" }]
+
+[simulation]
+draw_start = true
+reference_rate = "100 Hz"
+start = { speed = 0.7853981633974483 }
+trajectory = [{ type = "circle", angle = "ANGLE deg", duration = "DURATION s" }]
+
+[simulation.odometry]
+rate = "100 Hz"
+forward_noise = "0.001 m/sqrt(s)"
+sideways_noise = "0.001 m/sqrt(s)"
+yaw_rate_noise = "0.1 deg/sqrt(s)"
+
+[simulation.sensor.gnss]
+rate = "100 Hz"
+white = "1 m"
+"#;
+
+/// The most bytes that a run of so many laps needs, its score and its report among them.
+fn memory_of(laps: u32) -> i64 {
+    let [angle, duration] = [360 * laps, 40 * laps].map(|number| number.to_string());
+    let text = LAPS.replace("ANGLE", &angle).replace("DURATION", &duration);
+    let design = Design::read(Document::parse("laps.toml", &text).0).unwrap_or_else(|d| panic!("{d}"));
+    peak(|| {
+        let options = Options::default();
+        let run = Run::open(&design, &options).unwrap_or_else(|d| panic!("{d}"));
+        let mut recording = Recording::of(&design, run.assembly());
+        let finished = run.go(&mut [&mut recording], &mut |_| {}).unwrap_or_else(|d| panic!("{d}"));
+        assert_eq!(finished.summary.epochs, u64::from(4000 * laps));
+        let epochs = finished.summary.score.as_ref().map(|score| score.epochs);
+        assert!(epochs.is_some_and(|epochs| epochs > 3999 * laps as usize));
+    })
+}
+
+#[test]
+fn a_run_needs_no_more_memory_for_ten_times_the_log() {
+    // 280,000 epochs: 2^18 values of a series are kept before it is summed up.
+    let [short, long] = [70, 700].map(memory_of);
+    // A hundredth: bins of a histogram that are used for the first time.
+    assert!(long < short + short / 100, "{short} and {long} bytes");
 }

@@ -1,7 +1,7 @@
 //! What became of each sensor's measurements: counts, rejection streaks of its gate, innovations.
 
 use super::{Filters, HeardSensor, RunEvent, RunObserver};
-use crate::score::Consistency;
+use crate::score::{Consistency, Quantiles, Series};
 use core::ops::Range;
 use fusion_core::filter::{Update, Verdict};
 use fusion_core::gate::Mode;
@@ -159,9 +159,9 @@ impl RunObserver for Statistics {
 #[derive(Debug)]
 struct Follower {
     statistics: SensorStatistics,
-    nis: Vec<f64>,
+    nis: Series,
     /// Of each residual row, what the gate would have refused.
-    power: Vec<Vec<f64>>,
+    power: Box<[Quantiles]>,
     /// Sums of the squared innovations, per residual row.
     squares: Vec<f64>,
     /// Innovations count from here on.
@@ -188,8 +188,8 @@ impl Follower {
                 disturbed: may_be.then(Disturbed::default),
                 ..SensorStatistics::default()
             },
-            nis: Vec::new(),
-            power: vec![Vec::new(); m],
+            nis: Series::default(),
+            power: vec![Quantiles::default(); m].into(),
             squares: vec![0.0; m],
             from,
             streak: None,
@@ -219,7 +219,7 @@ impl Follower {
         };
         statistics.ends_denied = update.mode == Mode::Denied;
         for (all, power) in self.power.iter_mut().zip(update.power) {
-            all.push(*power);
+            all.add(*power);
         }
         if let Some(d) = &mut statistics.disturbed {
             d.missed += u64::from(is_used && was_disturbed);
@@ -262,16 +262,15 @@ impl Follower {
         let innovations = &mut self.statistics.innovations;
         let count = innovations.count.max(1) as f64;
         innovations.rms = self.squares.iter().map(|s| (s / count).sqrt()).collect();
-        self.statistics.gate_power = self.power.iter_mut().filter_map(|all| median(all)).collect();
+        self.statistics.gate_power = self.power.iter_mut().filter_map(median).collect();
         self.statistics.nis = Consistency::of(&self.nis, innovations.unit.len());
         self.statistics
     }
 }
 
-/// The middle one of `values`, the upper of two; it reorders them.
-fn median(values: &mut [f64]) -> Option<f64> {
-    values.sort_unstable_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
+/// The middle one of `values`, the upper of two.
+fn median(values: &mut Quantiles) -> Option<f64> {
+    values.at(values.len() / 2)
 }
 
 #[cfg(test)]
@@ -285,8 +284,8 @@ mod tests {
                 disturbed: Some(Disturbed::default()),
                 ..SensorStatistics::default()
             },
-            nis: Vec::new(),
-            power: vec![Vec::new()],
+            nis: Series::default(),
+            power: Box::new([Quantiles::default()]),
             squares: vec![0.0],
             from: Some(at(2.0)),
             streak: None,

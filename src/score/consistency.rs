@@ -11,6 +11,7 @@
 //! faults *optimistic* and *pessimistic*); Uhlmann 2003 (*conservative*: the covariance is not
 //! smaller than that of the error).
 
+use super::Series;
 use fusion_core::consistency::mean_band;
 use serde::Serialize;
 
@@ -21,8 +22,6 @@ const BAND: f64 = 0.95;
 /// A consistent Gaussian filter has 0.997. At 0.98 the standard deviation of a Gaussian error is
 /// 3/2.33 = 1.29 times the filter's own 1σ.
 pub const SHARE_INSIDE: f64 = 0.98;
-/// Lags of the autocorrelation that are looked at.
-const LAGS: usize = 5000;
 
 /// How the errors of a filter compare with its covariance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -74,27 +73,11 @@ pub struct Consistency {
 }
 
 impl Consistency {
-    /// From a series of statistics of `dof` degrees of freedom each; `None` for fewer than two.
-    ///
-    /// Neighbours in time are correlated: N samples carry N/τ independent ones, τ = 1 + 2 Σ ρ_k
-    /// being the integrated autocorrelation, summed up to the first ρ_k that is not positive.
-    /// The band is made for that many. Source: Sokal 1997, §3.
+    /// From a series of statistics of `dof` degrees of freedom each; `None` for fewer than two. The band is
+    /// made for as many values as are [independent](Series::independent).
     #[must_use]
-    pub fn of(series: &[f64], dof: usize) -> Option<Self> {
-        let count = series.len();
-        if count < 2 {
-            return None;
-        }
-        let mean = series.iter().sum::<f64>() / count as f64;
-        let lagged = |k: usize| series.iter().zip(&series[k..]).map(|(a, b)| (a - mean) * (b - mean)).sum::<f64>();
-        let variance = lagged(0);
-        let correlations = (1..count.min(LAGS)).map(|k| lagged(k) / variance).take_while(|rho| *rho > 0.0);
-        let tau = if variance > 0.0 {
-            1.0 + 2.0 * correlations.sum::<f64>()
-        } else {
-            1.0
-        };
-        Some(Self::with_independent(mean, dof, count, (count as f64 / tau).max(1.0)))
+    pub fn of(series: &Series, dof: usize) -> Option<Self> {
+        (series.len() >= 2).then(|| Self::with_independent(series.mean(), dof, series.len(), series.independent()))
     }
 
     /// Of several independent runs together: the mean of their means, with a band for all of
@@ -210,8 +193,8 @@ mod tests {
 
     #[test]
     fn the_band_widens_with_correlation() {
-        let slow: Vec<f64> = (0..1000).map(|k| 3.0 + (k as f64 * 0.01).sin()).collect();
-        let fast: Vec<f64> = (0..1000).map(|k| 3.0 + if k % 2 == 0 { 1.0 } else { -1.0 }).collect();
+        let slow: Series = (0..1000).map(|k| 3.0 + (k as f64 * 0.01).sin()).collect();
+        let fast: Series = (0..1000).map(|k| 3.0 + if k % 2 == 0 { 1.0 } else { -1.0 }).collect();
         let (slow, fast) = (Consistency::of(&slow, 3).unwrap(), Consistency::of(&fast, 3).unwrap());
         assert!(slow.independent < 10.0 && fast.independent > 999.0, "{slow:?} {fast:?}");
         assert!(slow.band.1 - slow.band.0 > 5.0 * (fast.band.1 - fast.band.0));

@@ -4,8 +4,8 @@
 //! between the two attitudes; nothing is taken out of it. Every epoch from the start of the filter on
 //! counts, those before `reference.from` too.
 
+use super::attitudes::swing_and_twist;
 use super::comparison::{AttitudeError, EpochError};
-use super::scorer::swing_and_twist;
 use fusion_core::time::Time;
 use serde::Serialize;
 

@@ -3,7 +3,9 @@
 //! The error of an estimate is computed in one place, [`Comparison`]; whoever wants it takes its
 //! [`EpochError`].
 
+mod attitudes;
 mod blocks;
+mod bounded;
 mod comparison;
 mod consistency;
 mod convergence;
@@ -12,9 +14,11 @@ mod episodes;
 mod nees;
 mod reference;
 mod scorer;
+mod series;
 mod travelled;
 
 pub use blocks::{BlockScore, BlockScorer};
+pub(crate) use bounded::Quantiles;
 pub use comparison::{AttitudeError, Comparison, Deviation, EpochError, attitude_error};
 pub use consistency::{Consistency, Verdict};
 pub use convergence::{Convergence, Limits};
@@ -23,6 +27,7 @@ pub use episodes::{Episodes, PartScore};
 pub use reference::{ReferenceEpoch, ReferenceSigma, differentiate};
 pub(crate) use scorer::median;
 pub use scorer::{Rules, Scorer};
+pub use series::Series;
 pub use travelled::Travelled;
 
 use serde::Serialize;

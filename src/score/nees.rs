@@ -6,8 +6,8 @@
 //!
 //! Source: Bar-Shalom, Li, Kirubarajan 2001, §5.4.2.
 
-use super::Consistency;
 use super::comparison::Deviation;
+use super::{Consistency, Series};
 use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen};
 
 /// A variance below this share of the largest is none: rounding of the largest, in a sum of a few
@@ -63,7 +63,7 @@ pub(super) fn of(d: &Deviation) -> Option<(f64, usize)> {
 /// Its NEES has another mean, and is not counted with them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct NeesSeries {
-    values: Vec<f64>,
+    values: Series,
     dof: usize,
     undefined: usize,
 }
@@ -76,7 +76,7 @@ impl NeesSeries {
         match found {
             Some((value, dof)) if dof > self.dof => {
                 self.undefined += self.values.len();
-                self.values = vec![value];
+                self.values = Series::from_iter([value]);
                 self.dof = dof;
             }
             Some((value, dof)) if dof == self.dof && dof > 0 => self.values.push(value),

@@ -1,16 +1,16 @@
 //! The score of a run, made as it goes.
 
-use super::comparison::{Deviation, EpochError, attitude_error};
+use super::attitudes::Attitudes;
+use super::comparison::{Deviation, EpochError};
 use super::convergence::{Limits, Tracker};
 use super::drift::{Drifts, Outage};
 use super::episodes::EpisodeScorer;
 use super::nees::{NeesSeries, of};
 use super::travelled::Horizontal;
 use super::{Axes, Score};
-use fusion_core::geometry::so3;
 use fusion_core::time::Time;
 use fusion_models::fault::Windows;
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 
 /// How a run is scored.
 #[derive(Clone, Debug, Default)]
@@ -54,11 +54,15 @@ fusion_core::memory!(Sums {
 
 impl Sums {
     pub(super) fn add(&mut self, d: &Deviation) {
-        let (e, sigma) = (&d.error, d.sigma());
-        let is_estimated = Vector3::from(d.is_estimated().map(f64::from));
+        self.add_error(&d.error, &d.sigma(), d.is_estimated());
+    }
+
+    /// Of an error `e` with its 1σ; whether the filter estimates each axis.
+    pub(super) fn add_error(&mut self, e: &Vector3<f64>, sigma: &Vector3<f64>, is_estimated: [bool; 3]) {
+        let is_estimated = Vector3::from(is_estimated.map(f64::from));
         self.sigma += sigma;
         self.estimated += is_estimated;
-        self.inside += e.zip_zip_map(&sigma, &is_estimated, |e, s, known| f64::from(e.abs() <= 3.0 * s) * known);
+        self.inside += e.zip_zip_map(sigma, &is_estimated, |e, s, known| f64::from(e.abs() <= 3.0 * s) * known);
         self.count += 1.0;
         self.sum += e;
         self.squares += e.component_mul(e);
@@ -87,9 +91,8 @@ pub struct Scorer {
     rules: Rules,
     position: Sums,
     velocity: Sums,
-    attitude: Sums,
+    attitudes: Attitudes,
     horizontal: Horizontal,
-    attitudes: Vec<(UnitQuaternion<f64>, UnitQuaternion<f64>, Deviation)>,
     nees_position: NeesSeries,
     nees_velocity: NeesSeries,
     nees_attitude: NeesSeries,
@@ -101,9 +104,8 @@ pub struct Scorer {
 fusion_core::memory!(Scorer {
     position,
     velocity,
-    attitude,
-    horizontal,
     attitudes,
+    horizontal,
     nees_position,
     nees_velocity,
     nees_attitude,
@@ -121,12 +123,11 @@ impl Scorer {
             drifts: Drifts::new(&rules.outages),
             episodes: rules.episodes.clone().map(EpisodeScorer::new),
             convergence: rules.converged.map(Tracker::new),
+            attitudes: Attitudes::new(rules.remove_mean_mounting),
             rules,
             position: Sums::default(),
             velocity: Sums::default(),
-            attitude: Sums::default(),
             horizontal: Horizontal::default(),
-            attitudes: Vec::new(),
             nees_position: NeesSeries::default(),
             nees_velocity: NeesSeries::default(),
             nees_attitude: NeesSeries::default(),
@@ -141,10 +142,7 @@ impl Scorer {
         if let Some(d) = &error.position {
             if counts {
                 self.position.add(d);
-                self.horizontal.lengths.push(d.error.x.hypot(d.error.y));
-                if let Some(place) = &error.truth.position {
-                    self.horizontal.way.add(place, [d.error.x, d.error.y]);
-                }
+                self.horizontal.add([d.error.x, d.error.y], error.truth.position.as_ref());
                 if is_settled {
                     self.nees_position.add(of(d));
                 }
@@ -164,12 +162,9 @@ impl Scorer {
             }
         }
         if let Some(a) = &error.attitude {
-            self.attitudes.push((a.estimate, a.truth, a.rpy));
-            if !self.rules.remove_mean_mounting {
-                self.attitude.add(&in_degrees(&a.rpy));
-                if is_settled {
-                    self.nees_attitude.add(of(&a.body));
-                }
+            self.attitudes.add(a);
+            if is_settled && !self.rules.remove_mean_mounting {
+                self.nees_attitude.add(of(&a.body));
             }
         }
     }
@@ -183,32 +178,26 @@ impl Scorer {
     #[must_use]
     pub fn finish(mut self) -> Score {
         let count = self.position.count;
-        let Horizontal { mut lengths, way } = core::mem::take(&mut self.horizontal);
-        let squares: f64 = lengths.iter().map(|h| h * h).sum();
-        lengths.sort_unstable_by(f64::total_cmp);
-        // As many as a share of all do not exceed it.
-        let within = |share: f64| lengths.get(((share * count).ceil() as usize).saturating_sub(1)).copied();
-        let (attitude_deg, mounting_deg) = self.attitude();
-        let [heading_rmse_deg, inclination_rmse_deg] = self.heading_and_inclination(mounting_deg);
-        let rotation_rmse_deg = self.rotation(mounting_deg);
+        let [horizontal_median, horizontal_p95] = [0.5, 0.95].map(|share| self.horizontal.within(share));
+        let attitude = self.attitudes.finish();
         let drift = self.drifts.finish();
         Score {
             epochs: (self.position.count as usize)
                 .max(self.velocity.count as usize)
-                .max(self.attitudes.len()),
+                .max(self.attitudes.count() as usize),
             position: self.position.axes(),
-            horizontal_rms: (squares / count).sqrt(),
-            horizontal_max: lengths.last().copied().unwrap_or(f64::NAN),
-            horizontal_median: within(0.5),
-            horizontal_p95: within(0.95),
-            travelled: way.finish(),
+            horizontal_rms: (self.horizontal.squares / count).sqrt(),
+            horizontal_max: self.horizontal.largest(),
+            horizontal_median,
+            horizontal_p95,
+            travelled: self.horizontal.travelled(),
             velocity: self.velocity.axes(),
-            attitude_deg,
+            attitude_deg: attitude.axes,
             position_rmse_m: self.position.axes().map(|a| a.rms.iter().map(|rms| rms * rms).sum::<f64>().sqrt()),
-            rotation_rmse_deg,
-            heading_rmse_deg,
-            inclination_rmse_deg,
-            mounting_deg,
+            rotation_rmse_deg: attitude.rotation,
+            heading_rmse_deg: attitude.heading,
+            inclination_rmse_deg: attitude.inclination,
+            mounting_deg: attitude.mounting_deg,
             nees_position: self.nees_position.consistency(),
             nees_velocity: self.nees_velocity.consistency(),
             nees_attitude: self.nees_attitude.consistency(),
@@ -221,80 +210,6 @@ impl Scorer {
             drift_median: median(drift.iter().map(|d| d.max_horizontal).collect()),
             drift,
         }
-    }
-
-    /// RMS \[deg\] of the angle between the attitudes, the mounting taken out as below.
-    fn rotation(&self, mounting_deg: Option<[f64; 3]>) -> Option<f64> {
-        let mounting = rotation_of(mounting_deg);
-        let angles = self
-            .attitudes
-            .iter()
-            .map(|(q, truth, _)| so3::log(&(q * mounting * truth.inverse())).norm_squared());
-        (!self.attitudes.is_empty()).then(|| (angles.sum::<f64>() / self.attitudes.len() as f64).sqrt().to_degrees())
-    }
-
-    /// RMS \[deg\], the mean mounting [roll, pitch, yaw, deg] taken out where there is one.
-    fn heading_and_inclination(&self, mounting_deg: Option<[f64; 3]>) -> [Option<f64>; 2] {
-        let mounting = rotation_of(mounting_deg);
-        let errors = self
-            .attitudes
-            .iter()
-            .map(|(q, truth, _)| swing_and_twist(&(q * mounting * truth.inverse())));
-        let sums = errors.fold([0.0; 2], |[h, i], [heading, inclination]| {
-            [h + heading * heading, i + inclination * inclination]
-        });
-        sums.map(|sum| (!self.attitudes.is_empty()).then(|| (sum / self.attitudes.len() as f64).sqrt().to_degrees()))
-    }
-
-    /// The attitude errors, and the mean mounting that was taken out of them, if it was.
-    fn attitude(&self) -> (Option<Axes>, Option<[f64; 3]>) {
-        if !self.rules.remove_mean_mounting {
-            return (self.attitude.axes(), None);
-        }
-        let mounting = mean_rotation(self.attitudes.iter().map(|(q, truth, _)| q.inverse() * truth));
-        let mut sums = Sums::default();
-        for (q, truth, rpy) in &self.attitudes {
-            let error = attitude_error(&(q * mounting), truth);
-            sums.add(&in_degrees(&Deviation { error, ..*rpy }));
-        }
-        (sums.axes(), Some(so3::to_rpy(&mounting).map(f64::to_degrees).into()))
-    }
-}
-
-/// The rotation of roll, pitch, yaw \[deg\]; none without them.
-fn rotation_of(rpy_deg: Option<[f64; 3]>) -> UnitQuaternion<f64> {
-    let [roll, pitch, yaw] = rpy_deg.unwrap_or_default().map(f64::to_radians);
-    so3::from_rpy(roll, pitch, yaw)
-}
-
-/// The least turn about the vertical of the rotation `e` between two attitudes, resolved in
-/// navigation axes, and the turn about a level axis that is left \[rad\].
-pub(super) fn swing_and_twist(e: &UnitQuaternion<f64>) -> [f64; 2] {
-    // atan2 for acos √(w² + z²), which is coarse near 0.
-    [2.0 * e.k.abs().atan2(e.w.abs()), 2.0 * e.i.hypot(e.j).atan2(e.w.hypot(e.k))]
-}
-
-/// The rotation with the least mean squared angle to all of `rotations`.
-fn mean_rotation(rotations: impl Iterator<Item = UnitQuaternion<f64>> + Clone) -> UnitQuaternion<f64> {
-    let mut mean = rotations.clone().next().unwrap_or_default();
-    // The intrinsic mean; each pass squares the remaining error.
-    for _ in 0..10 {
-        let inverse = mean.inverse();
-        let (count, sum) = rotations
-            .clone()
-            .fold((0.0, Vector3::zeros()), |(n, s), r| (n + 1.0, s + so3::log(&(inverse * r))));
-        mean *= so3::exp(&(sum / f64::max(count, 1.0)));
-    }
-    mean
-}
-
-/// Of an error in radians.
-fn in_degrees(d: &Deviation) -> Deviation {
-    let degree = 1_f64.to_degrees();
-    Deviation {
-        error: d.error * degree,
-        own: d.own * (degree * degree),
-        reference: d.reference * (degree * degree),
     }
 }
 
@@ -317,6 +232,7 @@ mod tests {
     use super::super::{Comparison, ReferenceEpoch};
     use super::*;
     use crate::solution::Solution;
+    use fusion_core::geometry::so3;
     use fusion_core::geometry::wgs84::Geodetic;
     use nalgebra::Matrix3;
 
@@ -379,33 +295,5 @@ mod tests {
         let attitude = score.attitude_deg.unwrap();
         // 1e-9 deg: rounding of trigonometric functions.
         assert!(attitude.rms[2] < 1e-9 && (score.mounting_deg.unwrap()[2] - 0.2_f64.to_degrees()).abs() < 1e-9);
-    }
-
-    #[test]
-    fn a_turn_splits_into_heading_and_inclination() {
-        let (level, down) = (Vector3::new(0.6, 0.8, 0.0), Vector3::z());
-        for (tilt, turn) in [(0.0, 0.0), (1e-9, 0.4), (0.3, -3.0), (-1.2, 0.7)] {
-            let e = so3::exp(&(level * tilt)) * so3::exp(&(down * turn));
-            let [heading, inclination] = swing_and_twist(&e);
-            // 1e-15: rounding; by acos it would be 1e-8.
-            assert!(
-                (heading - f64::abs(turn)).abs() < 1e-15 && (inclination - f64::abs(tilt)).abs() < 1e-15,
-                "{heading} {inclination}"
-            );
-        }
-        let truth = so3::from_rpy(0.5, -0.2, 2.0);
-        let mut scorer = Scorer::new(Rules::default());
-        let none = Deviation {
-            error: Vector3::zeros(),
-            own: Matrix3::zeros(),
-            reference: Matrix3::zeros(),
-        };
-        for turn in [0.03, -0.04] {
-            scorer.attitudes.push((so3::exp(&(down * turn)) * truth, truth, none));
-        }
-        let score = scorer.finish();
-        // √((9 + 16)/2)·1e-2 rad; 1e-12: rounding.
-        assert!((score.heading_rmse_deg.unwrap() - (12.5_f64.sqrt() * 1e-2).to_degrees()).abs() < 1e-12);
-        assert!(score.inclination_rmse_deg.unwrap() < 1e-12);
     }
 }

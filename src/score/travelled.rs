@@ -9,6 +9,7 @@
 //! A = \[a −b; b a\] is an error of scale and of heading that does not change: of two lines there and back
 //! it takes away as much on the second as it brought on the first. What is left of e adds up on any way.
 
+use super::bounded::{Quantiles, Thinned};
 use fusion_core::geometry::wgs84::Geodetic;
 use serde::Serialize;
 
@@ -33,21 +34,78 @@ pub struct Travelled {
 pub(super) struct Way {
     origin: Option<(Geodetic, [f64; 2])>,
     distance: f64,
-    /// At the end of each chord the place and the error, both less those at the origin \[m\].
-    points: Vec<[[f64; 2]; 2]>,
+    /// Where the last chord ended, less the origin \[m\].
+    end: [f64; 2],
+    /// Σ p·p, Σ p·e and Σ p×e over the ends of all chords.
+    squares: f64,
+    along: f64,
+    across: f64,
+    /// The largest |e|.
+    largest: f64,
+    /// At the end of each chord the place p and the error e, both less those at the origin \[m\]; of more than
+    /// 2^16 chords every second, fourth, ….
+    points: Thinned<[[f64; 2]; 2]>,
 }
 
-fusion_core::memory!(Way { origin, distance, points });
+fusion_core::memory!(Way {
+    origin,
+    distance,
+    end,
+    squares,
+    along,
+    across,
+    largest,
+    points
+});
 
 /// The horizontal errors of a run.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Horizontal {
     /// The length of each \[m\].
-    pub(super) lengths: Vec<f64>,
-    pub(super) way: Way,
+    pub(super) lengths: Quantiles,
+    /// The sum of their squares, and the largest.
+    pub(super) squares: f64,
+    largest: Option<f64>,
+    way: Way,
 }
 
-fusion_core::memory!(Horizontal { lengths, way });
+fusion_core::memory!(Horizontal {
+    lengths,
+    squares,
+    largest,
+    way
+});
+
+impl Horizontal {
+    /// The next error, north and east \[m\], and the place of the reference.
+    pub(super) fn add(&mut self, error: [f64; 2], place: Option<&Geodetic>) {
+        let length = error[0].hypot(error[1]);
+        self.lengths.add(length);
+        self.squares += length * length;
+        // What is not a number is larger than all.
+        let is_larger = self.largest.is_none_or(|largest| length.total_cmp(&largest).is_gt());
+        self.largest = if is_larger { Some(length) } else { self.largest };
+        if let Some(place) = place {
+            self.way.add(place, error);
+        }
+    }
+
+    /// The largest; not a number without one.
+    pub(super) fn largest(&self) -> f64 {
+        self.largest.unwrap_or(f64::NAN)
+    }
+
+    /// What so large a share of all does not exceed.
+    pub(super) fn within(&mut self, share: f64) -> Option<f64> {
+        let count = self.lengths.len() as f64;
+        self.lengths.at(((share * count).ceil() as usize).saturating_sub(1))
+    }
+
+    /// What the way has cost.
+    pub(super) fn travelled(&self) -> Option<Travelled> {
+        self.way.finish()
+    }
+}
 
 impl Way {
     /// The next epoch: the place of the reference, and the error north and east there \[m\].
@@ -57,12 +115,16 @@ impl Way {
             return;
         };
         let moved = place.difference(origin);
-        let before = self.points.last().map_or([0.0; 2], |[at, _]| *at);
-        let chord = (moved.x - before[0]).hypot(moved.y - before[1]);
+        let chord = (moved.x - self.end[0]).hypot(moved.y - self.end[1]);
         if chord >= CHORD {
             self.distance += chord;
-            let change = [error[0] - first[0], error[1] - first[1]];
-            self.points.push([[moved.x, moved.y], change]);
+            let (p, e) = ([moved.x, moved.y], [error[0] - first[0], error[1] - first[1]]);
+            self.squares += p[0] * p[0] + p[1] * p[1];
+            self.along += p[0] * e[0] + p[1] * e[1];
+            self.across += p[0] * e[1] - p[1] * e[0];
+            self.largest = self.largest.max(e[0].hypot(e[1]));
+            self.end = p;
+            self.points.push([p, e]);
         }
     }
 
@@ -71,20 +133,15 @@ impl Way {
         if self.distance < SHORTEST {
             return None;
         }
-        let sum = |of: fn(&[[f64; 2]; 2]) -> f64| self.points.iter().map(of).sum::<f64>();
-        let squares = sum(|[p, _]| p[0] * p[0] + p[1] * p[1]);
-        let a = sum(|[p, e]| p[0] * e[0] + p[1] * e[1]) / squares;
-        let b = sum(|[p, e]| p[0] * e[1] - p[1] * e[0]) / squares;
-        let largest = |[a, b]: [f64; 2]| {
-            let left = |[p, e]: &[[f64; 2]; 2]| (e[0] - a * p[0] + b * p[1]).hypot(e[1] - b * p[0] - a * p[1]);
-            self.points.iter().map(left).fold(0.0, f64::max)
-        };
+        let (a, b) = (self.along / self.squares, self.across / self.squares);
+        let left = |[p, e]: &[[f64; 2]; 2]| (e[0] - a * p[0] + b * p[1]).hypot(e[1] - b * p[0] - a * p[1]);
+        let left = self.points.rows().iter().map(left).fold(0.0, f64::max);
         let percent = 100.0 / self.distance;
-        let all = percent * largest([0.0, 0.0]);
+        let all = percent * self.largest;
         Some(Travelled {
             distance: self.distance,
             from_origin_percent: all,
-            reciprocal_percent: all.min(percent * largest([a, b])),
+            reciprocal_percent: all.min(percent * left),
         })
     }
 }

@@ -1,0 +1,177 @@
+//! A series of statistics: its mean, and how much its neighbours in time have in common.
+
+use super::bounded::KEPT;
+use fusion_core::memory::{Memory, Tape};
+
+/// Lags of the autocorrelation that are looked at.
+const LAGS: usize = 5000;
+
+/// A series, in memory that does not grow with it.
+///
+/// Its first 2^18 values are kept. Of a longer series it is the means of 2, 4, … neighbours, and of all values
+/// count, mean and variance.
+#[derive(Clone, Debug)]
+pub struct Series {
+    /// Means of `each` values.
+    means: Vec<f64>,
+    each: u64,
+    /// The sum of the values that do not make up a mean yet, and how many they are.
+    open: (f64, u64),
+    count: u64,
+    sum: f64,
+    /// Welford's mean and sum of squares.
+    centre: f64,
+    squares: f64,
+}
+
+impl Default for Series {
+    fn default() -> Self {
+        Self {
+            means: Vec::new(),
+            each: 1,
+            open: (0.0, 0),
+            count: 0,
+            sum: 0.0,
+            centre: 0.0,
+            squares: 0.0,
+        }
+    }
+}
+
+impl Memory for Series {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.means.remember(tape);
+        self.each.remember(tape);
+        self.open.remember(tape);
+        self.count.remember(tape);
+        self.sum.remember(tape);
+        self.centre.remember(tape);
+        self.squares.remember(tape);
+        if self.each == 0 || self.means.len() > KEPT {
+            tape.refuse("a series has another size");
+        }
+    }
+}
+
+impl Series {
+    /// Adds a value.
+    pub fn push(&mut self, value: f64) {
+        self.count += 1;
+        self.sum += value;
+        let off = value - self.centre;
+        self.centre += off / self.count as f64;
+        self.squares += off * (value - self.centre);
+        self.open.0 += value;
+        self.open.1 += 1;
+        if self.open.1 < self.each {
+            return;
+        }
+        if self.means.len() == KEPT {
+            // The new one is the first half of a mean of twice as many.
+            (0..KEPT / 2).for_each(|k| self.means[k] = 0.5 * (self.means[2 * k] + self.means[2 * k + 1]));
+            self.means.truncate(KEPT / 2);
+            self.each *= 2;
+            return;
+        }
+        self.means.push(self.open.0 / self.each as f64);
+        self.open = (0.0, 0);
+    }
+
+    /// Values.
+    #[must_use]
+    pub const fn len(&self) -> usize {
+        self.count as usize
+    }
+
+    /// Whether there is no value.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// Their mean.
+    #[must_use]
+    pub fn mean(&self) -> f64 {
+        self.sum / self.count as f64
+    }
+
+    /// How many independent values say as much of the mean.
+    ///
+    /// Neighbours in time are correlated: N samples carry N/τ independent ones, τ = 1 + 2 Σ ρ_k being the
+    /// integrated autocorrelation, summed up to the first ρ_k that is not positive. Source: Sokal 1997, §3.
+    /// Of a long series τ is that of the means of neighbours: their variance, times their own τ and the values in
+    /// each, over the variance of the values. Source: Flyvbjerg and Petersen 1989.
+    #[must_use]
+    pub fn independent(&self) -> f64 {
+        let mean = if self.each == 1 {
+            self.mean()
+        } else {
+            self.means.iter().sum::<f64>() / self.means.len() as f64
+        };
+        let pairs = |k: usize| self.means.iter().zip(&self.means[k..]);
+        let lagged = |k: usize| pairs(k).map(|(a, b)| (a - mean) * (b - mean)).sum::<f64>();
+        let variance = lagged(0);
+        if variance.is_nan() || variance <= 0.0 {
+            return (self.count as f64).max(1.0);
+        }
+        let correlations = (1..self.means.len().min(LAGS)).map(|k| lagged(k) / variance);
+        let tau = 1.0 + 2.0 * correlations.take_while(|rho| *rho > 0.0).sum::<f64>();
+        let of_values = if self.each == 1 {
+            1.0
+        } else {
+            let of_means = variance / self.means.len() as f64;
+            of_means * self.each as f64 / (self.squares / self.count as f64)
+        };
+        (self.count as f64 / (tau * of_values)).max(1.0)
+    }
+}
+
+impl FromIterator<f64> for Series {
+    fn from_iter<I: IntoIterator<Item = f64>>(values: I) -> Self {
+        let mut series = Self::default();
+        values.into_iter().for_each(|value| series.push(value));
+        series
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Noise with a correlation of `rho` between neighbours, by a generator of its own; and the τ that it has.
+    fn noise(count: usize, rho: f64) -> (Series, f64) {
+        let (mut bits, mut last) = (9_u64, 0.0);
+        let series = (0..count).map(|_| {
+            bits = bits.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            last = rho * last + (bits >> 33) as f64 / f64::from(1_u32 << 31) - 0.5;
+            last
+        });
+        (series.collect(), (1.0 + rho) / (1.0 - rho))
+    }
+
+    #[test]
+    fn a_long_series_has_as_many_independent_values_as_its_parts() {
+        for rho in [0.0, 0.9, 0.99] {
+            for count in [KEPT, 5 * KEPT] {
+                let (series, tau) = noise(count, rho);
+                assert_eq!(series.len(), count);
+                assert!(series.means.len() <= KEPT && series.means.capacity() <= KEPT);
+                // Of 262144 values with τ = 199 the sum of 1000 lags scatters by √(2·2000/262144) = 0.12: twice that.
+                let found = count as f64 / series.independent();
+                assert!((found / tau - 1.0).abs() < 0.25, "{found} for {tau} of {count}");
+            }
+        }
+    }
+
+    #[test]
+    fn mean_and_count_are_those_of_all_values() {
+        let count = 3 * KEPT + 1;
+        let series: Series = (0..count).map(|k| k as f64).collect();
+        assert_eq!(series.mean(), (count - 1) as f64 / 2.0);
+        assert_eq!((series.len(), series.each), (count, 4));
+        // The values that a mean is of follow one another without a gap.
+        assert_eq!(series.means[..3], [1.5, 5.5, 9.5]);
+        assert_eq!(series.means.last(), Some(&(count as f64 - 3.5)));
+        assert_eq!(series.open, ((count - 1) as f64, 1));
+    }
+}
