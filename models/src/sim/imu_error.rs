@@ -226,6 +226,8 @@ impl ImuError {
 #[derive(Clone, Debug)]
 struct Triad {
     numbers: Numbers,
+    /// The last interval \[s\], and its root.
+    step: (f64, f64),
     constant: Vector3<f64>,
     markov: Markov,
     walk: Vector3<f64>,
@@ -257,6 +259,7 @@ impl Triad {
             rest: Vector3::zeros(),
             walking: random("walk"),
             white: random("white"),
+            step: (0.0, 0.0),
             numbers,
         }
     }
@@ -265,22 +268,29 @@ impl Triad {
         self.constant + Vector3::from_column_slice(self.markov.state()) + self.walk
     }
 
+    /// What has no size is not drawn: every purpose has a generator of its own, so no other draw changes.
     fn measure(&mut self, truth: &Vector3<f64>, dt: f64) -> Vector3<f64> {
+        if self.step.0 != dt {
+            self.step = (dt, dt.sqrt());
+        }
+        let root = self.step.1;
+        let Numbers {
+            walk, noise, resolution, ..
+        } = &self.numbers;
         self.markov.advance(dt);
-        let (walk, noise) = (self.numbers.walk, self.numbers.noise);
-        self.walk += Vector3::from_fn(|i, _| walk[i] * dt.sqrt() * self.walking.normal());
-        let white = Vector3::from_fn(|i, _| noise[i] / dt.sqrt() * self.white.normal());
-        let exact = self.map * truth + self.bias() + white;
-        Vector3::from_fn(|i, _| {
-            let step = self.numbers.resolution[i];
-            if step <= 0.0 {
-                return exact[i];
-            }
-            let wanted = exact[i] + self.rest[i] / dt;
-            let given = (wanted / step).round() * step;
-            self.rest[i] = (wanted - given) * dt;
-            given
-        })
+        if *walk != [0.0; 3] {
+            self.walk += Vector3::from(walk.map(|walk| walk * root * self.walking.normal()));
+        }
+        let mut measured = self.map * truth + self.bias();
+        if *noise != [0.0; 3] {
+            measured += Vector3::from(noise.map(|noise| noise / root * self.white.normal()));
+        }
+        for (i, step) in resolution.iter().enumerate().filter(|(_, step)| **step > 0.0) {
+            let wanted = measured[i] + self.rest[i] / dt;
+            measured[i] = (wanted / step).round() * step;
+            self.rest[i] = (wanted - measured[i]) * dt;
+        }
+        measured
     }
 }
 

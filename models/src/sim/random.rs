@@ -36,6 +36,10 @@ impl Random {
 pub(super) struct Markov {
     sigma: Vec<f64>,
     tau: f64,
+    /// The last interval \[s\], e^{−Δt/τ}, and √(1 − e^{−2Δt/τ}).
+    step: (f64, f64, f64),
+    /// Whether it is zero and stays so.
+    is_still: bool,
     state: Vec<f64>,
     random: Random,
 }
@@ -44,13 +48,25 @@ impl Markov {
     /// Starts in its stationary distribution.
     pub(super) fn new(sigma: Vec<f64>, tau: f64, mut random: Random) -> Self {
         let state = sigma.iter().map(|s| s * random.normal()).collect();
-        Self { sigma, tau, state, random }
+        Self {
+            is_still: sigma.iter().all(|s| *s == 0.0),
+            sigma,
+            tau,
+            step: (0.0, 1.0, 0.0),
+            state,
+            random,
+        }
     }
 
     /// Moves on by `dt` seconds.
     pub(super) fn advance(&mut self, dt: f64) {
-        let decay = (-dt / self.tau).exp();
-        let fresh = (-(-2.0 * dt / self.tau).exp_m1()).sqrt();
+        if self.is_still {
+            return;
+        }
+        if self.step.0 != dt {
+            self.step = (dt, (-dt / self.tau).exp(), (-(-2.0 * dt / self.tau).exp_m1()).sqrt());
+        }
+        let (_, decay, fresh) = self.step;
         for (x, sigma) in self.state.iter_mut().zip(&self.sigma) {
             *x = decay * *x + fresh * sigma * self.random.normal();
         }
