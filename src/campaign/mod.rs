@@ -5,9 +5,9 @@ mod runs;
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
 use crate::observe::SensorStatistics;
-use crate::run::{Options, Smoothing, Summary, run};
+use crate::run::{Options, Smoothing, Summary, run_sharing};
 use crate::score::{Axes, BlockScore, Consistency, Convergence, Episodes, median};
-use fusion_models::sim::Record;
+use fusion_models::sim::{Record, SharedCourse};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -130,7 +130,7 @@ pub fn monte_carlo(
 ) -> Result<Campaign, Diagnostics> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|e| Diagnostics::from(Diagnostic::error(format!("no threads to run on: {e}"))))?;
-    let done = AtomicUsize::new(0);
+    let (done, course) = (AtomicUsize::new(0), SharedCourse::default());
     let one = |number: u64| -> Result<RunRow, Diagnostics> {
         let seed = seed_of(seed, number);
         let options = Options {
@@ -141,7 +141,7 @@ pub fn monte_carlo(
             smooth: Smoothing::Never,
             ..Options::default()
         };
-        let summary = run(design, &options, &mut |_| {})?;
+        let summary = run_sharing(design, &options, &course)?;
         progress(done.fetch_add(1, Ordering::Relaxed) + 1);
         Ok(RunRow::new(number, seed, &summary))
     };

@@ -28,6 +28,7 @@ use aboard::Carried;
 use files::Files;
 use fusion_core::runner::Runner;
 use fusion_core::time::Time;
+use fusion_models::sim::SharedCourse;
 use reference::Reference;
 use saving::Saving;
 use smoothing::Planned;
@@ -86,6 +87,14 @@ pub fn run(design: &Design, options: &Options, progress: &mut dyn FnMut(Time)) -
     Ok(Run::open(design, options)?.go(&mut [], progress)?.keep()?)
 }
 
+/// Runs `design` as [`run`] does, and shares with others what does not depend on the seed.
+///
+/// # Errors
+/// Those of [`run`].
+pub(crate) fn run_sharing(design: &Design, options: &Options, course: &SharedCourse) -> Result<Summary, Diagnostics> {
+    Ok(Run::open_sharing(design, options, Some(course))?.go(&mut [], &mut |_| {})?.keep()?)
+}
+
 /// A run whose data are open.
 #[derive(Debug)]
 pub struct Run<'a> {
@@ -102,6 +111,11 @@ impl<'a> Run<'a> {
     /// # Errors
     /// Mistakes of the design, or what is wrong with the data.
     pub fn open(design: &'a Design, options: &'a Options) -> Result<Self, Diagnostics> {
+        Self::open_sharing(design, options, None)
+    }
+
+    /// The same of one of several runs of the design, which differ by their seeds.
+    fn open_sharing(design: &'a Design, options: &'a Options, course: Option<&SharedCourse>) -> Result<Self, Diagnostics> {
         let begun = Instant::now();
         let streams = declared_streams(design)?;
         let mut assembly = assemble(design, streams)?;
@@ -113,7 +127,7 @@ impl<'a> Run<'a> {
                 live.into_iter().for_each(|unit| runner.add_initialiser(unit));
             }
         }
-        let data = RunData::open(design, &assembly, options)?;
+        let data = RunData::open(design, &assembly, options, course)?;
         Ok(Self {
             design,
             options,
@@ -325,11 +339,14 @@ struct RunData {
 
 impl RunData {
     /// Opens the recorded sources of a design, or makes its simulated world.
-    fn open(design: &Design, assembly: &Assembly, options: &Options) -> Result<Self, Diagnostics> {
+    fn open(design: &Design, assembly: &Assembly, options: &Options, course: Option<&SharedCourse>) -> Result<Self, Diagnostics> {
         let Some(simulation) = &design.simulation else {
             return recorded::open(design, assembly, options);
         };
-        let rows = SimulatedRows::new(design, simulation, assembly, options.seed)?;
+        let mut rows = SimulatedRows::new(design, simulation, assembly, options.seed)?;
+        if let Some(course) = course {
+            rows = rows.share(course);
+        }
         Ok(Self {
             reference: Reference::simulated(assembly),
             rows: Box::new(rows),

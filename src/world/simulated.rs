@@ -12,7 +12,9 @@ use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::runner::{InitialiserUnit, StreamId};
 use fusion_core::time::Time;
 use fusion_models::earth::LocalFrame;
-use fusion_models::sim::{DrawnStart, Next, Record, Script, Seen, Setup, SimulatedSensor, SimulatedStream, SimulationSpec, Simulator};
+use fusion_models::sim::{
+    DrawnStart, Next, Record, Script, Seen, Setup, SharedCourse, SimulatedSensor, SimulatedStream, SimulationSpec, Simulator,
+};
 use fusion_models::vocabulary::state;
 use nalgebra::Vector2;
 
@@ -78,6 +80,15 @@ impl SimulatedRows {
             frame: LocalFrame::new(origin.into()),
             steers: None,
         })
+    }
+
+    /// Goes by what runs of the same design with other seeds have in common; no row has been asked for yet.
+    #[must_use]
+    pub fn share(self, course: &SharedCourse) -> Self {
+        Self {
+            simulator: self.simulator.share(course),
+            ..self
+        }
     }
 
     /// The next row, of a stream of the assembly; a vehicle is steered by the filter `aboard`.

@@ -38,7 +38,7 @@ pub use record::{Errors, HeadingErrors, Leg, Record};
 pub use segment::{Junction, Motion, Segment, SegmentSpec};
 pub use ship::{SHIP_STREAMS, ShipSpec, ship_channels};
 pub use simulator::{
-    IMU, INSTRUMENTS, Next, ODOMETRY, REFERENCE, Setup, SimulatedSensor, SimulatedStream, Simulator, TRACK_SPEEDS, UNITS,
+    IMU, INSTRUMENTS, Next, ODOMETRY, REFERENCE, Setup, SharedCourse, SimulatedSensor, SimulatedStream, Simulator, TRACK_SPEEDS, UNITS,
     odometry_channels, reference_channels, track_channels,
 };
 pub use spec::{SimulationSpec, StartSpec};

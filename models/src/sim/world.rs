@@ -47,6 +47,11 @@ pub trait World: Debug + Send {
         Time::MAX
     }
 
+    /// Whether it is the same in every run: no seed and no filter influences it.
+    fn is_given(&self) -> bool {
+        false
+    }
+
     /// How often it is to be [steered](Self::steer) \[Hz\]; none where nothing influences it.
     fn control_rate(&self) -> Option<f64> {
         None
@@ -196,6 +201,10 @@ impl World for OpenLoop {
 
     fn end(&self) -> Time {
         Time::from_seconds(self.trajectory.duration())
+    }
+
+    fn is_given(&self) -> bool {
+        true
     }
 }
 

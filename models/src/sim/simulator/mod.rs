@@ -11,17 +11,22 @@
 //!          `attitude`, `heading`, `speed`, `yaw_rate` from the world; `gyro_bias`, `accel_bias`,
 //!          `gyro_scale`, `accel_scale` from the simulated unit; every other block at its declared
 //!          initial value, or drawn about it and moved by its own dynamics (`draw_parameters`)
+//! Shared   what is true of a trajectory, and the samples of the inertial unit before their errors, are the same for
+//!          every seed: runs that [share](Simulator::share) them make them once
 //! Signals  from the process's own `signals` at x_true, its input being the true rates plus the
 //!          true biases where those are states
 //! Not here inputs other than an inertial unit or odometry; faults and dropouts (they act on rows)
 
+mod clock;
+mod course;
 mod delay;
 mod true_state;
+mod unit;
 
 use super::closed_loop::Script;
 use super::control::Seen;
 use super::imu_error::ImuError;
-use super::inverse::{self, Correction, Sample, before_correction, pair_before_correction};
+use super::inverse::Sample;
 use super::noise::SensorError;
 use super::odometry::Odometry;
 use super::record::Record;
@@ -31,10 +36,12 @@ use super::tracks::TrackSpeeds;
 use super::world::{Truth, World};
 use crate::block::{BuildError, Channel, imu_channels};
 use crate::earth::Gravity;
-use crate::process::strapdown::mechanisation::Nav;
 use crate::units::Dimension;
 use crate::vocabulary::channel;
+use clock::{Clocks, Source};
 use core::cmp::Reverse;
+use course::ErrorFree;
+pub use course::SharedCourse;
 use delay::Delay;
 use fusion_core::Time;
 use fusion_core::geometry::so3;
@@ -46,6 +53,7 @@ use std::collections::BinaryHeap;
 use std::sync::Arc;
 pub(super) use true_state::Known;
 use true_state::TrueState;
+use unit::{IdealUnit, Reading};
 
 /// A sensor to simulate.
 #[derive(Clone, Debug)]
@@ -118,10 +126,13 @@ pub const REFERENCE: &str = "reference";
 #[derive(Debug)]
 pub struct Simulator {
     streams: Vec<SimulatedStream>,
-    clocks: Vec<Clock>,
-    world: Box<dyn World>,
+    clocks: Clocks,
+    free: ErrorFree,
+    /// What the inertial unit reads, on its way to its errors.
+    readings: Vec<Reading>,
     truth: TrueState,
-    imu: Option<Imu>,
+    /// The errors of the inertial unit.
+    imu: Option<ImuError>,
     odometry: Option<(Odometry, usize)>,
     track_speeds: Option<(TrackSpeeds, usize)>,
     /// And the first of its streams.
@@ -133,26 +144,6 @@ pub struct Simulator {
     /// By how much a row may be stamped before it is valid \[ns\], 0 or negative.
     least_delay: i64,
     reference_state: Vec<f64>,
-}
-
-/// Who has a row next, and when.
-#[derive(Clone, Debug)]
-struct Clock {
-    source: Source,
-    rate: f64,
-    start: i64,
-    count: u64,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Source {
-    Imu,
-    Odometry,
-    TrackSpeeds,
-    Ship(usize),
-    Sensor(usize),
-    Reference,
-    Control,
 }
 
 /// What comes next in a run.
@@ -170,22 +161,6 @@ const ACOUSTIC: usize = 2;
 
 /// In place of a stream: a row that only marks when the world is steered, after all others of its stamp.
 const CONTROL: usize = usize::MAX;
-
-impl Clock {
-    fn new(source: Source, rate: f64) -> Self {
-        Self {
-            source,
-            rate,
-            start: 0,
-            count: 0,
-        }
-    }
-
-    /// Counted, not added up: the millionth instant is as exact as the first.
-    fn next(&self) -> Time {
-        Time::from_nanos(self.start).shifted(nanos(self.count as f64 / self.rate))
-    }
-}
 
 /// A row that waits for its turn: by stamp, then stream, then order of making.
 #[derive(Debug, PartialEq)]
@@ -218,20 +193,6 @@ struct Sensor {
     stream: usize,
 }
 
-/// The inertial unit between two of its samples.
-#[derive(Debug)]
-struct Imu {
-    error: ImuError,
-    correction: Correction,
-    gravity: Gravity,
-    period: f64,
-    last: Option<(Time, Nav)>,
-    /// The sample before, free of errors, and the length of its interval \[s\].
-    previous: (Sample, f64),
-    /// The first of a pair: stamp, wanted sample, length.
-    held: Option<(Time, Sample, f64)>,
-}
-
 impl Simulator {
     /// A run in the world of `spec`; `seed` is usually that of `spec`. With a `script` a vehicle is not
     /// steered, but given these commands.
@@ -262,27 +223,20 @@ impl Simulator {
         }
         spec.check_unit(setup.input)?;
         let truth = TrueState::new(&setup, spec, seed)?;
-        let (mut streams, mut clocks, mut sensors) = (Vec::new(), Vec::new(), Vec::new());
-        let mut imu = None;
+        let (mut streams, mut clocks, mut sensors) = (Vec::new(), Clocks::default(), Vec::new());
+        let (mut imu, mut ideal) = (None, None);
         if let Some(unit) = &spec.imu {
             let rate = unit.rate.si();
-            clocks.push(Clock::new(Source::Imu, rate));
+            clocks.add(Source::Imu, rate, 0);
             streams.push(SimulatedStream {
                 name: IMU.to_owned(),
                 channels: imu_channels(),
             });
-            imu = Some(Imu {
-                error: ImuError::new(unit, seed),
-                correction: Correction::of(setup.process.as_ref()),
-                gravity: setup.gravity,
-                period: 1.0 / rate,
-                last: None,
-                previous: (Sample::default(), 0.0),
-                held: None,
-            });
+            imu = Some(ImuError::new(unit, seed));
+            ideal = Some(IdealUnit::new(setup.process.as_ref(), setup.gravity, rate));
         }
         let odometry = spec.odometry.as_ref().map(|unit| {
-            clocks.push(Clock::new(Source::Odometry, unit.rate.si()));
+            clocks.add(Source::Odometry, unit.rate.si(), 0);
             streams.push(SimulatedStream {
                 name: ODOMETRY.to_owned(),
                 channels: odometry_channels(),
@@ -294,7 +248,7 @@ impl Simulator {
             return Err(BuildError::at("track_speeds", "nothing in this world runs on tracks").help(help));
         }
         let track_speeds = spec.track_speeds.as_ref().map(|unit| {
-            clocks.push(Clock::new(Source::TrackSpeeds, unit.rate.si()));
+            clocks.add(Source::TrackSpeeds, unit.rate.si(), 0);
             streams.push(SimulatedStream {
                 name: TRACK_SPEEDS.to_owned(),
                 channels: track_channels(),
@@ -303,9 +257,9 @@ impl Simulator {
         });
         let ship = spec.ship.as_ref().map(|ship| {
             let first = streams.len();
-            clocks.push(Clock::new(Source::Ship(0), ship.gps.rate.si()));
-            clocks.push(Clock::new(Source::Ship(1), ship.attitude.rate.si()));
-            clocks.push(Clock::new(Source::Ship(ACOUSTIC), f64::INFINITY));
+            clocks.add(Source::Ship(0), ship.gps.rate.si(), 0);
+            clocks.add(Source::Ship(1), ship.attitude.rate.si(), 0);
+            clocks.add(Source::Ship(ACOUSTIC), f64::INFINITY, 0);
             streams.extend(SHIP_STREAMS.iter().enumerate().map(|(i, name)| SimulatedStream {
                 name: (*name).to_owned(),
                 channels: ship_channels(i),
@@ -317,10 +271,7 @@ impl Simulator {
             let Some(simulated) = spec.sensor.get(&sensor.name) else { continue };
             let error =
                 SensorError::new(simulated, &sensor.name, &sensor.rows, seed).map_err(|e| e.within(format!("sensor.{}", sensor.name)))?;
-            clocks.push(Clock {
-                start: nanos(simulated.start.si()),
-                ..Clock::new(Source::Sensor(sensors.len()), simulated.rate.si())
-            });
+            clocks.add(Source::Sensor(sensors.len()), simulated.rate.si(), nanos(simulated.start.si()));
             sensors.push(Sensor {
                 delay: Delay::new(&sensor, setup.layout, duration),
                 model: sensor.model,
@@ -332,16 +283,20 @@ impl Simulator {
                 channels: sensor.channels,
             });
         }
-        clocks.push(Clock::new(Source::Reference, spec.reference_rate.si()));
+        clocks.add(Source::Reference, spec.reference_rate.si(), 0);
         streams.push(SimulatedStream {
             name: REFERENCE.to_owned(),
             channels: reference_channels(),
         });
-        clocks.extend(world.control_rate().map(|rate| Clock::new(Source::Control, rate)));
+        world
+            .control_rate()
+            .into_iter()
+            .for_each(|rate| clocks.add(Source::Control, rate, 0));
         let mut simulator = Self {
             streams,
             clocks,
-            world,
+            free: ErrorFree::new(world, ideal),
+            readings: Vec::new(),
             imu,
             odometry,
             track_speeds,
@@ -358,6 +313,17 @@ impl Simulator {
         Ok(simulator)
     }
 
+    /// Goes by what runs of the same design with other seeds have in common, or makes it for them; no row has
+    /// been made yet.
+    #[must_use]
+    pub fn share(mut self, shared: &SharedCourse) -> Self {
+        // A ship asks for ranges at drawn instants.
+        if self.ship.is_none() {
+            self.free.share(shared, &self.clocks);
+        }
+        self
+    }
+
     /// The streams; rows name them by their place here.
     #[must_use]
     pub fn streams(&self) -> &[SimulatedStream] {
@@ -367,37 +333,38 @@ impl Simulator {
     /// When the run ends.
     #[must_use]
     pub fn end(&self) -> Time {
-        self.world.end()
+        self.free.world.end()
     }
 
     /// Whether the world needs to be steered `now`.
     #[must_use]
     pub fn listens(&self, now: Time) -> bool {
-        self.world.listens(now)
+        self.free.world.listens(now)
     }
 
     /// Tells the world where the vehicle takes itself to be at the instant of a [`Next::Control`];
     /// nothing before its filter has started.
     pub fn steer(&mut self, now: Time, seen: Option<&Seen>) {
-        self.world.steer(now, seen);
+        self.free.world.steer(now, seen);
     }
 
     /// The commands that a vehicle has had, where there is one.
     #[must_use]
     pub fn script(&self) -> Option<Script> {
-        self.world.script()
+        self.free.world.script()
     }
 
     /// How well the world was steered, where it is.
     #[must_use]
     pub fn record(&self) -> Option<Record> {
-        self.world.record()
+        self.free.world.record()
     }
 
-    /// What is true at the last instant simulated, which may lie after the last row returned.
+    /// What is true at the last instant simulated, which may lie after the last row returned; of a
+    /// [shared](Self::share) course at the last one at which something else than the inertial unit was read.
     #[must_use]
     pub fn truth(&self) -> &Truth {
-        self.world.truth()
+        self.free.truth()
     }
 
     /// The true state, in the layout of the filter, that belongs to the last `reference` row
@@ -417,19 +384,14 @@ impl Simulator {
     /// The next row in order of stamps, its numbers in `out`. `None` at the end of the run.
     pub fn next_row(&mut self, out: &mut Vec<f64>) -> Option<Next> {
         loop {
-            let due = self
-                .clocks
-                .iter()
-                .enumerate()
-                .min_by_key(|(i, c)| (c.next(), *i))
-                .map(|(i, c)| (i, c.next()));
-            let due = due.filter(|(_, time)| *time <= self.world.end());
+            let due = self.clocks.due().filter(|(_, time)| *time <= self.free.world.end());
             if due.is_none() {
-                self.release_held();
+                self.free.release(&mut self.readings);
+                self.spoil_readings();
             }
             // No row still to be made can be stamped before this.
             let mut safe = due.map_or(Time::MAX, |(_, time)| time.shifted(self.least_delay));
-            if let Some((stamp, ..)) = self.imu.as_ref().and_then(|imu| imu.held) {
+            if let Some(stamp) = self.free.held() {
                 safe = safe.min(stamp);
             }
             if self.queue.peek().is_some_and(|Reverse(row)| row.stamp < safe) {
@@ -445,28 +407,32 @@ impl Simulator {
                     stream => Next::Row(stream, row.stamp),
                 });
             }
-            let (clock, time) = due?;
-            self.clocks[clock].count += 1;
-            self.make(self.clocks[clock].source, time);
+            let (source, time) = due?;
+            self.clocks.tick(source);
+            self.make(source, time);
         }
     }
 
     /// Makes the row of `source` that is valid at `time`.
     fn make(&mut self, source: Source, time: Time) {
-        self.world.advance(time);
+        self.free.advance(time);
         match source {
-            Source::Imu => self.make_imu(time),
+            Source::Imu => {
+                self.truth.move_parameters(time);
+                self.free.read(time, &mut self.readings);
+                self.spoil_readings();
+            }
             Source::Control => self.put(time, CONTROL, Vec::new()),
             Source::Odometry => {
                 let Some((odometry, stream)) = &mut self.odometry else { return };
-                let (measured, stream) = (odometry.measure(time, &self.world.truth().nav), *stream);
+                let (measured, stream) = (odometry.measure(time, &self.free.truth().nav), *stream);
                 let mut data = self.spare.pop().unwrap_or_default();
                 data.clear();
                 data.extend_from_slice(&measured);
                 self.put(time, stream, data);
             }
             Source::TrackSpeeds => {
-                let (Some((unit, stream)), Some(tracks)) = (&mut self.track_speeds, self.world.tracks()) else {
+                let (Some((unit, stream)), Some(tracks)) = (&mut self.track_speeds, self.free.world.tracks()) else {
                     return;
                 };
                 let (measured, stream) = (unit.measure(tracks), *stream);
@@ -477,13 +443,12 @@ impl Simulator {
             }
             Source::Ship(i) => {
                 let Some((ship, first)) = &mut self.ship else { return };
-                let (stamp, data) = ship.measure(i, time, &self.world.truth().nav);
+                let (stamp, data) = ship.measure(i, time, &self.free.truth().nav);
                 let stream = *first + i;
                 if i == ACOUSTIC {
                     // Its clock has no rate: each interval begins where the one before has ended.
                     let next = time.shifted(ship.interval(time)).nanos();
-                    let own = self.clocks.iter_mut().find(|c| c.source == Source::Ship(ACOUSTIC));
-                    own.into_iter().for_each(|clock| clock.start = next);
+                    self.clocks.restart(Source::Ship(ACOUSTIC), next);
                 }
                 self.put(stamp, stream, data);
             }
@@ -506,7 +471,7 @@ impl Simulator {
             Source::Reference => {
                 self.refresh();
                 let mut data = self.spare.pop().unwrap_or_default();
-                let nav = &self.world.truth().nav;
+                let nav = &self.free.truth().nav;
                 let (p, v, q) = (nav.position, nav.v_eb_n, so3::canonical(&nav.q_nb));
                 data.clear();
                 data.extend_from_slice(&[p.lat, p.lon, p.height, v.x, v.y, v.z, q.w, q.i, q.j, q.k]);
@@ -532,59 +497,23 @@ impl Simulator {
     /// Brings the true state up to the world.
     fn refresh(&mut self) {
         let none = (Sample::default(), Sample::default());
-        let (bias, scale) = self.imu.as_ref().map_or(none, |imu| (imu.error.bias(), imu.error.scale()));
-        self.truth.fill(self.world.truth(), &bias, &scale);
+        let (bias, scale) = self.imu.as_ref().map_or(none, |imu| (imu.bias(), imu.scale()));
+        self.truth.fill(self.free.truth(), &bias, &scale);
     }
 
-    fn make_imu(&mut self, time: Time) {
-        self.truth.move_parameters(time);
-        let Some(imu) = &mut self.imu else { return };
-        let truth = self.world.truth();
-        // The first sample opens the first interval; no step led to it.
-        let (wanted, dt) = match imu.last.replace((time, truth.nav)) {
-            Some((before, nav)) => {
-                let dt = time.seconds_since(before);
-                (inverse::sample(&nav, &truth.nav, dt, imu.gravity), dt)
-            }
-            None => (truth.imu, 0.0),
-        };
-        match imu.correction {
-            Correction::Pairs if dt > 0.0 => match imu.held.take() {
-                None => imu.held = Some((time, wanted, dt)),
-                Some((stamp, first, first_dt)) => {
-                    let [one, two] = pair_before_correction([(&first, first_dt), (&wanted, dt)]);
-                    self.put_imu(stamp, &one, first_dt);
-                    self.put_imu(time, &two, dt);
-                }
-            },
-            Correction::Previous if dt > 0.0 => {
-                let raw = before_correction((&imu.previous.0, imu.previous.1), (&wanted, dt));
-                imu.previous = (raw, dt);
-                self.put_imu(time, &raw, dt);
-            }
-            _ => {
-                imu.previous = (wanted, 0.0);
-                let period = imu.period;
-                self.put_imu(time, &wanted, if dt > 0.0 { dt } else { period });
-            }
+    /// Sends what the inertial unit reads through its errors.
+    fn spoil_readings(&mut self) {
+        let mut readings = core::mem::take(&mut self.readings);
+        for reading in readings.drain(..) {
+            let Some(imu) = &mut self.imu else { break };
+            let measured = imu.measure(&reading.sample, reading.interval);
+            let mut data = self.spare.pop().unwrap_or_default();
+            data.clear();
+            data.extend_from_slice(measured.rate.as_slice());
+            data.extend_from_slice(measured.force.as_slice());
+            self.put(reading.stamp, 0, data);
         }
-    }
-
-    /// A pair that the end of the run leaves without its second.
-    fn release_held(&mut self) {
-        if let Some((stamp, wanted, dt)) = self.imu.as_mut().and_then(|imu| imu.held.take()) {
-            self.put_imu(stamp, &wanted, dt);
-        }
-    }
-
-    fn put_imu(&mut self, stamp: Time, raw: &Sample, dt: f64) {
-        let Some(imu) = &mut self.imu else { return };
-        let measured = imu.error.measure(raw, dt);
-        let mut data = self.spare.pop().unwrap_or_default();
-        data.clear();
-        data.extend_from_slice(measured.rate.as_slice());
-        data.extend_from_slice(measured.force.as_slice());
-        self.put(stamp, 0, data);
+        self.readings = readings;
     }
 }
 

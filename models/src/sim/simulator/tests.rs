@@ -461,3 +461,42 @@ fn unicycle_fields() -> String {
     let all = crate::registry::all();
     all.iter().find(|r| r.name == "unicycle").unwrap().example.to_owned()
 }
+
+#[test]
+fn a_shared_course_leads_to_the_same_rows_to_the_last_bit() {
+    let all = |mut simulator: Simulator| {
+        let (mut found, mut row) = (Vec::new(), Vec::new());
+        while let Some(Next::Row(stream, time)) = simulator.next_row(&mut row) {
+            let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+            found.push((stream, time, bits(&row), bits(simulator.reference_state())));
+        }
+        found
+    };
+    // Fixes between the samples of the unit, stamped late; an odd number of samples, so that a pair is left over.
+    let more = "imu = { rate = '51 Hz', preset = 'consumer' }\ndraw_parameters = true\nodometry = { rate = '7 Hz' }\n\
+         sensor.gnss = { rate = '3 Hz', start = 0.1, white = 1 }";
+    for integrator in ["one_sample", "two_sample"] {
+        let text = strapdown(integrator, true) + GNSS + &simulation(more, &short());
+        let shared = SharedCourse::default();
+        let runs = [1, 2, 1].map(|seed| {
+            let own = all(simulate(&text, seed).unwrap().2);
+            assert!(own == all(simulate(&text, seed).unwrap().2.share(&shared)), "{integrator} {seed}");
+            own
+        });
+        assert!(runs[0] == runs[2] && runs[0] != runs[1] && runs[0].len() > 3000);
+        assert!(shared.is_made());
+    }
+}
+
+#[test]
+fn what_depends_on_the_seed_or_takes_too_much_memory_is_not_shared() {
+    let shared = |text: String| {
+        let shared = SharedCourse::default();
+        let _ = simulate(&text, 1).unwrap().2.share(&shared);
+        shared.is_made()
+    };
+    let design = |more: &str| strapdown("one_sample", false) + &simulation(more, "{ rest = { duration = 600 } }");
+    assert!(shared(design("imu = { rate = '10 Hz' }")));
+    // 72 bytes for each of 1.2 million samples: 86 MB.
+    assert!(!shared(design("imu = { rate = '2 kHz' }")));
+}
