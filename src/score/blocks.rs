@@ -4,7 +4,7 @@ use super::Consistency;
 use super::nees::{NeesSeries, nees};
 use fusion_core::state::{Belief, Block, Layout, StateRole};
 use fusion_core::time::Time;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use serde::Serialize;
 
 /// What became of a block, per axis of its tangent space and in its unit.
@@ -100,15 +100,27 @@ impl Follower {
         let (kind, storage, d) = (self.block.kind, self.block.storage_range(), self.block.kind.dim());
         let (error, sigma) = &mut self.last;
         kind.minus(&belief.x[storage.clone()], &truth[storage], error.as_mut_slice());
-        let p = DMatrix::from_row_slice(d, d, &belief.covariance.block(&self.block));
-        *sigma = p.diagonal().map(|v| v.max(0.0).sqrt());
-        let is_estimated = p.diagonal().map(|v| f64::from(v != 0.0));
+        // Nearly all blocks have three axes.
+        let found = if d == 3 {
+            let p = belief.covariance.marginal::<3>(&self.block);
+            sigma.copy_from(&p.diagonal());
+            nees(&Vector3::from_column_slice(error.as_slice()), &p, &Matrix3::zeros())
+        } else {
+            let p = DMatrix::from_row_slice(d, d, &belief.covariance.block(&self.block));
+            sigma.copy_from(&p.diagonal());
+            nees(error, &p, &DMatrix::zeros(d, d))
+        };
+        self.nees.add(found);
         self.count += 1.0;
-        self.squares += error.component_mul(error);
-        self.sigmas += &*sigma;
-        self.inside += error.zip_zip_map(sigma, &is_estimated, |e, s, known| f64::from(e.abs() <= 3.0 * s) * known);
-        self.estimated += is_estimated;
-        self.nees.add(nees(error, &p, &DMatrix::zeros(d, d)));
+        for (k, (e, s)) in error.iter().zip(sigma.iter_mut()).enumerate() {
+            // A variance so far.
+            let is_estimated = f64::from(*s != 0.0);
+            *s = s.max(0.0).sqrt();
+            self.squares[k] += e * e;
+            self.sigmas[k] += *s;
+            self.inside[k] += f64::from(e.abs() <= 3.0 * *s) * is_estimated;
+            self.estimated[k] += is_estimated;
+        }
     }
 
     fn finish(self) -> Option<BlockScore> {

@@ -234,12 +234,23 @@ impl Comparison {
         now: &Solution,
         mut tell: impl FnMut(&ReferenceEpoch, Option<&EpochError>) -> Result<(), E>,
     ) -> Result<(), E> {
-        let previous = self.previous.replace(*now).unwrap_or(*now);
-        let rate = previous.rate_to(now);
+        let reached = self.reach_from(now, &mut tell);
+        self.previous = Some(*now);
+        reached
+    }
+
+    /// The same from the previous estimate, which stays.
+    fn reach_from<E>(
+        &mut self,
+        now: &Solution,
+        tell: &mut impl FnMut(&ReferenceEpoch, Option<&EpochError>) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let previous = self.previous.as_ref().unwrap_or(now);
         while let Some(epoch) = self.ahead.pop_front_if(|e| e.time <= now.time) {
             self.given = self.given.saturating_sub(1);
             let is_known = epoch.time >= previous.time;
-            let error = is_known.then(|| EpochError::new(&epoch, &Solution::between(&previous, now, epoch.time), &self.lever_arm, rate));
+            let rate = (self.lever_arm != Vector3::zeros()).then(|| previous.rate_to(now)).flatten();
+            let error = is_known.then(|| EpochError::new(&epoch, &Solution::between(previous, now, epoch.time), &self.lever_arm, rate));
             tell(&epoch, error.as_ref())?;
         }
         Ok(())

@@ -8,7 +8,8 @@
 
 use super::comparison::Deviation;
 use super::{Consistency, Series};
-use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen};
+use nalgebra::allocator::Allocator;
+use nalgebra::{DMatrix, DVector, DefaultAllocator, DimMin, OMatrix, OVector, SymmetricEigen};
 
 /// A variance below this share of the largest is none: rounding of the largest, in a sum of a few
 /// tens of products.
@@ -19,19 +20,33 @@ const FULL: f64 = 1e-8;
 /// The NEES of `error` with its degrees of freedom, `own` being the covariance by the filter and
 /// `reference` that of what it is compared with; `None` where `own` is not positive semidefinite or
 /// a number is not finite.
-pub(super) fn nees(error: &DVector<f64>, own: &DMatrix<f64>, reference: &DMatrix<f64>) -> Option<(f64, usize)> {
+pub(super) fn nees<D>(error: &OVector<f64, D>, own: &OMatrix<f64, D, D>, reference: &OMatrix<f64, D, D>) -> Option<(f64, usize)>
+where
+    D: DimMin<D, Output = D>,
+    DefaultAllocator: Allocator<D> + Allocator<D, D>,
+{
     let is_finite = error.iter().chain(own.iter()).chain(reference.iter()).all(|v| v.is_finite());
     if !is_finite {
         return None;
     }
     let largest = own.diagonal().amax();
     // The pivots of a factor bound the eigenvalues: far from zero, every direction is estimated.
-    let has_all = |l: &DMatrix<f64>| l.diagonal().iter().all(|pivot| pivot * pivot > FULL * largest);
-    if own.clone().cholesky().is_some_and(|factor| has_all(factor.l_dirty())) {
-        let solved = (own + reference).cholesky()?.solve(error);
-        return Some((error.dot(&solved), error.len()));
+    let has_all = |l: &OMatrix<f64, D, D>| l.diagonal().iter().all(|pivot| pivot * pivot > FULL * largest);
+    if let Some(factor) = own.clone().cholesky().filter(|factor| has_all(factor.l_dirty())) {
+        // A reference without an error of its own leaves the factor as it is.
+        let is_exact = reference.iter().all(|v| *v == 0.0);
+        let factor = if is_exact { factor } else { (own + reference).cholesky()? };
+        return Some((error.dot(&factor.solve(error)), error.len()));
     }
-    let SymmetricEigen { eigenvalues, eigenvectors } = SymmetricEigen::new(own.clone());
+    let n = error.len();
+    let dense = |m: &OMatrix<f64, D, D>| DMatrix::from_column_slice(n, n, m.as_slice());
+    nees_in_part(&DVector::from_column_slice(error.as_slice()), dense(own), &dense(reference))
+}
+
+/// The same of finite numbers where a direction may not be estimated.
+fn nees_in_part(error: &DVector<f64>, own: DMatrix<f64>, reference: &DMatrix<f64>) -> Option<(f64, usize)> {
+    let sum = &own + reference;
+    let SymmetricEigen { eigenvalues, eigenvectors } = SymmetricEigen::new(own);
     let least = ZERO * eigenvalues.amax();
     if eigenvalues.iter().any(|v| *v < -least) {
         return None;
@@ -41,7 +56,7 @@ pub(super) fn nees(error: &DVector<f64>, own: &DMatrix<f64>, reference: &DMatrix
         return Some((0.0, 0));
     }
     let u = eigenvectors.select_columns(&known);
-    let s = u.tr_mul(&((own + reference) * &u));
+    let s = u.tr_mul(&(sum * &u));
     let e = u.tr_mul(error);
     let solved = s.cholesky()?.solve(&e);
     Some((e.dot(&solved), known.len()))
@@ -49,12 +64,7 @@ pub(super) fn nees(error: &DVector<f64>, own: &DMatrix<f64>, reference: &DMatrix
 
 /// The NEES of a deviation.
 pub(super) fn of(d: &Deviation) -> Option<(f64, usize)> {
-    let dense = |m: &Matrix3<f64>| DMatrix::from_column_slice(3, 3, m.as_slice());
-    nees(
-        &DVector::from_column_slice(d.error.as_slice()),
-        &dense(&d.own),
-        &dense(&d.reference),
-    )
+    nees(&d.error, &d.own, &d.reference)
 }
 
 /// The NEES of many epochs.

@@ -5,6 +5,8 @@ use fusion_core::memory::{Memory, Tape};
 
 /// Lags of the autocorrelation that are looked at.
 const LAGS: usize = 5000;
+/// Lags that are summed up side by side: one sum alone waits for each of its additions.
+const ABREAST: usize = 8;
 
 /// A series, in memory that does not grow with it.
 ///
@@ -108,13 +110,14 @@ impl Series {
         } else {
             self.means.iter().sum::<f64>() / self.means.len() as f64
         };
-        let pairs = |k: usize| self.means.iter().zip(&self.means[k..]);
-        let lagged = |k: usize| pairs(k).map(|(a, b)| (a - mean) * (b - mean)).sum::<f64>();
-        let variance = lagged(0);
+        let off: Vec<f64> = self.means.iter().map(|value| value - mean).collect();
+        let variance = off.iter().map(|d| d * d).sum::<f64>();
         if variance.is_nan() || variance <= 0.0 {
             return (self.count as f64).max(1.0);
         }
-        let correlations = (1..self.means.len().min(LAGS)).map(|k| lagged(k) / variance);
+        let last = off.len().min(LAGS);
+        let lags = (1..last).step_by(ABREAST).flat_map(|k| lagged(&off, k)).take(last - 1);
+        let correlations = lags.map(|sum| sum / variance);
         let tau = 1.0 + 2.0 * correlations.take_while(|rho| *rho > 0.0).sum::<f64>();
         let of_values = if self.each == 1 {
             1.0
@@ -132,6 +135,24 @@ impl FromIterator<f64> for Series {
         values.into_iter().for_each(|value| series.push(value));
         series
     }
+}
+
+/// Sums of the products of `off` with itself, later by `first` and by each of the lags that follow; 0 beyond its
+/// end. Each sum is added up in order of time.
+fn lagged(off: &[f64], first: usize) -> [f64; ABREAST] {
+    let mut sums = [0.0; ABREAST];
+    let later = off.get(first..).unwrap_or_default();
+    for (a, window) in off.iter().zip(later.windows(ABREAST)) {
+        for (sum, b) in sums.iter_mut().zip(window) {
+            *sum += a * b;
+        }
+    }
+    let whole = (later.len() + 1).saturating_sub(ABREAST);
+    for (k, sum) in sums.iter_mut().enumerate() {
+        let rest = off[whole..].iter().zip(later.get(whole + k..).unwrap_or_default());
+        *sum = rest.fold(*sum, |sum, (a, b)| sum + a * b);
+    }
+    sums
 }
 
 #[cfg(test)]
@@ -159,6 +180,23 @@ mod tests {
                 // Of 262144 values with τ = 199 the sum of 1000 lags scatters by √(2·2000/262144) = 0.12: twice that.
                 let found = count as f64 / series.independent();
                 assert!((found / tau - 1.0).abs() < 0.25, "{found} for {tau} of {count}");
+            }
+        }
+    }
+
+    #[test]
+    fn lags_side_by_side_are_the_lags_one_by_one_to_the_last_bit() {
+        let series: Vec<f64> = (0..29).map(|k| f64::from(k * k % 17).sin()).collect();
+        for count in [1, 7, 8, 9, 29] {
+            let off = &series[..count];
+            for first in 1..count + 2 {
+                let one = |k: usize| {
+                    off.iter()
+                        .zip(off.get(k..).unwrap_or_default())
+                        .fold(0.0, |sum, (a, b)| sum + a * b)
+                };
+                let expected: [f64; ABREAST] = core::array::from_fn(|k| one(first + k));
+                assert_eq!(lagged(off, first), expected, "{count} {first}");
             }
         }
     }

@@ -275,6 +275,9 @@ macro_rules! whole_form {
             fn element(&self, n: usize, p: &[f64], i: usize, j: usize) -> f64 {
                 p[i * padded(n) + j]
             }
+            fn whole<'p>(&self, p: &'p [f64]) -> Option<&'p [f64]> {
+                Some(p)
+            }
             fn set_block(&self, n: usize, p: &mut [f64], block: Range<usize>, value: &[f64]) {
                 set_block(n, p, block, value);
             }

@@ -44,6 +44,12 @@ pub trait Form: Debug + Send + Sync {
     /// P_ij.
     fn element(&self, n: usize, p: &[f64], i: usize, j: usize) -> f64;
 
+    /// P itself, if it is stored whole: row by row, each [padded](crate::linear::padded).
+    fn whole<'p>(&self, p: &'p [f64]) -> Option<&'p [f64]> {
+        let _ = p;
+        None
+    }
+
     /// Gives the axes `block` the covariance `value` (d×d, row by row) and forgets their correlation
     /// with the others.
     fn set_block(&self, n: usize, p: &mut [f64], block: Range<usize>, value: &[f64]);

@@ -29,7 +29,7 @@ pub use solve::{cholesky, solve_lower, solve_rows};
 pub use square_root::SquareRoot;
 pub use udu::Udu;
 
-use crate::linear::{BlockMatrix, Jacobian, Transition};
+use crate::linear::{BlockMatrix, Jacobian, Transition, padded};
 use crate::memory::{Memory, Tape};
 use crate::state::{Block, Slot, Tangent};
 use core::ops::Range;
@@ -165,7 +165,18 @@ impl Covariance {
     /// [`Quantity::place`](crate::state::Quantity::place) tells it.
     #[must_use]
     pub fn marginal_at<const D: usize>(&self, at: usize) -> SMatrix<f64, D, D> {
-        SMatrix::from_fn(|i, j| self.form.element(self.n, &self.p, at + i, at + j))
+        self.at(at, at)
+    }
+
+    /// R rows and C columns of P from `row` and `column` on.
+    fn at<const R: usize, const C: usize>(&self, row: usize, column: usize) -> SMatrix<f64, R, C> {
+        match self.form.whole(&self.p) {
+            Some(p) => {
+                let ld = padded(self.n);
+                SMatrix::from_fn(|i, j| p[(row + i) * ld + column + j])
+            }
+            None => SMatrix::from_fn(|i, j| self.form.element(self.n, &self.p, row + i, column + j)),
+        }
     }
 
     /// Covariance of the error of `a` (rows) with that of `b` (columns).
@@ -175,7 +186,7 @@ impl Covariance {
         A: Tangent<R>,
         B: Tangent<C>,
     {
-        SMatrix::from_fn(|i, j| self.form.element(self.n, &self.p, a.tangent + i, b.tangent + j))
+        self.at(a.tangent, b.tangent)
     }
 
     /// Whether every variance is finite and none negative.
