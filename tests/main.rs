@@ -54,6 +54,9 @@ mod magnetometer;
 /// What a user is told about every kind of mistake, word for word.
 #[path = "suite/mistakes.rs"]
 mod mistakes;
+/// Many seeds: the same on any number of threads, and as runs of their own.
+#[path = "suite/montecarlo.rs"]
+mod montecarlo;
 /// The navigators of a tracked vehicle side by side, and the gains of the published one.
 #[path = "suite/navigators.rs"]
 mod navigators;

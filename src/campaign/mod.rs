@@ -11,6 +11,7 @@ use fusion_models::sim::{Record, SharedCourse};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
 
 /// What is kept of one Monte Carlo run. No timing, so that it is a function of its seed. An error
 /// that has no reference is NaN.
@@ -20,6 +21,8 @@ pub struct RunRow {
     pub run: u64,
     /// Its seed.
     pub seed: u64,
+    /// Estimates of the filter.
+    pub epochs: u64,
     /// Position error RMS, north east down \[m\].
     pub rms: [f64; 3],
     /// Largest position error, north east down \[m\].
@@ -54,6 +57,7 @@ impl RunRow {
         Self {
             run,
             seed,
+            epochs: summary.epochs,
             rms: axes(score.position).rms,
             max: axes(score.position).max,
             velocity_rms: axes(score.velocity).rms,
@@ -77,6 +81,27 @@ pub struct Campaign {
     pub rows: Vec<RunRow>,
     /// How far the runs are independent of each other.
     pub independence: Independence,
+    /// How fast it was.
+    pub pace: Pace,
+}
+
+/// How fast a campaign was, all of it: simulating or reading the data, filtering, scoring.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pace {
+    /// Epochs of the filter, over all runs.
+    pub epochs: u64,
+    /// By the clock \[s\].
+    pub seconds: f64,
+    /// Threads.
+    pub threads: usize,
+}
+
+impl Pace {
+    /// Epochs of the filter per second, of all threads together.
+    #[must_use]
+    pub fn per_second(&self) -> f64 {
+        self.epochs as f64 / self.seconds
+    }
 }
 
 /// How far the runs of a campaign are independent of each other.
@@ -130,6 +155,7 @@ pub fn monte_carlo(
 ) -> Result<Campaign, Diagnostics> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|e| Diagnostics::from(Diagnostic::error(format!("no threads to run on: {e}"))))?;
+    let begun = Instant::now();
     let (done, course) = (AtomicUsize::new(0), SharedCourse::default());
     let one = |number: u64| -> Result<RunRow, Diagnostics> {
         let seed = seed_of(seed, number);
@@ -147,8 +173,13 @@ pub fn monte_carlo(
     };
     let rows: Result<Vec<RunRow>, Diagnostics> = pool.install(|| (0..count).into_par_iter().map(one).collect());
     let rows = rows?;
+    let pace = Pace {
+        epochs: rows.iter().map(|row| row.epochs).sum(),
+        seconds: begun.elapsed().as_secs_f64(),
+        threads: pool.current_num_threads(),
+    };
     let independence = Independence::of(design, &rows);
-    Ok(Campaign { rows, independence })
+    Ok(Campaign { rows, independence, pace })
 }
 
 /// Mean, standard deviation, smallest and largest over the runs.

@@ -1,5 +1,6 @@
 //! `fusion compare`.
 
+use super::progress::Runs;
 use super::run::written;
 use super::{BASE, DesignArgs, Failure, OutputArgs, as_warnings, report};
 use clap::Args;
@@ -80,6 +81,8 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     let files = args.out.as_deref().map(FileSet::begin).transpose()?;
     let (mut results, mut recordings, mut title) = (Vec::<(String, Summary)>::new(), Vec::new(), String::new());
     let mut campaigns = Vec::<(String, Campaign)>::new();
+    let bar = Runs::new();
+    let number = configs.len() * pairs(&args.variant, &args.backend).count();
     for config in &configs {
         let all = DesignArgs {
             config: config.clone(),
@@ -112,7 +115,9 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
             let name: Vec<String> = path.into_iter().chain(variant).chain(backend.cloned()).collect();
             let name = name.join(" ");
             if let Some(n) = args.n {
-                campaigns.push((name, monte_carlo(&design, &options, n, args.seed.unwrap_or(1), 0, &|_| {})?));
+                let before = n * campaigns.len() as u64;
+                let told = |done| bar.at(before + done as u64, n * number as u64);
+                campaigns.push((name, monte_carlo(&design, &options, n, args.seed.unwrap_or(1), 0, &told)?));
                 continue;
             }
             let (finished, recording) = record(&design, &options, &mut |_| {})?;
@@ -121,6 +126,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
             results.push((name, finished.summary));
         }
     }
+    drop(bar);
     if let Some(n) = args.n {
         return args.output.print(&together(n, &campaigns));
     }

@@ -1,13 +1,12 @@
 //! `fusion montecarlo`.
 
+use super::progress::Runs;
 use super::run::written;
 use super::{DesignArgs, Failure, OutputArgs};
 use clap::Args;
 use fusion::campaign::monte_carlo;
 use fusion::output::FileSet;
 use fusion::run::Options;
-use indicatif::{ProgressBar, ProgressDrawTarget};
-use std::io::IsTerminal;
 use std::path::PathBuf;
 
 #[derive(Debug, Args)]
@@ -39,15 +38,11 @@ pub(super) fn montecarlo(args: &MonteCarloArgs) -> Result<(), Failure> {
     };
     // What cannot be written is told before the runs.
     let files = args.out.as_deref().map(FileSet::begin).transpose()?;
-    let bar = if std::io::stderr().is_terminal() {
-        ProgressBar::with_draw_target(Some(args.n), ProgressDrawTarget::stderr())
-    } else {
-        ProgressBar::hidden()
-    };
+    let bar = Runs::new();
     let campaign = monte_carlo(&design, &options, args.n, args.seed, args.threads, &|done| {
-        bar.set_position(done as u64)
+        bar.at(done as u64, args.n);
     });
-    bar.finish_and_clear();
+    drop(bar);
     let campaign = campaign?;
     let mut page = campaign.page();
     if let (Some(out), Some(mut files)) = (&args.out, files) {

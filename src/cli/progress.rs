@@ -1,4 +1,4 @@
-//! How far a run is: a bar on a terminal, nothing in a pipe.
+//! How far a run is, or many runs are: a bar on a terminal, nothing in a pipe.
 
 use fusion::core::time::Time;
 use fusion::design::Design;
@@ -40,6 +40,34 @@ impl Progress {
     /// The run is over, and the line is free.
     pub(super) fn finish(self) {
         self.bar.finish_and_clear();
+    }
+}
+
+/// How far many runs are.
+#[derive(Debug)]
+pub(super) struct Runs(ProgressBar);
+
+impl Runs {
+    /// A bar with the time that is left.
+    pub(super) fn new() -> Self {
+        if !std::io::stderr().is_terminal() {
+            return Self(ProgressBar::hidden());
+        }
+        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+        Self(bar.with_style(style("{bar:40} {pos} of {len} runs, {eta} left")))
+    }
+
+    /// So many of all have been done.
+    pub(super) fn at(&self, done: u64, all: u64) {
+        self.0.set_length(all);
+        self.0.set_position(done);
+    }
+}
+
+/// The runs are over, and the line is free.
+impl Drop for Runs {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
     }
 }
 

@@ -1,5 +1,6 @@
 //! `fusion stress`.
 
+use super::progress::Runs;
 use super::run::written;
 use super::{DesignArgs, Failure, OutputArgs, read_text, report};
 use clap::Args;
@@ -7,8 +8,6 @@ use fusion::config::{Diagnostic, Diagnostics, Document};
 use fusion::output::FileSet;
 use fusion::run::Options;
 use fusion::stress::{Catalogue, stress as stress_design};
-use indicatif::{ProgressBar, ProgressDrawTarget};
-use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
@@ -48,11 +47,7 @@ pub(super) fn stress(args: &StressArgs) -> Result<(), Failure> {
     };
     // What cannot be written is told before the runs.
     let files = args.out.as_deref().map(FileSet::begin).transpose()?;
-    let bar = if std::io::stderr().is_terminal() {
-        ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr())
-    } else {
-        ProgressBar::hidden()
-    };
+    let bar = Runs::new();
     let result = stress_design(
         &design,
         &catalogue,
@@ -60,11 +55,10 @@ pub(super) fn stress(args: &StressArgs) -> Result<(), Failure> {
         args.seed.unwrap_or(1),
         args.threads,
         &|done, total| {
-            bar.set_length(total as u64);
-            bar.set_position(done as u64);
+            bar.at(done as u64, total as u64);
         },
     );
-    bar.finish_and_clear();
+    drop(bar);
     let result = result?;
     let mut page = result.page();
     if let (Some(out), Some(mut files)) = (&args.out, files) {

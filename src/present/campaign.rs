@@ -6,7 +6,7 @@ use super::run::{NED, RPY};
 use super::sensors::{count_columns, counts, residual_rows, row_name, sum};
 use super::tree::{Cell, Column, Page, Section, Table};
 use super::unit::Unit;
-use crate::campaign::{Campaign, Independence, Pooled, RunRow};
+use crate::campaign::{Campaign, Independence, Pace, Pooled, RunRow};
 use crate::observe::Innovations;
 
 /// The figures of campaigns over all their times and runs, a row for each with its name.
@@ -50,6 +50,30 @@ pub fn pooled(campaigns: &[(&str, &Campaign)]) -> Section {
     )
 }
 
+/// `672,000 filter epochs in 0.61 s: 1.10 M/s on 2 threads`.
+fn pace(pace: &Pace) -> String {
+    let Pace { epochs, seconds, threads } = *pace;
+    let millions = pace.per_second() * 1e-6;
+    let threads = format!("{threads} thread{}", if threads == 1 { "" } else { "s" });
+    format!(
+        "{} filter epochs in {seconds:.2} s: {millions:.2} M/s on {threads}",
+        grouped(epochs)
+    )
+}
+
+/// With a comma before every three digits.
+fn grouped(count: u64) -> String {
+    let digits = count.to_string();
+    let mut shown = String::new();
+    for (k, digit) in digits.chars().enumerate() {
+        if k > 0 && (digits.len() - k).is_multiple_of(3) {
+            shown.push(',');
+        }
+        shown.push(digit);
+    }
+    shown
+}
+
 impl Campaign {
     /// As it is shown: spreads per axis, consistency, what the gates did, innovations.
     #[must_use]
@@ -68,6 +92,7 @@ impl Campaign {
                     self.consistency(),
                     Section::new("Sensors, counts over all runs", [self.gates()]),
                     Section::new("Innovations of accepted measurements, over the runs", [self.innovations()]),
+                    Section::new("", []).note(pace(&self.pace)),
                 ])
                 .collect(),
         }
@@ -192,5 +217,18 @@ impl Campaign {
             }
         }
         t
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_pace_is_one_line() {
+        let of = |epochs, seconds, threads| pace(&Pace { epochs, seconds, threads });
+        assert_eq!(of(672_000, 0.61, 2), "672,000 filter epochs in 0.61 s: 1.10 M/s on 2 threads");
+        assert_eq!(of(12, 2.0, 1), "12 filter epochs in 2.00 s: 0.00 M/s on 1 thread");
+        assert_eq!([0, 999, 1000, 1_234_567].map(grouped), ["0", "999", "1,000", "1,234,567"]);
     }
 }

@@ -1,0 +1,56 @@
+//! Many runs of one design, all of it: simulating sensors, filtering, scoring.
+//!
+//! The design is `configs/ins-gps.toml`: 15 states, an inertial unit at 100 Hz, GNSS at 1 Hz, a reference at
+//! 10 Hz. One campaign on one thread, one on two threads, and two that share nothing side by side, which is
+//! what the machine allows: in turns, and the best of each counts.
+
+#![expect(clippy::expect_used, clippy::print_stdout, reason = "a benchmark")]
+
+use fusion::campaign::monte_carlo;
+use fusion::config::Document;
+use fusion::design::Design;
+use fusion::run::Options;
+use std::path::Path;
+use std::time::Instant;
+
+const DESIGN: &str = "configs/ins-gps.toml";
+/// Runs per campaign, and how often each is timed.
+const RUNS: u64 = 40;
+const ROUNDS: usize = 12;
+
+/// Epochs per second of a campaign.
+fn campaign(design: &Design, runs: u64, threads: usize) -> f64 {
+    let campaign = monte_carlo(design, &Options::default(), runs, 1, threads, &|_| {}).expect("the design is sound");
+    campaign.pace.per_second()
+}
+
+/// Epochs per second of two campaigns at once.
+fn side_by_side(design: &Design, runs: u64) -> f64 {
+    let begun = Instant::now();
+    let epochs: u64 = std::thread::scope(|scope| {
+        let one = || monte_carlo(design, &Options::default(), runs / 2, 1, 1, &|_| {}).expect("the design is sound");
+        let both = [scope.spawn(one), scope.spawn(one)];
+        both.map(|thread| thread.join().expect("it does not panic").pace.epochs)
+            .iter()
+            .sum()
+    });
+    epochs as f64 / begun.elapsed().as_secs_f64()
+}
+
+fn main() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(DESIGN);
+    let document = Document::load(&file).expect("the design is in the repository");
+    let design = Design::read(document).expect("the design is sound");
+    let (mut one, mut two, mut apart) = (0.0_f64, 0.0_f64, 0.0_f64);
+    for _ in 0..ROUNDS {
+        one = one.max(campaign(&design, RUNS, 1));
+        two = two.max(campaign(&design, RUNS, 2));
+        apart = apart.max(side_by_side(&design, RUNS));
+    }
+    println!(
+        "montecarlo/n=15: {:.2} M filter-epochs/s/core, {:.2} x on two threads ({:.2} x by two campaigns apart)",
+        one * 1e-6,
+        two / one,
+        apart / one
+    );
+}

@@ -1,0 +1,54 @@
+//! Campaigns: the same runs on any number of threads, and as runs of their own.
+
+use fusion::campaign::{monte_carlo, seed_of};
+use fusion::design::Design;
+use fusion::run::{Options, Smoothing, run};
+
+/// A shipped design.
+fn design(file: &str, set: &[&str]) -> Design {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/").to_owned() + file;
+    let mut document = fusion::config::Document::load(path.as_ref()).unwrap_or_else(|d| panic!("{d}"));
+    set.iter().for_each(|set| document.set(set).unwrap_or_else(|d| panic!("{d:?}")));
+    Design::read(document).unwrap_or_else(|d| panic!("{d}"))
+}
+
+/// A short run, GNSS between the samples of the inertial unit.
+const SETS: [&str; 3] = [
+    "run.stop=30",
+    "simulation.sensor.position.start=0.123",
+    "simulation.imu.preset=\"consumer\"",
+];
+
+#[test]
+fn a_campaign_is_the_same_on_one_thread_and_on_two() {
+    let design = design("ins-gps.toml", &SETS);
+    let table = |threads| {
+        let campaign = monte_carlo(&design, &Options::default(), 5, 7, threads, &|_| {}).unwrap_or_else(|d| panic!("{d}"));
+        assert_eq!(campaign.pace.threads, threads);
+        assert_eq!(campaign.pace.epochs, 5 * campaign.rows[0].epochs);
+        let mut table = Vec::new();
+        campaign.write(&mut table).unwrap();
+        String::from_utf8(table).unwrap()
+    };
+    assert_eq!(table(1), table(2));
+}
+
+#[test]
+fn what_runs_share_changes_no_bit_of_them() {
+    for set in [&SETS[..], &[SETS[0], "process.integrator=\"two_sample\""]] {
+        let design = design("ins-gps.toml", set);
+        let campaign = monte_carlo(&design, &Options::default(), 3, 1, 2, &|_| {}).unwrap_or_else(|d| panic!("{d}"));
+        for row in &campaign.rows {
+            let options = Options {
+                seed: Some(seed_of(1, row.run)),
+                smooth: Smoothing::Never,
+                ..Options::default()
+            };
+            let alone = run(&design, &options, &mut |_| {}).unwrap_or_else(|d| panic!("{d}"));
+            let score = alone.score.unwrap();
+            // Debug prints every digit.
+            assert_eq!(format!("{:?}", score.blocks), format!("{:?}", row.blocks));
+            assert_eq!((score.position.unwrap().rms, alone.epochs), (row.rms, row.epochs));
+        }
+    }
+}
