@@ -32,6 +32,26 @@ pub fn skew(v: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::new(0.0, -v.z, v.y, v.z, 0.0, -v.x, -v.y, v.x, 0.0)
 }
 
+/// `m [v×]`, 3×3, without the products by the zeros of [`skew`].
+#[inline]
+#[must_use]
+pub fn times_skew(m: &Matrix3<f64>, v: &Vector3<f64>) -> Matrix3<f64> {
+    let row = |x: f64, y: f64, z: f64| [y * v.z - z * v.y, z * v.x - x * v.z, x * v.y - y * v.x];
+    let [a, b, c] = [row(m.m11, m.m12, m.m13), row(m.m21, m.m22, m.m23), row(m.m31, m.m32, m.m33)];
+    Matrix3::new(a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2])
+}
+
+/// `cᵀ v`: a vector back through a rotation.
+#[inline]
+#[must_use]
+pub fn turn_back(c: &Matrix3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
+    Vector3::new(
+        c.m11 * v.x + c.m21 * v.y + c.m31 * v.z,
+        c.m12 * v.x + c.m22 * v.y + c.m32 * v.z,
+        c.m13 * v.x + c.m23 * v.y + c.m33 * v.z,
+    )
+}
+
 /// Wraps an angle \[rad\] to (−π, π]. An angle already there is returned bit for bit;
 /// NaN and infinity give NaN.
 #[inline]
@@ -52,8 +72,9 @@ pub fn exp(phi: &Vector3<f64>) -> UnitQuaternion<f64> {
     let theta2 = phi.norm_squared();
     let (w, k) = if theta2 < SMALL_ANGLE_SQUARED {
         let x = 0.25 * theta2; // (θ/2)² < 0.01: the first term left out is below 3e-17
-        let cos = 1.0 - x / 2.0 * (1.0 - x / 12.0 * (1.0 - x / 30.0 * (1.0 - x / 56.0)));
-        let sinc = 1.0 - x / 6.0 * (1.0 - x / 20.0 * (1.0 - x / 42.0 * (1.0 - x / 72.0)));
+        let x2 = x * x;
+        let cos = 1.0 - x * ((0.5 - x * (1.0 / 24.0)) + x2 * (1.0 / 720.0 - x * (1.0 / 40_320.0)));
+        let sinc = 1.0 - x * ((1.0 / 6.0 - x * (1.0 / 120.0)) + x2 * (1.0 / 5040.0 - x * (1.0 / 362_880.0)));
         (cos, 0.5 * sinc)
     } else {
         let theta = theta2.sqrt();
@@ -87,8 +108,9 @@ pub fn log(q: &UnitQuaternion<f64>) -> Vector3<f64> {
 fn jacobian_coefficients(theta2: f64) -> (f64, f64) {
     let y = theta2;
     if y < SMALL_ANGLE_SQUARED {
-        let a = 0.5 * (1.0 - y / 12.0 * (1.0 - y / 30.0 * (1.0 - y / 56.0 * (1.0 - y / 90.0))));
-        let b = (1.0 - y / 20.0 * (1.0 - y / 42.0 * (1.0 - y / 72.0 * (1.0 - y / 110.0)))) / 6.0;
+        let y2 = y * y;
+        let a = 0.5 - y * ((1.0 / 24.0 - y * (1.0 / 720.0)) + y2 * (1.0 / 40_320.0 - y * (1.0 / 3_628_800.0)));
+        let b = 1.0 / 6.0 - y * ((1.0 / 120.0 - y * (1.0 / 5040.0)) + y2 * (1.0 / 362_880.0 - y * (1.0 / 39_916_800.0)));
         (a, b)
     } else {
         let theta = y.sqrt();
@@ -306,6 +328,12 @@ mod tests {
     use super::*;
 
     const EPS: f64 = f64::EPSILON;
+
+    #[test]
+    fn a_product_with_a_cross_product_matrix_leaves_out_zeros_only() {
+        let (m, v) = (Matrix3::from_fn(|i, j| (3 * i + j) as f64 - 2.5), Vector3::new(0.3, -2.0, 7.0));
+        assert_eq!(times_skew(&m, &v), m * skew(&v));
+    }
 
     /// Rotation vectors from nothing to beyond half a turn, on both sides of the switch
     /// between polynomial and closed form.

@@ -11,6 +11,7 @@
 //!             A latitude pushed past ±90° is left there: it still names the right point.
 //! Source      NIMA TR8350.2; Groves 2013, eqs. 2.105, 2.106, 2.111
 
+use core::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use nalgebra::Vector3;
 
 use super::so3::wrap_angle;
@@ -46,10 +47,23 @@ impl Radii {
     #[must_use]
     pub fn of_sin_squared(sin2: f64) -> Self {
         let w2 = 1.0 - ECCENTRICITY_SQUARED * sin2;
-        let normal = SEMI_MAJOR_AXIS / w2.sqrt();
+        let w = w2.sqrt();
         Self {
-            meridian: normal * (1.0 - ECCENTRICITY_SQUARED) / w2,
-            normal,
+            meridian: SEMI_MAJOR_AXIS * (1.0 - ECCENTRICITY_SQUARED) / (w2 * w),
+            normal: SEMI_MAJOR_AXIS / w,
+        }
+    }
+
+    /// 1/(RM + h) and 1/(RN + h) \[1/m\] from sin²φ and the height h: one division each.
+    #[inline]
+    #[must_use]
+    pub fn reciprocals(sin2: f64, height: f64) -> Self {
+        let w2 = 1.0 - ECCENTRICITY_SQUARED * sin2;
+        let w = w2.sqrt();
+        let w3 = w2 * w;
+        Self {
+            meridian: w3 / (SEMI_MAJOR_AXIS * (1.0 - ECCENTRICITY_SQUARED) + height * w3),
+            normal: w / (SEMI_MAJOR_AXIS + height * w),
         }
     }
 }
@@ -74,6 +88,57 @@ pub fn radii_derivative(lat: f64) -> Radii {
         meridian: 3.0 * r.meridian * k,
         normal: r.normal * k,
     }
+}
+
+/// sin φ and cos φ of a latitude \[rad\], each to 2 ulps.
+///
+/// Polynomials about the equator below 45°, about the pole above: faster than the platform's functions,
+/// which take any angle, and the same bits everywhere. Far beyond a pole the platform's are taken.
+#[inline]
+#[must_use]
+pub fn sin_cos_latitude(lat: f64) -> (f64, f64) {
+    let size = lat.abs();
+    if size <= FRAC_PI_4 {
+        return near_zero(lat);
+    }
+    if size < 3.0 * FRAC_PI_4 {
+        // π/2 − φ, π/2 in two parts.
+        let (cos, sin) = near_zero((FRAC_PI_2 - size) + FRAC_PI_2_REST);
+        return (sin.copysign(lat), cos);
+    }
+    lat.sin_cos()
+}
+
+/// π/2 less its nearest double.
+const FRAC_PI_2_REST: f64 = 6.123_233_995_736_766e-17;
+
+/// sin x and cos x for |x| ≤ π/4: the minimax polynomials of fdlibm.
+#[inline]
+#[expect(clippy::excessive_precision, reason = "as printed by the source")]
+fn near_zero(x: f64) -> (f64, f64) {
+    const S: [f64; 6] = [
+        -1.666_666_666_666_663_243_48e-1,
+        8.333_333_333_322_489_461_24e-3,
+        -1.984_126_982_985_794_931_34e-4,
+        2.755_731_370_707_006_767_89e-6,
+        -2.505_076_025_340_686_341_95e-8,
+        1.589_690_995_211_550_102_21e-10,
+    ];
+    const C: [f64; 6] = [
+        4.166_666_666_666_660_190_37e-2,
+        -1.388_888_888_887_410_957_49e-3,
+        2.480_158_728_947_672_941_78e-5,
+        -2.755_731_435_139_066_330_35e-7,
+        2.087_572_321_298_174_827_90e-9,
+        -1.135_964_755_778_819_482_65e-11,
+    ];
+    let z = x * x;
+    let (z2, z4) = (z * z, (z * z) * (z * z));
+    // By halves rather than by Horner's scheme: a third of the depth.
+    let series = |k: &[f64; 6]| (k[0] + k[1] * z) + z2 * (k[2] + k[3] * z) + z4 * (k[4] + k[5] * z);
+    let (half, sin) = (0.5 * z, x + x * z * series(&S));
+    let rounded = 1.0 - half;
+    (sin, rounded + (((1.0 - rounded) - half) + z2 * series(&C)))
 }
 
 /// cos φ for use in a divisor: the sign is kept, the size is at least 1e-6.
@@ -108,7 +173,7 @@ impl Geodetic {
     #[inline]
     #[must_use]
     pub fn metres_per_radian(&self) -> (f64, f64) {
-        let (s, c) = self.lat.sin_cos();
+        let (s, c) = sin_cos_latitude(self.lat);
         let r = Radii::of_sin_squared(s * s);
         (r.meridian + self.height, (r.normal + self.height) * divisible_cos(c))
     }
@@ -118,10 +183,11 @@ impl Geodetic {
     #[inline]
     #[must_use]
     pub fn offset(&self, d_ned: &Vector3<f64>) -> Self {
-        let (north, east) = self.metres_per_radian();
+        let (s, c) = sin_cos_latitude(self.lat);
+        let per = Radii::reciprocals(s * s, self.height);
         Self {
-            lat: self.lat + d_ned.x / north,
-            lon: wrap_angle(self.lon + d_ned.y / east),
+            lat: self.lat + d_ned.x * per.meridian,
+            lon: wrap_angle(self.lon + d_ned.y * per.normal / divisible_cos(c)),
             height: self.height - d_ned.z,
         }
     }
@@ -144,7 +210,7 @@ impl Geodetic {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use core::f64::consts::{FRAC_PI_2, PI};
+    use core::f64::consts::PI;
 
     #[test]
     fn radii_of_curvature_match_the_wgs_84_table_from_equator_to_pole() {
@@ -163,6 +229,43 @@ mod tests {
             assert!((r.normal - normal).abs() < 6e-5, "{lat} {}", r.normal);
         }
         assert!((ECCENTRICITY_SQUARED - 0.006_694_379_990_14).abs() < 5e-15); // its digits
+    }
+
+    #[test]
+    fn sine_and_cosine_of_a_latitude_are_those_of_the_platform_to_two_ulps() {
+        let ulp = |x: f64| (x.abs().next_up() - x.abs()).max(f64::MIN_POSITIVE);
+        let edges = [
+            0.0,
+            1e-300,
+            1e-9,
+            FRAC_PI_4,
+            FRAC_PI_4.next_up(),
+            FRAC_PI_2,
+            FRAC_PI_2.next_up(),
+            3.0 * FRAC_PI_4,
+            3.0,
+            40.0,
+        ];
+        let grid = (0..100_000).map(|k| f64::from(k) * 2.4e-5);
+        for lat in edges.into_iter().chain(grid).flat_map(|x| [x, -x]) {
+            let ((s, c), (sin, cos)) = (sin_cos_latitude(lat), lat.sin_cos());
+            assert!(
+                (s - sin).abs() <= 2.0 * ulp(sin) && (c - cos).abs() <= 2.0 * ulp(cos),
+                "{lat:e}: {s:e} {c:e}"
+            );
+        }
+        let (s, c) = sin_cos_latitude(f64::NAN);
+        assert!(s.is_nan() && c.is_nan());
+    }
+
+    #[test]
+    fn reciprocals_are_those_of_the_radii_with_the_height_added() {
+        for (sin2, height) in [(0.0, 0.0), (0.3, -4000.0), (0.9, 1e5), (1.0, 20.0)] {
+            let (r, per) = (Radii::of_sin_squared(sin2), Radii::reciprocals(sin2, height));
+            // 4 ε: roundings of both sides.
+            assert!(((r.meridian + height) * per.meridian - 1.0).abs() < 1e-15);
+            assert!(((r.normal + height) * per.normal - 1.0).abs() < 1e-15);
+        }
     }
 
     #[test]

@@ -15,7 +15,9 @@
 //! Source   Groves 2013, eqs. 2.134 and 2.139; Titterton and Weston 2004, eqs. 3.89-3.91;
 //!          Noureldin, Karamat and Georgy 2013, eq. 2.142
 
-use fusion_core::geometry::wgs84::{EARTH_RATE, ECCENTRICITY_SQUARED as E2, FLATTENING, GM, SEMI_MAJOR_AXIS, SEMI_MINOR_AXIS};
+use fusion_core::geometry::wgs84::{
+    EARTH_RATE, ECCENTRICITY_SQUARED as E2, FLATTENING, GM, SEMI_MAJOR_AXIS, SEMI_MINOR_AXIS, sin_cos_latitude,
+};
 use nalgebra::Vector3;
 
 /// Which formula gives the magnitude of gravity.
@@ -46,6 +48,8 @@ pub struct Gradient {
 const K: f64 = 0.001_931_852_652_41;
 /// Normal gravity at the equator \[m/s²\].
 const G_EQUATOR: f64 = 9.780_325_335_9;
+/// 1/a \[1/m\].
+const PER_AXIS: f64 = 1.0 / SEMI_MAJOR_AXIS;
 /// Ω² a² b/GM.
 const M: f64 = EARTH_RATE * EARTH_RATE * SEMI_MAJOR_AXIS * SEMI_MAJOR_AXIS * SEMI_MINOR_AXIS / GM;
 
@@ -61,7 +65,7 @@ impl Gravity {
     #[inline]
     #[must_use]
     pub fn magnitude(self, lat: f64, h: f64) -> f64 {
-        let sin = lat.sin();
+        let sin = sin_cos_latitude(lat).0;
         self.of_sin_squared(sin * sin, h)
     }
 
@@ -73,7 +77,7 @@ impl Gravity {
             Self::Flat(g) => g,
             Self::Somigliana => {
                 let surface = G_EQUATOR * (1.0 + K * s) / (1.0 - E2 * s).sqrt();
-                let u = h / SEMI_MAJOR_AXIS;
+                let u = h * PER_AXIS;
                 surface * (1.0 - 2.0 * (1.0 + FLATTENING + M - 2.0 * FLATTENING * s) * u + 3.0 * u * u)
             }
             Self::TittertonWeston => {
@@ -99,7 +103,7 @@ impl Gravity {
     #[inline]
     #[must_use]
     pub fn gradient(self, lat: f64, h: f64) -> Gradient {
-        let (sin, cos) = lat.sin_cos();
+        let (sin, cos) = sin_cos_latitude(lat);
         self.gradient_of(sin, cos, h)
     }
 
@@ -115,12 +119,12 @@ impl Gravity {
                 let root = G_EQUATOR / w2.sqrt();
                 let surface = root * (1.0 + K * s);
                 let surface_s = root * (K + 0.5 * E2 * (1.0 + K * s) / w2);
-                let u = h / SEMI_MAJOR_AXIS;
+                let u = h * PER_AXIS;
                 let slope = 2.0 * (1.0 + FLATTENING + M - 2.0 * FLATTENING * s);
                 let factor = 1.0 - slope * u + 3.0 * u * u;
                 (
                     surface_s * factor + surface * 4.0 * FLATTENING * u,
-                    surface * (6.0 * u - slope) / SEMI_MAJOR_AXIS,
+                    surface * (6.0 * u - slope) * PER_AXIS,
                 )
             }
             Self::TittertonWeston => {

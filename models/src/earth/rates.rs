@@ -7,7 +7,7 @@
 //! Source          Groves 2013, eqs. 2.123 and 5.44
 
 use fusion_core::geometry::so3::wrap_angle;
-use fusion_core::geometry::wgs84::{EARTH_RATE, ECCENTRICITY_SQUARED, Geodetic, Radii, divisible_cos};
+use fusion_core::geometry::wgs84::{EARTH_RATE, ECCENTRICITY_SQUARED, Geodetic, Radii, divisible_cos, sin_cos_latitude};
 use nalgebra::{Matrix3, Vector3};
 
 use super::gravity::Gravity;
@@ -28,21 +28,36 @@ pub struct LocalEarth {
     pub normal: f64,
     /// Height h \[m\].
     pub height: f64,
+    /// 1/(RM + h) \[1/m\]: nearly all that is made of the radii divides by them.
+    pub per_meridian: f64,
+    /// 1/(RN + h) \[1/m\].
+    pub per_normal: f64,
+    /// 1/cos φ.
+    pub per_cos: f64,
 }
 
 impl LocalEarth {
     /// Evaluates the ellipsoid at a position.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn at(position: &Geodetic) -> Self {
-        let (sin_lat, cos_lat) = position.lat.sin_cos();
-        let r = Radii::of_sin_squared(sin_lat * sin_lat);
+        let (sin_lat, cos_lat) = sin_cos_latitude(position.lat);
+        Self::of(sin_lat, divisible_cos(cos_lat), position.height)
+    }
+
+    #[inline]
+    fn of(sin_lat: f64, cos_lat: f64, height: f64) -> Self {
+        let sin2 = sin_lat * sin_lat;
+        let (r, per) = (Radii::of_sin_squared(sin2), Radii::reciprocals(sin2, height));
         Self {
             sin_lat,
-            cos_lat: divisible_cos(cos_lat),
-            meridian: r.meridian + position.height,
-            normal: r.normal + position.height,
-            height: position.height,
+            cos_lat,
+            meridian: r.meridian + height,
+            normal: r.normal + height,
+            height,
+            per_meridian: per.meridian,
+            per_normal: per.normal,
+            per_cos: 1.0 / cos_lat,
         }
     }
 
@@ -57,17 +72,11 @@ impl LocalEarth {
         }
         // What is left out is below 1e-18: d⁶/720 of the cosine, d⁷/5040 of the sine.
         let d2 = d * d;
-        let (versine, sin) = (d2 * (0.5 - d2 / 24.0), d * (1.0 - d2 / 6.0 * (1.0 - d2 / 20.0)));
+        let versine = d2 * (0.5 - d2 * (1.0 / 24.0));
+        let sin = d * (1.0 - d2 * (1.0 / 6.0 - d2 * (1.0 / 120.0)));
         let sin_lat = self.sin_lat + (self.cos_lat * sin - self.sin_lat * versine);
         let cos_lat = self.cos_lat - (self.sin_lat * sin + self.cos_lat * versine);
-        let r = Radii::of_sin_squared(sin_lat * sin_lat);
-        Self {
-            sin_lat,
-            cos_lat,
-            meridian: r.meridian + position.height,
-            normal: r.normal + position.height,
-            height: position.height,
-        }
+        Self::of(sin_lat, cos_lat, position.height)
     }
 
     /// dRM/dφ and dRN/dφ \[m/rad\].
@@ -81,13 +90,13 @@ impl LocalEarth {
         }
     }
 
-    /// A place `d_ned` \[m\] from `here`, which is where this is.
+    /// A place `d_ned` \[m\] from `here`, by the radii of this place, which is near.
     #[inline]
     #[must_use]
     pub fn offset(&self, here: &Geodetic, d_ned: &Vector3<f64>) -> Geodetic {
         Geodetic {
-            lat: here.lat + d_ned.x / self.meridian,
-            lon: wrap_angle(here.lon + d_ned.y / (self.normal * self.cos_lat)),
+            lat: here.lat + d_ned.x * self.per_meridian,
+            lon: wrap_angle(here.lon + d_ned.y * (self.per_normal * self.per_cos)),
             height: here.height - d_ned.z,
         }
     }
@@ -96,7 +105,7 @@ impl LocalEarth {
     #[inline]
     #[must_use]
     pub fn tan_lat(&self) -> f64 {
-        self.sin_lat / self.cos_lat
+        self.sin_lat * self.per_cos
     }
 
     /// `w_ie_n` \[rad/s\].
@@ -110,20 +119,20 @@ impl LocalEarth {
     #[inline]
     #[must_use]
     pub fn transport_rate_n(&self, v_eb_n: &Vector3<f64>) -> Vector3<f64> {
-        let east = v_eb_n.y / self.normal;
-        Vector3::new(east, -v_eb_n.x / self.meridian, -east * self.tan_lat())
+        let east = v_eb_n.y * self.per_normal;
+        Vector3::new(east, -v_eb_n.x * self.per_meridian, -east * self.tan_lat())
     }
 
     /// W = ∂w_en_n/∂v_eb_n, 3×3 \[1/m\]: the transport rate is linear in velocity.
     #[inline]
     #[must_use]
     pub fn transport_matrix(&self) -> Matrix3<f64> {
-        let east = 1.0 / self.normal;
+        let east = self.per_normal;
         Matrix3::new(
             0.0,
             east,
             0.0, //
-            -1.0 / self.meridian,
+            -self.per_meridian,
             0.0,
             0.0, //
             0.0,

@@ -30,7 +30,7 @@ use nalgebra::Vector3;
 #[inline]
 #[must_use]
 pub fn coning_rate(w_earlier: &Vector3<f64>, w_later: &Vector3<f64>, dt_neighbour: f64) -> Vector3<f64> {
-    w_earlier.cross(w_later) * (dt_neighbour / 12.0)
+    w_earlier.cross(w_later) * (dt_neighbour * (1.0 / 12.0))
 }
 
 /// Rate form of the sculling correction \[m/s²\], to be added to the mean specific force of a
@@ -46,7 +46,7 @@ pub fn sculling_rate(
     f_later: &Vector3<f64>,
     dt_neighbour: f64,
 ) -> Vector3<f64> {
-    (w_earlier.cross(f_later) + f_earlier.cross(w_later)) * (dt_neighbour / 12.0)
+    (w_earlier.cross(f_later) + f_earlier.cross(w_later)) * (dt_neighbour * (1.0 / 12.0))
 }
 
 /// Rotation vector \[rad\] of one sample, corrected by the sample before it:

@@ -75,7 +75,7 @@ pub fn derivative(nav: &Nav, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, gravi
     let mut acceleration = nav.q_nb * f_ib_b - (2.0 * w_ie + w_en).cross(v);
     acceleration.z += earth.gravity(gravity);
     NavRate {
-        position: Vector3::new(v.x / earth.meridian, v.y / (earth.normal * earth.cos_lat), -v.z),
+        position: Vector3::new(v.x * earth.per_meridian, v.y * (earth.per_normal * earth.per_cos), -v.z),
         v_eb_n: acceleration,
         w_nb_b: w_ib_b - nav.q_nb.inverse_transform_vector(&(w_ie + w_en)),
     }
@@ -121,11 +121,7 @@ pub(crate) fn step_from(start: &Start, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f
     let mut q_new = so3::exp(&-zeta) * nav.q_nb * so3::exp(&phi);
     q_new.renormalize_fast();
     Nav {
-        position: Geodetic {
-            lat: nav.position.lat + travelled.x / earth.meridian,
-            lon: so3::wrap_angle(nav.position.lon + travelled.y / (earth.normal * earth.cos_lat)),
-            height: nav.position.height - travelled.z,
-        },
+        position: earth.offset(&nav.position, &travelled),
         v_eb_n: v_new,
         q_nb: q_new,
     }
