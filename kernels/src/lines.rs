@@ -23,6 +23,26 @@ impl Lines {
             len,
         }
     }
+
+    /// Writes a block of a matrix whose rows are `ld` long: its rows, one after the other, the first from
+    /// `at` on.
+    ///
+    /// # Panics
+    /// Where the matrix ends before the block.
+    #[inline(always)]
+    pub fn put<const R: usize, const C: usize>(&mut self, at: usize, ld: usize, block: &[[f64; C]; R]) {
+        let end = at.saturating_add(ld.saturating_mul(R.saturating_sub(1))).saturating_add(C);
+        assert!(end <= self.len, "a block ends behind its matrix");
+        let first = self.lines.as_mut_ptr().cast::<f64>();
+        for (i, row) in block.iter().enumerate() {
+            #[expect(unsafe_code, reason = "one test for a block, not one for each of its rows")]
+            // SAFETY: row i ends at `at + i ld + C`, which is not behind `end`, and that not behind the
+            // `len` numbers that there are; the borrow is unique.
+            unsafe {
+                first.add(at + i * ld).cast::<[f64; C]>().write(*row);
+            }
+        }
+    }
 }
 
 impl Deref for Lines {

@@ -204,7 +204,13 @@ impl Filter {
         if total <= 0.0 {
             return Ok(());
         }
-        let steps = (total / self.process.max_step()).ceil().clamp(1.0, 1e6);
+        let longest = self.process.max_step();
+        // Nearly all are one step.
+        let steps = if total <= longest {
+            1.0
+        } else {
+            (total / longest).ceil().clamp(1.0, 1e6)
+        };
         self.x_before.copy_from_slice(&self.belief.x);
         if steps > 1.0 {
             self.p_before.copy_from(&self.belief.covariance);
@@ -230,7 +236,7 @@ impl Filter {
     /// a covariance as before.
     fn step(&mut self, drive: &Drive<'_>, to: Time, dt: f64) -> bool {
         let prior = self.prior();
-        self.transition.reset();
+        self.transition.restart();
         let is_moved = match (drive, self.rule.spread()) {
             (Drive::Input(input), Some(spread)) => self.spread_step(&spread, input, dt),
             (Drive::Input(input), None) => {
@@ -271,7 +277,8 @@ impl Filter {
     /// sound. The process moves under the state it was linearised at, so blocks decay after it.
     fn predict_covariance(&mut self, dt: f64) -> bool {
         self.own.write(dt, &mut self.transition);
-        self.own.decay(&mut self.belief.x, &self.transition.phi);
+        self.transition.finish();
+        self.own.decay(&mut self.belief.x);
         if !self.rule.keeps_covariance() {
             return self.layout.is_sane(&self.belief.x);
         }
@@ -286,6 +293,7 @@ impl Filter {
     fn spread_step(&mut self, spread: &Spread, input: &Input<'_>, dt: f64) -> bool {
         self.process.linearise(&self.belief.x, input, dt, &mut self.transition);
         self.own.write(dt, &mut self.transition);
+        self.transition.finish();
         let covariance = &self.belief.covariance;
         self.transition.settle(|axis| covariance.marginal_at::<1>(axis).x);
         let (n, storage) = (self.layout.dim(), self.layout.storage());
@@ -294,10 +302,9 @@ impl Filter {
         points.prepare(n, n, storage);
         points.take(covariance, self.transition.noise_before());
         let (process, own, layout, chart) = (&self.process, &self.own, &self.layout, &self.chart);
-        let phi = &self.transition.phi;
         let run = |x: &mut [f64]| {
             process.propagate(x, input, dt);
-            own.decay(x, phi);
+            own.decay(x);
         };
         points.centre.copy_from_slice(&self.belief.x);
         run(&mut points.centre);

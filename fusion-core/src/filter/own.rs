@@ -1,96 +1,104 @@
 //! What blocks of the state do by themselves: random walks and Gauss-Markov decay.
 
-use crate::linear::{BlockMatrix, Transition};
+use crate::linear::Transition;
 use crate::state::{Dynamics, Layout};
 
-/// The dynamics of a tangent coordinate.
+/// A tangent coordinate that walks: its axis, and the density of its noise.
 #[derive(Clone, Copy, Debug)]
-enum Own {
-    Walk {
-        axis: usize,
-        psd: f64,
-    },
-    Markov {
-        axis: usize,
-        storage: usize,
-        variance: f64,
-        tau: f64,
-        /// exp(−Δt/τ) and the variance that comes in over the latest length of a step.
-        decay: f64,
-        noise: f64,
-    },
+struct Walk {
+    axis: usize,
+    psd: f64,
+}
+
+/// A tangent coordinate that decays.
+#[derive(Clone, Copy, Debug)]
+struct Markov {
+    axis: usize,
+    storage: usize,
+    variance: f64,
+    /// Which correlation time it has.
+    time: usize,
+    /// exp(−Δt/τ) and the variance that comes in over the latest length of a step.
+    decay: f64,
+    noise: f64,
 }
 
 /// Those that the blocks of a layout declare.
 #[derive(Clone, Debug)]
 pub(super) struct OwnDynamics {
-    all: Vec<Own>,
+    walks: Vec<Walk>,
+    markovs: Vec<Markov>,
+    /// The correlation times τ \[s\] that there are, each with its exp(−Δt/τ): where steps are not equally
+    /// long, as those of recorded logs, it is computed once for all axes.
+    times: Vec<(f64, f64)>,
     /// The length of a step \[s\] that decays are computed for: most steps are equally long.
     dt: f64,
 }
 
 impl OwnDynamics {
     pub(super) fn of(layout: &Layout) -> Self {
-        let mut all = Vec::new();
+        let mut own = Self {
+            walks: Vec::new(),
+            markovs: Vec::new(),
+            times: Vec::new(),
+            dt: 0.0,
+        };
         for b in layout.blocks() {
             for (k, axis) in b.tangent_range().enumerate() {
                 match &b.dynamics {
-                    Dynamics::RandomWalk { psd } if psd[k] > 0.0 => all.push(Own::Walk { axis, psd: psd[k] }),
-                    Dynamics::GaussMarkov { sigma, tau } => all.push(Own::Markov {
-                        axis,
-                        storage: b.storage + k,
-                        variance: sigma[k] * sigma[k],
-                        tau: *tau,
-                        decay: 1.0,
-                        noise: 0.0,
-                    }),
+                    Dynamics::RandomWalk { psd } if psd[k] > 0.0 => own.walks.push(Walk { axis, psd: psd[k] }),
+                    Dynamics::GaussMarkov { sigma, tau } => {
+                        let time = own.time(*tau);
+                        own.markovs.push(Markov {
+                            axis,
+                            storage: b.storage + k,
+                            variance: sigma[k] * sigma[k],
+                            time,
+                            decay: 1.0,
+                            noise: 0.0,
+                        });
+                    }
                     _ => {}
                 }
             }
         }
-        Self { all, dt: 0.0 }
+        own
+    }
+
+    /// Where a correlation time is listed.
+    fn time(&mut self, tau: f64) -> usize {
+        self.times.iter().position(|(t, _)| *t == tau).unwrap_or_else(|| {
+            self.times.push((tau, 1.0));
+            self.times.len() - 1
+        })
     }
 
     /// Writes Φ and the noise of a step into `out`.
     pub(super) fn write(&mut self, dt: f64, out: &mut Transition) {
         if self.dt.to_bits() != dt.to_bits() {
-            self.dt = dt;
-            self.all.iter_mut().for_each(|own| own.set_step(dt));
+            self.set_step(dt);
         }
-        for own in &self.all {
-            match *own {
-                Own::Walk { axis, psd } => out.after.diagonal(axis, psd * dt),
-                Own::Markov { axis, decay, noise, .. } => {
-                    out.phi.set_element(axis, axis, decay);
-                    out.after.diagonal(axis, noise);
-                }
-            }
+        for walk in &self.walks {
+            out.after.diagonal(walk.axis, walk.psd * dt);
+        }
+        for markov in &self.markovs {
+            out.phi.set_element(markov.axis, markov.axis, markov.decay);
+            out.after.diagonal(markov.axis, markov.noise);
         }
     }
 
-    /// Gauss-Markov decay of the state over a step whose Φ, `phi`, has it already.
-    pub(super) fn decay(&self, x: &mut [f64], phi: &BlockMatrix) {
-        for own in &self.all {
-            if let Own::Markov { axis, storage, .. } = *own {
-                x[storage] *= phi.get(axis, axis);
-            }
-        }
-    }
-}
-
-impl Own {
     /// Computes what depends on the length of a step.
     fn set_step(&mut self, dt: f64) {
-        if let Self::Markov {
-            variance,
-            tau,
-            decay,
-            noise,
-            ..
-        } = self
-        {
-            *decay = (-dt / *tau).exp();
-            *noise = *variance * (1.0 - *decay * *decay);
+        self.dt = dt;
+        self.times.iter_mut().for_each(|(tau, decay)| *decay = (-dt / *tau).exp());
+        for markov in &mut self.markovs {
+            markov.decay = self.times[markov.time].1;
+            markov.noise = markov.variance * (1.0 - markov.decay * markov.decay);
         }
+    }
+
+    /// Gauss-Markov decay of the state over the step that was written last.
+    pub(super) fn decay(&self, x: &mut [f64]) {
+        self.markovs.iter().for_each(|markov| x[markov.storage] *= markov.decay);
     }
 }

@@ -3,6 +3,7 @@
 use super::padded;
 use crate::memory::{Memory, Tape};
 use crate::state::{Slot, Tangent};
+use core::ops::Range;
 use fusion_kernels::{Lines, Plan};
 use nalgebra::SMatrix;
 
@@ -26,6 +27,43 @@ pub struct BlockMatrix {
     plan: Plan,
     /// `rows` in one list, as it is remembered: row, start, end.
     pattern: Vec<u8>,
+    /// What a step writes, block by block.
+    script: Script,
+}
+
+/// The blocks that a step writes, in order: one that writes what the step before has written has no zeros
+/// to put back, and no pattern to look up.
+#[derive(Clone, Debug, Default)]
+struct Script {
+    blocks: Vec<Written>,
+    /// How many of them are written in this step; the others hold what the step before wrote.
+    done: usize,
+    is_kept: bool,
+}
+
+/// A block that was written: its row and column, its rows and columns, 16 bits each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Written(u64);
+
+impl Written {
+    #[inline(always)]
+    const fn new(row: usize, column: usize, rows: usize, columns: usize) -> Self {
+        Self(row as u64 | (column as u64) << 16 | (rows as u64) << 32 | (columns as u64) << 48)
+    }
+
+    fn rows(self) -> Range<usize> {
+        let first = self.0 as u16;
+        first.into()..(first + (self.0 >> 32) as u16).into()
+    }
+
+    fn columns(self) -> Range<usize> {
+        let first = (self.0 >> 16) as u16;
+        first.into()..(first + (self.0 >> 48) as u16).into()
+    }
+
+    fn elements(self) -> impl Iterator<Item = (usize, usize)> {
+        self.rows().flat_map(move |i| self.columns().map(move |j| (i, j)))
+    }
 }
 
 /// What is remembered of a map between two steps is its pattern: sums run along it, so that it decides on
@@ -93,6 +131,7 @@ impl BlockMatrix {
             ends: Vec::new(),
             plan: Plan::new(&vec![Vec::new(); n]),
             pattern: Vec::new(),
+            script: Script::default(),
         };
         m.reset();
         // Rows without ranges are never written: their ones stay.
@@ -108,6 +147,8 @@ impl BlockMatrix {
 
     /// Back to the identity, the learnt pattern kept.
     pub fn reset(&mut self) {
+        self.script.is_kept = false;
+        self.script.blocks.clear();
         for element in &self.elements {
             self.data[element.at as usize] = 0.0;
         }
@@ -116,8 +157,27 @@ impl BlockMatrix {
         }
     }
 
+    /// The same for a step that most likely writes the blocks of the step before: between this and
+    /// [`BlockMatrix::finish`] those are still what they were.
+    pub(crate) fn restart(&mut self) {
+        if !self.script.is_kept {
+            self.reset();
+            self.script.is_kept = true;
+        }
+        self.script.done = 0;
+    }
+
+    /// A step is written: what it has not written is the identity again.
+    #[inline]
+    pub(crate) fn finish(&mut self) {
+        if self.script.done < self.script.blocks.len() {
+            self.forget_unwritten();
+        }
+    }
+
     /// Sets the block at (`row`, `col`), identity included: a diagonal block of I + FΔt is given
     /// whole.
+    #[inline(always)]
     pub fn set<A, B, const R: usize, const C: usize>(&mut self, row: Slot<A>, col: Slot<B>, block: &SMatrix<f64, R, C>)
     where
         A: Tangent<R>,
@@ -127,28 +187,63 @@ impl BlockMatrix {
     }
 
     /// Sets the block whose first element is at (`row`, `col`) of the tangent space.
+    #[inline(always)]
     pub(crate) fn set_at<const R: usize, const C: usize>(&mut self, row: usize, col: usize, block: &SMatrix<f64, R, C>) {
-        (row..row + R).for_each(|i| self.mark(i, col, C));
-        for (j, column) in (col..col + C).zip(block.column_iter()) {
-            let at = j * self.ld + row;
-            for (out, value) in self.data[at..at + R].iter_mut().zip(column.iter()) {
-                *out = *value;
-            }
-        }
+        self.announce(Written::new(row, col, R, C));
+        self.data.put(col * self.ld + row, self.ld, &block.data.0);
     }
 
     /// Sets a whole row.
     pub(crate) fn set_row(&mut self, row: usize, values: &[f64]) {
-        self.mark(row, 0, values.len());
+        self.announce(Written::new(row, 0, 1, values.len()));
         for (k, value) in values.iter().enumerate() {
             self.data[k * self.ld + row] = *value;
         }
     }
 
     /// Sets one element.
+    #[inline]
     pub(crate) fn set_element(&mut self, row: usize, col: usize, value: f64) {
-        self.mark(row, col, 1);
+        self.announce(Written::new(row, col, 1, 1));
         self.data[col * self.ld + row] = value;
+    }
+
+    /// A block will be written.
+    #[inline(always)]
+    fn announce(&mut self, block: Written) {
+        // Where no script is kept there is no block in it.
+        if self.script.blocks.get(self.script.done) != Some(&block) {
+            return self.depart(block);
+        }
+        self.script.done += 1;
+    }
+
+    /// A block that the step before has not written, or not as this one in order.
+    #[cold]
+    #[inline(never)]
+    fn depart(&mut self, block: Written) {
+        if self.script.is_kept {
+            self.forget_unwritten();
+            self.script.blocks.push(block);
+            self.script.done += 1;
+        }
+        let columns = block.columns();
+        block.rows().for_each(|i| self.mark(i, columns.start, columns.len()));
+    }
+
+    /// Makes those blocks of the script the identity again that this step has not written.
+    #[cold]
+    fn forget_unwritten(&mut self) {
+        let (written, others) = self.script.blocks.split_at(self.script.done);
+        for (i, j) in others.iter().flat_map(|block| block.elements()) {
+            if !written
+                .iter()
+                .any(|block| block.rows().contains(&i) && block.columns().contains(&j))
+            {
+                self.data[j * self.ld + i] = f64::from(u8::from(i == j));
+            }
+        }
+        self.script.blocks.truncate(self.script.done);
     }
 
     #[inline]
@@ -286,6 +381,35 @@ mod tests {
             assert_eq!(m.get(i, j), f64::from(u8::from(i == j)));
         }
         assert_eq!(m.ranges(5), pattern);
+    }
+
+    #[test]
+    fn a_step_that_writes_other_blocks_than_the_one_before_leaves_nothing_of_it() {
+        let steps: [&[(usize, usize)]; 9] = [
+            &[(0, 0), (0, 3)],
+            &[(0, 0), (0, 3)],
+            &[(0, 3)],
+            &[(0, 0), (1, 1), (3, 3)],
+            &[(0, 0), (3, 3)],
+            &[(3, 3), (0, 0), (2, 1)],
+            &[(2, 1), (0, 0)],
+            &[],
+            &[(0, 0), (0, 3)],
+        ];
+        let mut m = BlockMatrix::identity(6);
+        for (number, step) in steps.into_iter().enumerate() {
+            let mut fresh = BlockMatrix::identity(6);
+            m.restart();
+            for (k, &(i, j)) in step.iter().enumerate() {
+                let block = Matrix3::from_element((10 * number + k) as f64 + 2.0);
+                m.set_at(i, j, &block);
+                fresh.set_at(i, j, &block);
+            }
+            m.finish();
+            for (i, j) in (0..6).flat_map(|i| (0..6).map(move |j| (i, j))) {
+                assert_eq!(m.get(i, j), fresh.get(i, j), "step {number}, element ({i}, {j})");
+            }
+        }
     }
 
     #[test]

@@ -61,6 +61,7 @@ impl Jacobian {
     ///
     /// Rows of `block` beyond the measurement's are left out: a model that uses the first two of
     /// three rows gives the whole block.
+    #[inline]
     pub fn add<M, const R: usize, const C: usize>(&mut self, row: usize, quantity: &Quantity<M>, block: &SMatrix<f64, R, C>)
     where
         M: Tangent<C>,
@@ -89,12 +90,13 @@ impl Jacobian {
         }
     }
 
+    #[inline]
     fn add_state<const R: usize, const C: usize>(&mut self, row: usize, col: usize, block: &SMatrix<f64, R, C>) {
         self.touch(col, C);
         for i in 0..R.min(self.rows - row) {
             let at = (row + i) * self.ld + col;
-            for j in 0..C {
-                self.h[at + j] += block[(i, j)];
+            for (j, h) in self.h[at..at + C].iter_mut().enumerate() {
+                *h += block[(i, j)];
             }
         }
     }

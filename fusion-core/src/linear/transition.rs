@@ -33,12 +33,24 @@ impl Transition {
     /// Back to the identity without noise; the learnt pattern is kept.
     pub fn reset(&mut self) {
         self.phi.reset();
+        self.forget_noise();
+    }
+
+    /// The same for a step that most likely writes the blocks that the step before has written: they stay
+    /// until [`Transition::finish`] makes those the identity that were not written again.
+    pub(crate) fn restart(&mut self) {
+        self.phi.restart();
+        self.forget_noise();
+    }
+
+    fn forget_noise(&mut self) {
         self.before.entries.clear();
         self.after.entries.clear();
         self.bounded.clear();
     }
 
     /// Sets the block ∂row/∂col of Φ (whole, with its identity on the diagonal).
+    #[inline(always)]
     pub fn set<A, B, const R: usize, const C: usize>(&mut self, row: Slot<A>, col: Slot<B>, block: &SMatrix<f64, R, C>)
     where
         A: Tangent<R>,
@@ -67,7 +79,14 @@ impl Transition {
         }
     }
 
+    /// A step is written whole.
+    #[inline]
+    pub(crate) fn finish(&mut self) {
+        self.phi.finish();
+    }
+
     /// Turns the bounded noise into noise; `variance` tells that of an axis before the step.
+    #[inline]
     pub(crate) fn settle(&mut self, variance: impl Fn(usize) -> f64) {
         for &(axis, q, bound) in &self.bounded {
             let room = (bound - variance(axis.into())).max(0.0);
@@ -97,6 +116,17 @@ impl Transition {
         self.before.add(row.tangent, col.tangent, block, 0.5);
         self.after.add(row.tangent, col.tangent, block, 0.5);
     }
+
+    /// The same of noise that is independent per axis of `slot`: the diagonal of the block.
+    #[inline]
+    pub fn noise_trapezoid_of_axes<A, const R: usize>(&mut self, slot: Slot<A>, variance: &SVector<f64, R>)
+    where
+        A: Tangent<R>,
+    {
+        let half = variance * 0.5;
+        self.before.axes(slot.tangent, &half);
+        self.after.axes(slot.tangent, &half);
+    }
 }
 
 /// Noise as a list of elements of the symmetric Q.
@@ -113,14 +143,26 @@ impl NoiseBlocks {
         }
     }
 
+    #[inline]
     pub(crate) fn element(&mut self, row: usize, col: usize, value: f64) {
         if value != 0.0 {
             self.entries.push((row as u16, col as u16, value));
         }
     }
 
+    #[inline]
     pub(crate) fn diagonal(&mut self, i: usize, value: f64) {
         self.entries.push((i as u16, i as u16, value));
+    }
+
+    #[inline]
+    fn axes<const R: usize>(&mut self, first: usize, variances: &SVector<f64, R>) {
+        let entry = |k: usize| ((first + k) as u16, (first + k) as u16, variances[k]);
+        if variances.iter().all(|v| *v != 0.0) {
+            self.entries.extend_from_slice(&core::array::from_fn::<_, R, _>(entry));
+        } else {
+            self.entries.extend((0..R).map(entry).filter(|(.., v)| *v != 0.0));
+        }
     }
 
     fn add<const R: usize, const C: usize>(&mut self, row: usize, col: usize, block: &SMatrix<f64, R, C>, scale: f64) {
