@@ -8,7 +8,7 @@
 //!            velocity by within it: (T Δw)²/8, (T Δf)²/8 per axis and sample
 
 use super::kinematic::{psd, value};
-use super::strapdown::discrete::{Discrete, Slots, times_diagonal};
+use super::strapdown::discrete::{Slots, times_diagonal};
 use super::strapdown::increments;
 use super::strapdown::pairing::{Mode, Pairing, neighbour};
 use super::vibration::{self, Vibration};
@@ -71,8 +71,9 @@ pub(super) struct Inertial {
     gyro_scale: Param<Vector<3>>,
     accel_scale: Param<Vector<3>>,
     angular_rate: Signal<Vector<3>>,
-    gyro_psd: Matrix3<f64>,
-    accel_psd: Matrix3<f64>,
+    /// The densities of white noise, per axis.
+    gyro_psd: Vector3<f64>,
+    accel_psd: Vector3<f64>,
     /// By which neighbour a sample is corrected for coning and sculling.
     correction: Option<Mode>,
     /// The window of vibration \[s\].
@@ -90,16 +91,19 @@ pub(super) struct Corrected {
 
 impl Corrected {
     /// What another sample of the sensor says.
+    #[inline]
     fn also(&self, measured: &[f64]) -> Vector3<f64> {
         (Vector3::new(measured[0], measured[1], measured[2]) - self.bias).component_mul(&self.gain)
     }
 
     /// ∂/∂bias, a diagonal.
+    #[inline]
     fn by_bias(&self) -> Vector3<f64> {
         -self.gain
     }
 
     /// ∂/∂scale, a diagonal.
+    #[inline]
     fn by_scale(&self) -> Vector3<f64> {
         -self.rate.component_mul(&self.gain)
     }
@@ -112,11 +116,15 @@ struct Correction {
 }
 
 impl Correction {
+    #[inline]
     fn new(bias: Vector3<f64>, scale: &Vector3<f64>) -> Self {
-        Self {
-            bias,
-            gain: scale.map(|s| 1.0 / (1.0 + s)),
-        }
+        // Most sensors are given no scale error.
+        let gain = if *scale == Vector3::zeros() {
+            Vector3::repeat(1.0)
+        } else {
+            scale.map(|s| 1.0 / (1.0 + s))
+        };
+        Self { bias, gain }
     }
 
     /// What the sensor measures of a true `rate`.
@@ -124,6 +132,7 @@ impl Correction {
         rate.component_div(&self.gain) + self.bias
     }
 
+    #[inline]
     fn of(self, measured: &[f64]) -> Corrected {
         let mut corrected = Corrected {
             rate: Vector3::zeros(),
@@ -149,8 +158,8 @@ impl Inertial {
             gyro_scale: b.param_named(state::GYRO_SCALE, "gyro.scale", &gyro.scale)?,
             accel_scale: b.param_named(state::ACCEL_SCALE, "accelerometer.scale", &accelerometer.scale)?,
             angular_rate: b.signal(state::ANGULAR_RATE)?,
-            gyro_psd: psd(gyro.noise.si()),
-            accel_psd: psd(accelerometer.noise.si()),
+            gyro_psd: psd(gyro.noise.si()).diagonal(),
+            accel_psd: psd(accelerometer.noise.si()).diagonal(),
             correction,
             vibration: Some(accelerometer.vibration.si()).filter(|window| *window > 0.0),
         })
@@ -164,15 +173,18 @@ impl Inertial {
         }
     }
 
+    #[inline]
     fn gyro(&self, x: &[f64]) -> Correction {
         Correction::new(value(&self.gyro_bias, x), &value(&self.gyro_scale, x))
     }
 
+    #[inline]
     fn accelerometer(&self, x: &[f64]) -> Correction {
         Correction::new(value(&self.accel_bias, x), &value(&self.accel_scale, x))
     }
 
     /// w_ib_b \[rad/s\] and f_ib_b \[m/s²\] of a sample as it stands.
+    #[inline]
     pub(super) fn corrected(&self, x: &[f64], input: &Input<'_>) -> (Corrected, Corrected) {
         (self.gyro(x).of(&input.sample[..3]), self.accelerometer(x).of(&input.sample[3..IMU]))
     }
@@ -184,6 +196,7 @@ impl Inertial {
     }
 
     /// The same of a sample that is corrected already.
+    #[inline]
     pub(super) fn driven(&self, (gyro, accelerometer): &(Corrected, Corrected), input: &Input<'_>) -> (Vector3<f64>, Vector3<f64>) {
         let (mut w, mut f) = (gyro.rate, accelerometer.rate);
         let other = self.correction.and_then(|_| neighbour(input, IMU));
@@ -199,31 +212,38 @@ impl Inertial {
         (w, f)
     }
 
-    /// Writes Φ of the biases and scales: what an error of rate or force does, in `phi`.
+    /// Writes Φ of the biases and scales, from the responses to an error of force and of rate.
+    #[inline(always)]
     pub(super) fn write_transition<P: Tangent<3>>(
         &self,
         (w, f): &(Corrected, Corrected),
-        phi: &Discrete,
+        [by_force, by_rate]: &[[Option<Matrix3<f64>>; 3]; 2],
         slots: &Slots<P>,
         out: &mut Transition,
     ) {
-        for (param, effect) in [(&self.accel_bias, f.by_bias()), (&self.accel_scale, f.by_scale())] {
-            if let Param::State(slot) = param {
-                slots.write_column(*slot, &phi.by_force, &effect, out);
-            }
+        if let Param::State(slot) = self.accel_bias {
+            slots.write_column(slot, by_force, &f.by_bias(), out);
         }
-        for (param, effect) in [(&self.gyro_bias, w.by_bias()), (&self.gyro_scale, w.by_scale())] {
-            if let Param::State(slot) = param {
-                slots.write_column(*slot, &phi.by_rate, &effect, out);
-            }
+        if let Param::State(slot) = self.accel_scale {
+            slots.write_column(slot, by_force, &f.by_scale(), out);
+        }
+        if let Param::State(slot) = self.gyro_bias {
+            slots.write_column(slot, by_rate, &w.by_bias(), out);
+        }
+        if let Param::State(slot) = self.gyro_scale {
+            slots.write_column(slot, by_rate, &w.by_scale(), out);
         }
     }
 
-    /// The densities of the noise of rate and force over a sample.
-    pub(super) fn noise(&self, input: &Input<'_>) -> (Matrix3<f64>, Matrix3<f64>) {
-        let (slow_gyro, slow_accel) = within_sample(input);
+    /// The densities of the noise of rate and force over a sample, per axis.
+    #[inline]
+    pub(super) fn noise(&self, input: &Input<'_>) -> (Vector3<f64>, Vector3<f64>) {
         let shaken = self.vibration.and_then(|_| vibration::density(input));
         let accel = shaken.map_or(self.accel_psd, |density| self.accel_psd.sup(&density));
+        if input.interval <= LONGEST_STEP {
+            return (self.gyro_psd, accel);
+        }
+        let (slow_gyro, slow_accel) = within_sample(input);
         (self.gyro_psd + slow_gyro, accel + slow_accel)
     }
 
@@ -249,15 +269,15 @@ impl Inertial {
     }
 }
 
-/// The density of noise on rate and on force that stands for their unknown course within a long sample.
+/// The density of noise on rate and on force, per axis, that stands for their unknown course within a long sample.
 /// Where they change by Δ from one sample to the next, their integral is off in the middle by ΔT/8 if they
 /// do so steadily, by ΔT/2 if they jump there; a density of T Δ²/8 has a 1σ of ΔT/4 there.
-fn within_sample(input: &Input<'_>) -> (Matrix3<f64>, Matrix3<f64>) {
-    let other = neighbour(input, IMU).filter(|other| other.interval > 0.0 && input.interval > LONGEST_STEP);
+fn within_sample(input: &Input<'_>) -> (Vector3<f64>, Vector3<f64>) {
+    let other = neighbour(input, IMU).filter(|other| other.interval > 0.0);
     let density = |from: usize| {
-        other.map_or_else(Matrix3::zeros, |other| {
+        other.map_or_else(Vector3::zeros, |other| {
             let change = |k: usize| input.sample[from + k] - other.sample[from + k];
-            Matrix3::from_diagonal(&Vector3::from_fn(|k, _| change(k).powi(2) * input.interval / 8.0))
+            Vector3::from_fn(|k, _| change(k).powi(2) * input.interval / 8.0)
         })
     };
     (density(0), density(3))

@@ -61,6 +61,7 @@ impl Kinematic {
     }
 
     /// Reads them from state storage.
+    #[inline]
     pub(super) fn read(&self, x: &[f64]) -> Nav {
         Nav {
             position: self.slots.position.read(x),
@@ -70,6 +71,7 @@ impl Kinematic {
     }
 
     /// Writes them into state storage.
+    #[inline]
     pub(super) fn write(&self, nav: &Nav, x: &mut [f64]) {
         self.slots.position.write(&nav.position, x);
         self.slots.velocity.write(&nav.v_eb_n, x);
@@ -115,6 +117,7 @@ impl Felt {
 
 /// The value of a parameter of a process. It is no signal: signals are what the process makes of
 /// its parameters.
+#[inline]
 pub(super) fn value(param: &Param<Vector<3>>, x: &[f64]) -> Vector3<f64> {
     param.stored(x).unwrap_or_default()
 }

@@ -190,7 +190,8 @@ impl Process for StrapdownLocal {
         };
         let phi = discrete::over_plane(self.discretisation, &c_nb, (&w, &f), dt);
         self.slots.write(&phi, out);
-        self.inertial.write_transition(&corrected, &phi, &self.slots, out);
+        self.inertial
+            .write_transition(&corrected, &[phi.by_force, phi.by_rate], &self.slots, out);
     }
 
     fn agility(&self) -> &[f64] {

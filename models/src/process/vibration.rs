@@ -9,7 +9,7 @@
 use super::inertial::IMU;
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::model::{Input, Preparation, Prepared};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use std::collections::VecDeque;
 
 /// Numbers that it adds to a sample.
@@ -19,9 +19,9 @@ const FORCE: usize = 3;
 
 /// The densities that the preparation has added to a sample; none where the sample is held beyond its
 /// interval.
-pub(super) fn density(input: &Input<'_>) -> Option<Matrix3<f64>> {
+pub(super) fn density(input: &Input<'_>) -> Option<Vector3<f64>> {
     let (_, added) = input.sample.get(IMU..)?.split_last_chunk::<ADDED>()?;
-    Some(Matrix3::from_diagonal(&Vector3::from(*added)))
+    Some(Vector3::from(*added))
 }
 
 /// Watches the specific force over a window.
@@ -114,7 +114,7 @@ mod tests {
     use crate::process::strapdown::pairing::{Mode, Pairing, neighbour};
 
     /// The densities of the last of `seconds` of 100 Hz samples, with what is found of the neighbour.
-    fn after(seconds: f64, inner: Option<Box<dyn Preparation>>, force: impl Fn(f64) -> f64) -> (Matrix3<f64>, bool) {
+    fn after(seconds: f64, inner: Option<Box<dyn Preparation>>, force: impl Fn(f64) -> f64) -> (Vector3<f64>, bool) {
         let (mut vibration, mut out) = (Vibration::new(1.0, inner), Prepared::default());
         let mut last = None;
         for k in 0..(seconds * 100.0) as u32 {
@@ -137,11 +137,11 @@ mod tests {
         let swing = |t: f64| 0.35 * (core::f64::consts::TAU * 10.0 * t).sin();
         let (found, has_neighbour) = after(3.0, Some(Box::new(Pairing::new(Mode::Previous))), swing);
         // A²/2 Δt; n/(n − 1) of 100 samples is 1 %, and a sample more than whole periods another one.
-        assert!((found[(0, 0)] / (0.35 * 0.35 / 2.0 * 0.01) - 1.0).abs() < 0.025, "{found}");
+        assert!((found.x / (0.35 * 0.35 / 2.0 * 0.01) - 1.0).abs() < 0.025, "{found}");
         // Rounding of a mean of 9.8.
-        assert!(found[(1, 1)] < 1e-20 && found[(2, 2)] < 1e-20 && has_neighbour, "{found}");
+        assert!(found.y < 1e-20 && found.z < 1e-20 && has_neighbour, "{found}");
         // A second after the swing has ended it is forgotten; without other preparations there is no neighbour.
         let (found, has_neighbour) = after(3.2, None, |t| if t < 2.0 { swing(t) } else { 0.0 });
-        assert!(found[(0, 0)] == 0.0 && !has_neighbour, "{found}");
+        assert!(found.x == 0.0 && !has_neighbour, "{found}");
     }
 }

@@ -15,7 +15,7 @@
 //!            the Earth's terms, of 1e-4 Δt, are left out of it
 //! Source     Van Loan 1978; Hartley et al. 2020 (exact integration on SE₂(3))
 
-use super::error_model::{Blocks, ByPlace};
+use super::error_model::{Blocks, ByPlace, Linear};
 use super::mechanisation::Nav;
 use crate::earth::{Gravity, LocalEarth};
 use crate::process::unicycle::carried;
@@ -59,10 +59,12 @@ type V = Vector3<f64>;
 /// `m · diag(d)`.
 #[inline]
 pub(crate) fn times_diagonal(m: &M, d: &V) -> M {
-    let mut product = *m;
-    for (mut column, d) in product.column_iter_mut().zip(d) {
-        column *= *d;
-    }
+    #[rustfmt::skip]
+    let product = M::new(
+        m.m11 * d.x, m.m12 * d.y, m.m13 * d.z,
+        m.m21 * d.x, m.m22 * d.y, m.m23 * d.z,
+        m.m31 * d.x, m.m32 * d.y, m.m33 * d.z,
+    );
     product
 }
 
@@ -92,6 +94,22 @@ pub(crate) struct Discrete {
 }
 
 impl<P: Tangent<3>> Slots<P> {
+    /// Writes Φ = I + FΔt over the ellipsoid; returns the responses to an error of force and of rate.
+    #[inline(always)]
+    pub(crate) fn write_first_order(&self, f: &Linear<'_>, dt: f64, out: &mut Transition) -> [[Option<M>; 3]; 2] {
+        let (one, r, v, a) = (M::identity(), self.position, self.velocity, self.attitude);
+        out.set(r, r, &(one + f.rr() * dt));
+        out.set(r, v, &(one * dt));
+        out.set(v, r, &(f.vr() * dt));
+        out.set(v, v, &(one + f.vv() * dt));
+        out.set(v, a, &(f.va() * dt));
+        out.set(a, r, &(f.ar() * dt));
+        out.set(a, v, &(f.av() * dt));
+        out.set(a, a, &(one + f.aa() * dt));
+        // Errors of force and rate drive velocity and attitude with the sign of +f and +w.
+        [[None, Some(f.v_force() * dt), None], [None, None, Some(one * dt)]]
+    }
+
     /// Writes what of `phi` is of the three blocks themselves.
     pub(crate) fn write(&self, phi: &Discrete, out: &mut Transition) {
         let [r, v, a] = &phi.kinematic;
@@ -100,6 +118,7 @@ impl<P: Tangent<3>> Slots<P> {
         self.write_row(self.attitude, a, out);
     }
 
+    #[inline]
     fn write_row<B: Tangent<3>>(&self, row: Slot<B>, [r, v, a]: &[Option<M>; 3], out: &mut Transition) {
         if let Some(block) = r {
             out.set(row, self.position, block);
@@ -114,6 +133,7 @@ impl<P: Tangent<3>> Slots<P> {
 
     /// Writes the response of the three blocks to an error of `of`, which has `effect`, per axis, on the
     /// force or rate that `column` is the response to.
+    #[inline(always)]
     pub(crate) fn write_column<B: Tangent<3>>(&self, of: Slot<B>, [r, v, a]: &[Option<M>; 3], effect: &V, out: &mut Transition) {
         if let Some(block) = r {
             out.set(self.position, of, &times_diagonal(block, effect));
@@ -126,20 +146,22 @@ impl<P: Tangent<3>> Slots<P> {
         }
     }
 
-    /// Writes Q of white noise on rate and force, of these densities, by the trapezoid.
-    pub(crate) fn write_trapezoid(&self, c_nb: &M, gyro: &M, accel: &M, dt: f64, out: &mut Transition) {
+    /// Writes Q of white noise on rate and force, of these densities per axis, by the trapezoid.
+    #[inline]
+    pub(crate) fn write_trapezoid(&self, c_nb: &M, gyro: &V, accel: &V, dt: f64, out: &mut Transition) {
         // Noise alike on all axes is the same in every frame.
-        let in_n = if accel.m11 == accel.m22 && accel.m22 == accel.m33 {
-            *accel
+        if accel.x == accel.y && accel.y == accel.z {
+            out.noise_trapezoid_of_axes(self.velocity, &(accel * dt));
         } else {
-            c_nb * accel * c_nb.transpose()
-        };
-        out.noise_trapezoid(self.velocity, self.velocity, &(in_n * dt));
-        out.noise_trapezoid(self.attitude, self.attitude, &(gyro * dt));
+            let in_n = times_diagonal(c_nb, accel) * c_nb.transpose();
+            out.noise_trapezoid(self.velocity, self.velocity, &(in_n * dt));
+        }
+        out.noise_trapezoid_of_axes(self.attitude, &(gyro * dt));
     }
 
     /// The same, exact for the constant rate `w` and force `f` of the step that begins at `c_nb`.
-    pub(crate) fn write_exact_noise(&self, c_nb: &M, (w, f): (&V, &V), gyro: &M, accel: &M, dt: f64, out: &mut Transition) {
+    pub(crate) fn write_exact_noise(&self, c_nb: &M, (w, f): (&V, &V), gyro: &V, accel: &V, dt: f64, out: &mut Transition) {
+        let (gyro, accel) = (M::from_diagonal(gyro), M::from_diagonal(accel));
         let [mut rr, mut rv, mut ra, mut vv, mut va, mut aa] = [M::zeros(); 6];
         for (node, weight) in GAUSS {
             // Noise that acts when `rest` seconds of the step are left.
@@ -173,21 +195,6 @@ pub(crate) const GAUSS: [(f64, f64); 3] = [
     (0.5, 4.0 / 9.0),
     (0.887_298_334_620_741_7, 5.0 / 18.0),
 ];
-
-/// Φ = I + FΔt over the ellipsoid.
-pub(crate) fn first_order(b: &Blocks, dt: f64) -> Discrete {
-    let one = M::identity();
-    // Errors of force and rate drive velocity and attitude with the sign of +f and +w.
-    Discrete {
-        kinematic: [
-            [Some(one + b.rr * dt), Some(b.rv * dt), None],
-            [Some(b.vr * dt), Some(one + b.vv * dt), Some(b.va * dt)],
-            [Some(b.ar * dt), Some(b.av * dt), Some(one + b.aa * dt)],
-        ],
-        by_force: [None, Some(-b.v_accel * dt), None],
-        by_rate: [None, None, Some(-b.a_gyro * dt)],
-    }
-}
 
 /// Φ = I + FΔt + ½F²Δt² over the ellipsoid.
 pub(crate) fn second_order(b: &Blocks, dt: f64) -> Discrete {
@@ -324,12 +331,12 @@ pub(crate) fn over_ellipsoid(nav: &Nav, (w, f): (&V, &V), dt: f64, gravity: Grav
     let v_mid = v + 0.5 * (dv_n + (g - swirl.cross(v)) * dt);
     let by_v_mid = (one - (skew(&swirl) - skew(v) * transport) * (0.5 * dt)) * by_v
         + (one * 0.5) * by_dv
-        + ((g_by_place + skew(v) * (2.0 * at_start.earth_rate + at_start.transport_rate)) * (0.5 * dt)) * by_middle;
+        + ((g_by_place + skew(v) * (2.0 * at_start.earth_rate() + at_start.transport_rate())) * (0.5 * dt)) * by_middle;
 
     // ζ = (w_ie + w_en)Δt, w_en = T v_mid.
     let there = ByPlace::new(&earth, &v_mid, &slopes);
-    let by_w_en = there.transport_rate * by_middle + transport * by_v_mid;
-    let by_zeta = (there.earth_rate * dt) * by_middle + (one * dt) * by_w_en;
+    let by_w_en = there.transport_rate() * by_middle + transport * by_v_mid;
+    let by_zeta = (there.earth_rate() * dt) * by_middle + (one * dt) * by_w_en;
     let w_en = transport * v_mid;
     let zeta = (w_ie + w_en) * dt;
 
@@ -337,7 +344,7 @@ pub(crate) fn over_ellipsoid(nav: &Nav, (w, f): (&V, &V), dt: f64, gravity: Grav
     let by_v_new = by_v
         + (one - skew(&zeta) * 0.5) * by_dv
         + (skew(&dv_n) * 0.5) * by_zeta
-        + ((g_by_place + skew(&v_mid) * 2.0 * there.earth_rate) * dt) * by_middle
+        + ((g_by_place + skew(&v_mid) * 2.0 * there.earth_rate()) * dt) * by_middle
         + (skew(&v_mid) * dt) * by_w_en
         + (skew(&(2.0 * w_ie + w_en)) * -dt) * by_v_mid;
     let v_new = v + dv_n - 0.5 * zeta.cross(&dv_n) + (g - (2.0 * w_ie + w_en).cross(&v_mid)) * dt;

@@ -63,36 +63,57 @@ pub struct Blocks {
     pub a_gyro: Matrix3<f64>,
 }
 
-/// How the Earth's rate and the transport rate change with the place, per metre north, east, down.
+/// How the Earth's rate and the transport rate change with the place, per metre north and down; they do
+/// not change to the east \[rad/(m s)\].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ByPlace {
-    /// ∂w_ie_n/∂r, 3×3 \[rad/(m s)\].
-    pub(crate) earth_rate: Matrix3<f64>,
-    /// ∂w_en_n/∂r for a velocity that stays, 3×3 \[rad/(m s)\].
-    pub(crate) transport_rate: Matrix3<f64>,
+    /// ∂w_ie_n/∂north; it does not change with height.
+    earth_rate: Vector3<f64>,
+    /// ∂w_en_n/∂north and ∂w_en_n/∂down for a velocity that stays.
+    transport_rate: [Vector3<f64>; 2],
 }
 
 impl ByPlace {
     /// At `earth`, with velocity `v` \[m/s\]; `slopes` are the derivatives of the radii by latitude.
     #[inline]
     pub(crate) fn new(earth: &LocalEarth, v: &Vector3<f64>, slopes: &wgs84::Radii) -> Self {
-        let (rm, rn) = (earth.meridian, earth.normal);
-        let (lat_rate, east) = (v.x / rm, v.y / rn);
-        let zero = Vector3::zeros();
-        let ie_north = Vector3::new(-earth.sin_lat, 0.0, -earth.cos_lat) * (wgs84::EARTH_RATE / rm);
-        let shrink = slopes.normal / rn;
-        let en_north = Vector3::new(
+        let (per_rm, per_rn) = (earth.per_meridian, earth.per_normal);
+        let (lat_rate, east) = (v.x * per_rm, v.y * per_rn);
+        let shrink = slopes.normal * per_rn;
+        let north = Vector3::new(
             -east * shrink,
-            lat_rate * slopes.meridian / rm,
-            east * (earth.tan_lat() * shrink - 1.0 / (earth.cos_lat * earth.cos_lat)),
-        ) / rm;
+            lat_rate * (slopes.meridian * per_rm),
+            east * (earth.tan_lat() * shrink - earth.per_cos * earth.per_cos),
+        );
         let w_en = earth.transport_rate_n(v);
-        let en_down = Vector3::new(w_en.x / rn, w_en.y / rm, w_en.z / rn);
         Self {
-            earth_rate: Matrix3::from_columns(&[ie_north, zero, zero]),
-            transport_rate: Matrix3::from_columns(&[en_north, zero, en_down]),
+            earth_rate: Vector3::new(-earth.sin_lat, 0.0, -earth.cos_lat) * (wgs84::EARTH_RATE * per_rm),
+            transport_rate: [north * per_rm, Vector3::new(w_en.x * per_rn, w_en.y * per_rm, w_en.z * per_rn)],
         }
     }
+
+    /// The change of `share` times the Earth's rate and of the transport rate, by metres north and down.
+    #[inline]
+    fn columns(&self, share: f64) -> [Vector3<f64>; 2] {
+        let [north, down] = self.transport_rate;
+        [self.earth_rate * share + north, down]
+    }
+
+    /// ∂w_ie_n/∂r, 3×3.
+    pub(crate) fn earth_rate(&self) -> Matrix3<f64> {
+        from_north_and_down(&[self.earth_rate, Vector3::zeros()])
+    }
+
+    /// ∂w_en_n/∂r, 3×3.
+    pub(crate) fn transport_rate(&self) -> Matrix3<f64> {
+        from_north_and_down(&self.transport_rate)
+    }
+}
+
+/// The matrix of these first and third columns, whose second is zero.
+#[inline]
+fn from_north_and_down([north, down]: &[Vector3<f64>; 2]) -> Matrix3<f64> {
+    Matrix3::new(north.x, 0.0, down.x, north.y, 0.0, down.y, north.z, 0.0, down.z)
 }
 
 /// F at the estimate `nav`, with corrected `w_ib_b` \[rad/s\] and `f_ib_b` \[m/s²\].
@@ -106,53 +127,131 @@ pub fn continuous(nav: &Nav, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, gravi
 #[inline]
 #[must_use]
 pub(crate) fn continuous_at(start: &Start, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, gravity: Gravity) -> Blocks {
-    let earth = &start.earth;
-    let gradient = gravity.gradient_of(earth.sin_lat, earth.cos_lat, earth.height);
-    linearise(start, w_ib_b, f_ib_b, &earth.radii_slopes(), &gradient)
+    Linear::at(start, w_ib_b, f_ib_b, gravity).blocks()
 }
 
-/// [`continuous`] for given derivatives of the radii with latitude and of gravity.
-#[inline]
-fn linearise(start: &Start, w_ib_b: &Vector3<f64>, f_ib_b: &Vector3<f64>, slopes: &wgs84::Radii, gradient: &Gradient) -> Blocks {
-    let (earth, c_nb, v) = (&start.earth, &start.c_nb, &start.nav.v_eb_n);
-    let (rm, rn, tan) = (earth.meridian, earth.normal, earth.tan_lat());
-    let lat_rate = v.x / rm;
-    let east = v.y / rn;
+/// What the blocks of F are made of, so that each is computed where it is used: all of them at a time are
+/// more than the registers hold. Products by the zeros of a block are left out: the compiler has to keep them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Linear<'a> {
+    start: &'a Start,
+    w_ib_b: &'a Vector3<f64>,
+    f_ib_b: &'a Vector3<f64>,
+    /// dRN/dφ \[m/rad\].
+    slope: f64,
+    gradient: Gradient,
+    by_place: ByPlace,
+    /// The elements of W = ∂w_en_n/∂v_eb_n: north by east, east by north, down by east \[1/m\].
+    transport: [f64; 3],
+}
 
-    let rr = Matrix3::new(
-        -v.z / rm,
-        0.0,
-        lat_rate, //
-        (v.y * tan - east * slopes.normal) / rm,
-        (slopes.normal * lat_rate - v.z) / rn - lat_rate * tan,
-        east, //
-        0.0,
-        0.0,
-        0.0,
-    );
+impl<'a> Linear<'a> {
+    #[inline(always)]
+    pub(crate) fn at(start: &'a Start, w_ib_b: &'a Vector3<f64>, f_ib_b: &'a Vector3<f64>, gravity: Gravity) -> Self {
+        let earth = &start.earth;
+        let gradient = gravity.gradient_of(earth.sin_lat, earth.cos_lat, earth.height);
+        Self::of(start, w_ib_b, f_ib_b, &earth.radii_slopes(), gradient)
+    }
 
-    let by_place = ByPlace::new(earth, v, slopes);
-    let mut vr = so3::skew(v) * (2.0 * by_place.earth_rate + by_place.transport_rate);
-    vr.m31 += gradient.per_latitude / rm;
-    vr.m33 -= gradient.per_height;
-    let w_en = earth.transport_rate_n(v);
+    /// For given derivatives of the radii with latitude and of gravity.
+    #[inline(always)]
+    fn of(start: &'a Start, w_ib_b: &'a Vector3<f64>, f_ib_b: &'a Vector3<f64>, slopes: &wgs84::Radii, gradient: Gradient) -> Self {
+        let earth = &start.earth;
+        Self {
+            start,
+            w_ib_b,
+            f_ib_b,
+            slope: slopes.normal,
+            gradient,
+            by_place: ByPlace::new(earth, &start.nav.v_eb_n, slopes),
+            transport: [earth.per_normal, -earth.per_meridian, -earth.per_normal * earth.tan_lat()],
+        }
+    }
 
-    let transport = earth.transport_matrix();
-    let vv = so3::skew(v) * transport - so3::skew(&(2.0 * earth.earth_rate_n() + w_en));
+    #[inline(always)]
+    pub(crate) fn rr(&self) -> Matrix3<f64> {
+        let (earth, v) = (&self.start.earth, &self.start.nav.v_eb_n);
+        let (per_rm, per_rn, tan) = (earth.per_meridian, earth.per_normal, earth.tan_lat());
+        let (lat_rate, east) = (v.x * per_rm, v.y * per_rn);
+        #[rustfmt::skip]
+        let rr = Matrix3::new(
+            -v.z * per_rm, 0.0, lat_rate,
+            (v.y * tan - east * self.slope) * per_rm, (self.slope * lat_rate - v.z) * per_rn - lat_rate * tan, east,
+            0.0, 0.0, 0.0,
+        );
+        rr
+    }
 
-    let ar = -c_nb.tr_mul(&(by_place.earth_rate + by_place.transport_rate));
+    #[inline(always)]
+    pub(crate) fn vr(&self) -> Matrix3<f64> {
+        let v = &self.start.nav.v_eb_n;
+        let mut vr = from_north_and_down(&self.by_place.columns(2.0).map(|column| v.cross(&column)));
+        vr.m31 += self.gradient.per_latitude * self.start.earth.per_meridian;
+        vr.m33 -= self.gradient.per_height;
+        vr
+    }
 
-    Blocks {
-        rr,
-        rv: Matrix3::identity(),
-        vr,
-        vv,
-        va: -c_nb * so3::skew(f_ib_b),
-        aa: -so3::skew(w_ib_b),
-        ar,
-        av: -c_nb.tr_mul(&transport),
-        v_accel: -c_nb,
-        a_gyro: -Matrix3::identity(),
+    /// \[v ×\] W − \[(2 w_ie + w_en) ×\].
+    #[inline(always)]
+    pub(crate) fn vv(&self) -> Matrix3<f64> {
+        let (earth, v, [n, e, d]) = (&self.start.earth, &self.start.nav.v_eb_n, self.transport);
+        let mut vv = -so3::skew(&(2.0 * earth.earth_rate_n() + earth.transport_rate_n(v)));
+        vv.m11 -= v.z * e;
+        vv.m31 += v.x * e;
+        vv.m12 += v.y * d;
+        vv.m22 += v.z * n - v.x * d;
+        vv.m32 -= v.y * n;
+        vv
+    }
+
+    #[inline(always)]
+    pub(crate) fn va(&self) -> Matrix3<f64> {
+        -so3::times_skew(&self.start.c_nb, self.f_ib_b)
+    }
+
+    #[inline(always)]
+    pub(crate) fn ar(&self) -> Matrix3<f64> {
+        let c_nb = &self.start.c_nb;
+        -from_north_and_down(&self.by_place.columns(1.0).map(|column| so3::turn_back(c_nb, &column)))
+    }
+
+    /// −C_nbᵀ W.
+    #[inline(always)]
+    pub(crate) fn av(&self) -> Matrix3<f64> {
+        let (c, [n, e, d]) = (&self.start.c_nb, self.transport);
+        #[rustfmt::skip]
+        let av = -Matrix3::new(
+            c.m21 * e, c.m11 * n + c.m31 * d, 0.0,
+            c.m22 * e, c.m12 * n + c.m32 * d, 0.0,
+            c.m23 * e, c.m13 * n + c.m33 * d, 0.0,
+        );
+        av
+    }
+
+    #[inline(always)]
+    pub(crate) fn aa(&self) -> Matrix3<f64> {
+        -so3::skew(self.w_ib_b)
+    }
+
+    /// Velocity by force: C_nb.
+    #[inline(always)]
+    pub(crate) const fn v_force(&self) -> &Matrix3<f64> {
+        &self.start.c_nb
+    }
+
+    fn blocks(&self) -> Blocks {
+        Blocks {
+            rr: self.rr(),
+            rv: Matrix3::identity(),
+            vr: self.vr(),
+            vv: self.vv(),
+            va: self.va(),
+            aa: self.aa(),
+            ar: self.ar(),
+            av: self.av(),
+            v_accel: -self.v_force(),
+            a_gyro: -Matrix3::identity(),
+        }
     }
 }
 
@@ -411,7 +510,7 @@ mod tests {
     fn blocks_match_the_printed_navigation_frame_model_after_the_change_of_coordinates() {
         for (nav, w, f) in cases() {
             let (frozen, gradient) = printed_earth(&nav);
-            let b = linearise(&Start::of(&nav), &w, &f, &frozen, &gradient);
+            let b = Linear::of(&Start::of(&nav), &w, &f, &frozen, gradient).blocks();
             let got = to_printed(&canonical(&b), &nav, &w);
             assert_blocks_equal(&got, &printed_ned(&nav, &f, gradient.per_height), "NED");
             // Inputs: printed states ∇ = δb_a enter through C, ε_g = δb_g through −C.
@@ -428,7 +527,7 @@ mod tests {
         put(&mut t, 2, 2, &swap_matrix());
         for (nav, w, f) in cases() {
             let (frozen, gradient) = printed_earth(&nav);
-            let b = linearise(&Start::of(&nav), &w, &f, &frozen, &gradient);
+            let b = Linear::of(&Start::of(&nav), &w, &f, &frozen, gradient).blocks();
             let got = t * to_printed(&canonical(&b), &nav, &w) * t;
             assert_blocks_equal(&got, &printed_enu(&nav, &f, gradient.per_height), "ENU");
         }
@@ -439,7 +538,7 @@ mod tests {
         for (nav, w, f) in cases() {
             let (frozen, gradient) = printed_earth(&nav);
             let exact = continuous(&nav, &w, &f, Gravity::Somigliana);
-            let printed = linearise(&Start::of(&nav), &w, &f, &frozen, &gradient);
+            let printed = Linear::of(&Start::of(&nav), &w, &f, &frozen, gradient).blocks();
             // 2 %: 3 e² of the radii, 0.4 % of the gravity gradient; but not nothing.
             for (a, b) in [(exact.rr, printed.rr), (exact.vr, printed.vr), (exact.ar, printed.ar)] {
                 assert!((a - b).amax() < 0.02 * b.amax() && a != b);
@@ -478,7 +577,7 @@ mod tests {
         let gravity = Gravity::TittertonWeston;
         let (nav, w, f) = at_rest(gravity);
         let (frozen, gradient) = printed_earth(&nav);
-        let printed = linearise(&Start::of(&nav), &w, &f, &frozen, &gradient);
+        let printed = Linear::of(&Start::of(&nav), &w, &f, &frozen, gradient).blocks();
         // 5e-8 1/s: half of the last digit printed, four decimals of 1e-3. As much again for the
         // slope of gravity with latitude, which the printed model leaves out: it moves Schuler ±
         // Foucault by 4.9e-8.

@@ -25,12 +25,12 @@ use crate::process::agility::{Agility, AgilitySpec};
 use crate::process::kinematic::{self, Kinematic};
 use crate::units::{Axes, dim, range};
 use crate::vocabulary::state;
-use discrete::Discrete;
+use error_model::Linear;
 use fusion_core::linear::Transition;
 use fusion_core::model::{Gap, Input, Order, Preparation, Process, SignalsOut};
 use fusion_core::state::{Signal, Vector};
 use mechanisation::Start;
-use nalgebra::Matrix3;
+use nalgebra::Vector3;
 use pairing::Mode;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -142,7 +142,7 @@ impl ProcessSpec for StrapdownSpec {
             acceleration: b.signal(state::ACCELERATION)?,
             integrator: self.integrator,
             discretisation: self.discretisation,
-            position_psd: kinematic::psd(self.position_noise.si()),
+            position_psd: kinematic::psd(self.position_noise.si()).diagonal(),
             gravity,
             agility: (&self.agility).into(),
             changes: Agility::from(&self.agility).changes(),
@@ -158,7 +158,8 @@ struct Strapdown {
     acceleration: Signal<Vector<3>>,
     integrator: Integrator,
     discretisation: Discretisation,
-    position_psd: Matrix3<f64>,
+    /// Density of the random walk of the position, per axis.
+    position_psd: Vector3<f64>,
     gravity: Gravity,
     agility: Agility,
     /// By how much the numbers of a sample may change.
@@ -250,30 +251,36 @@ impl Strapdown {
         self.kinematic.write(&next, x);
     }
 
-    #[inline]
+    #[inline(always)]
     fn write_transition(&self, start: &Start, corrected: &Sample, input: &Input<'_>, dt: f64, out: &mut Transition) {
         let (gyro, accel) = self.inertial.noise(input);
-        let slots = &self.kinematic.slots;
-        let mut write = |phi: &Discrete| {
-            slots.write(phi, out);
-            self.inertial.write_transition(corrected, phi, slots, out);
-        };
-        if self.discretisation == Discretisation::Exact {
-            let (w, f) = self.inertial.driven(corrected, input);
-            write(&discrete::over_ellipsoid(&start.nav, (&w, &f), dt, self.gravity));
-            slots.write_exact_noise(&start.c_nb, (&w, &f), &gyro, &accel, dt, out);
-        } else {
-            let b = error_model::continuous_at(start, &corrected.0.rate, &corrected.1.rate, self.gravity);
-            if self.discretisation == Discretisation::SecondOrder {
-                write(&discrete::second_order(&b, dt));
-            } else {
-                write(&discrete::first_order(&b, dt));
-            }
+        let (slots, (w, f)) = (&self.kinematic.slots, (&corrected.0.rate, &corrected.1.rate));
+        if self.discretisation == Discretisation::FirstOrder {
+            let linear = Linear::at(start, w, f, self.gravity);
+            let responses = slots.write_first_order(&linear, dt, out);
+            self.inertial.write_transition(corrected, &responses, slots, out);
             slots.write_trapezoid(&start.c_nb, &gyro, &accel, dt, out);
+        } else {
+            self.write_other(start, corrected, input, dt, out);
         }
-        if self.position_psd != Matrix3::zeros() {
-            out.noise_trapezoid(slots.position, slots.position, &(self.position_psd * dt));
-        }
+        out.noise_trapezoid_of_axes(slots.position, &(self.position_psd * dt));
+    }
+
+    /// The same of second order, or exact.
+    #[inline(never)]
+    fn write_other(&self, start: &Start, corrected: &Sample, input: &Input<'_>, dt: f64, out: &mut Transition) {
+        let ((gyro, accel), slots) = (self.inertial.noise(input), &self.kinematic.slots);
+        let phi = if self.discretisation == Discretisation::Exact {
+            let (w, f) = self.inertial.driven(corrected, input);
+            slots.write_exact_noise(&start.c_nb, (&w, &f), &gyro, &accel, dt, out);
+            discrete::over_ellipsoid(&start.nav, (&w, &f), dt, self.gravity)
+        } else {
+            slots.write_trapezoid(&start.c_nb, &gyro, &accel, dt, out);
+            let b = error_model::continuous_at(start, &corrected.0.rate, &corrected.1.rate, self.gravity);
+            discrete::second_order(&b, dt)
+        };
+        slots.write(&phi, out);
+        self.inertial.write_transition(corrected, &[phi.by_force, phi.by_rate], slots, out);
     }
 }
 

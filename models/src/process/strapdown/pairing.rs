@@ -32,6 +32,7 @@ pub struct Neighbour<'a> {
 
 /// The neighbour that a preparation has added to a sample of `dim` numbers; none where the sample is
 /// held beyond its interval.
+#[inline]
 #[must_use]
 pub fn neighbour<'a>(input: &Input<'a>, dim: usize) -> Option<Neighbour<'a>> {
     // Other preparations may add more behind.
