@@ -120,7 +120,9 @@ impl Problem<'_> {
     /// [`Undefined`] where the model has no value there.
     pub fn predict_at(&mut self, x: &[f64], value: &mut [f64]) -> Result<(), Undefined> {
         self.signals.forget();
-        self.signals.evaluate(self.process, x, false);
+        if self.observed.model.reads_signals() {
+            self.signals.evaluate(self.process, x, false);
+        }
         let predicted = self.observed.model.predict(&self.signals.buffer.view(x), value);
         self.signals.forget();
         predicted
@@ -136,7 +138,9 @@ impl Problem<'_> {
     ) -> Result<(), Undefined> {
         let Size { value, residual: m } = o.model.size();
         work.rows = m;
-        signals.evaluate(process, x, false);
+        if o.model.reads_signals() {
+            signals.evaluate(process, x, false);
+        }
         let view = signals.buffer.view(x);
         work.jacobian.reset(m);
         o.model.predict(&view, &mut work.predicted[..value])?;
@@ -151,6 +155,35 @@ impl Problem<'_> {
         o.model
             .residual(&o.value[..value], &work.predicted[..value], &mut work.residual[..m]);
         Ok(())
+    }
+}
+
+/// The squared norm of each column of L⁻¹ into `squares`; L lower, m×m, row by row. `column` is working
+/// memory, of m numbers.
+#[inline(always)]
+fn squared_columns(l: &[f64], column: &mut [f64], squares: &mut [f64], m: usize) {
+    for i in 0..m {
+        // Its elements before i are zero.
+        column[i] = 1.0 / l[i * m + i];
+        let mut sum = column[i] * column[i];
+        for j in i + 1..m {
+            let product: f64 = (i..j).map(|k| l[j * m + k] * column[k]).sum();
+            column[j] = -product / l[j * m + j];
+            sum += column[j] * column[j];
+        }
+        squares[i] = sum;
+    }
+}
+
+/// Σ `r`ᵢ times row i of `rows`, each `ld` long, into `out`, in one pass.
+fn combine<const M: usize>(rows: &[f64], ld: usize, r: [f64; M], out: &mut [f64]) {
+    let rows: [&[f64]; M] = core::array::from_fn(|i| &rows[i * ld..][..out.len()]);
+    for (k, out) in out.iter_mut().enumerate() {
+        let mut sum = r[0] * rows[0][k];
+        for i in 1..M {
+            sum += r[i] * rows[i][k];
+        }
+        *out = sum;
     }
 }
 
@@ -281,13 +314,14 @@ impl Innovation {
 
     /// (S⁻¹)_ii of each row, as the squared norm of L⁻¹eᵢ: the NIS of a residual of one in it alone.
     pub(super) fn unit_nis(&mut self) {
-        let m = self.rows;
-        let unit = &mut self.whitened[..m];
-        for i in 0..m {
-            unit.fill(0.0);
-            unit[i] = 1.0;
-            solve_lower(&self.work.l, unit, m);
-            self.unit_nis[i] = unit.iter().map(|v| v * v).sum();
+        let (m, l) = (self.rows, &self.work.l);
+        let (unit, squares) = (&mut self.whitened[..m], &mut self.unit_nis[..m]);
+        // Loops of the usual lengths are unrolled.
+        match m {
+            1 => squared_columns(&l[..1], unit, squares, 1),
+            2 => squared_columns(&l[..4], unit, squares, 2),
+            3 => squared_columns(&l[..9], unit, squares, 3),
+            _ => squared_columns(l, unit, squares, m),
         }
     }
 
@@ -305,11 +339,18 @@ impl Innovation {
 
     /// δ = K times [`Innovation::effective`]; false where a number of it is not finite.
     pub fn correct_by_effective(&mut self) -> bool {
-        self.correction.fill(0.0);
-        for (row, r) in self.work.kt().chunks_exact(self.work.ld).zip(&self.effective[..self.rows]) {
-            axpy(*r, row, &mut self.correction);
+        let (kt, ld, r, delta) = (self.work.kt(), self.work.ld, &self.effective[..self.rows], &mut self.correction);
+        match *r {
+            [a] => combine(kt, ld, [a], delta),
+            [a, b] => combine(kt, ld, [a, b], delta),
+            [a, b, c] => combine(kt, ld, [a, b, c], delta),
+            _ => {
+                delta.fill(0.0);
+                kt.chunks_exact(ld).zip(r).for_each(|(row, r)| axpy(*r, row, delta));
+            }
         }
-        self.correction.iter().all(|d| d.is_finite())
+        // Without branches in between: they nearly always are.
+        self.correction.iter().fold(true, |all, d| all & d.is_finite())
     }
 
     /// P given the measurement, by the gain that is here.

@@ -45,6 +45,12 @@ pub trait Measurement: Debug + Send + Sync {
     /// [`Undefined`] where h has no derivative.
     fn jacobian(&self, at: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined>;
 
+    /// Whether it reads signals of the process: they are evaluated for it only then. The law of measurements
+    /// holds a model that says no to it.
+    fn reads_signals(&self) -> bool {
+        true
+    }
+
     /// Row `row` of value and residual as a measurement of its own, where rows come and go one by one, like the
     /// beams of a Doppler log: each is then judged by a gate of its own, and one that is missing leaves the others.
     /// None where the rows belong together.

@@ -3,10 +3,11 @@
 use super::numeric::{column, finite, within};
 use crate::linear::Jacobian;
 use crate::model::{Input, Measurement, Process, SignalBuffer, Size};
-use crate::state::Layout;
+use crate::state::{Layout, View};
 
 /// h is finite, its Jacobian is that of central differences through the layout's ⊞ (with the
-/// signals of `process` evaluated anew at every point), and perturb undoes residual. Parts say what their rows of
+/// signals of `process` evaluated anew at every point), perturb undoes residual, and signals are read only where
+/// that is said. Parts say what their rows of
 /// the whole say, and obey the same laws.
 ///
 /// # Errors
@@ -34,6 +35,7 @@ pub fn check_measurement(
     h.reset(m);
     model.jacobian(&at.view(x), &mut h).map_err(|e| e.to_string())?;
     h.chain(&at.jacobian);
+    unread_signals(layout, model, x, &z)?;
     let noise = rounding(model, &z, m);
     for b in layout.blocks() {
         // Rounding of metres comes out in the units of z, as steeply as its steepest axis.
@@ -82,6 +84,21 @@ pub fn check_measurement(
     round_trip(model, &z, m)
 }
 
+/// A model that reads no signals predicts `z` whatever they are.
+fn unread_signals(layout: &Layout, model: &dyn Measurement, x: &[f64], z: &[f64]) -> Result<(), String> {
+    if model.reads_signals() {
+        return Ok(());
+    }
+    let (unknown, mut predicted) = (vec![f64::NAN; layout.signal_storage()], vec![0.0; z.len()]);
+    let view = View::new(x, &unknown);
+    model.predict(&view, &mut predicted).map_err(|e| e.to_string())?;
+    if predicted == z {
+        Ok(())
+    } else {
+        Err("it reads signals, and `reads_signals` says that it does not".to_owned())
+    }
+}
+
 /// What an ulp of each number of z amounts to in the residual: 3e-9 m for a longitude. At least
 /// ε, for direction cosines round on the way.
 fn rounding(model: &dyn Measurement, z: &[f64], m: usize) -> f64 {
@@ -115,7 +132,7 @@ fn round_trip(model: &dyn Measurement, z: &[f64], m: usize) -> Result<(), String
 mod tests {
     use super::*;
     use crate::model::Undefined;
-    use crate::state::{Angle, Declaration, Dynamics, LayoutBuilder, Manifold, Position, Quantity, Slot, StateRole, View};
+    use crate::state::{Angle, Declaration, Dynamics, LayoutBuilder, Manifold, Position, Quantity, Scalar, Slot, StateRole};
     use nalgebra::{RowVector3, Vector3};
 
     /// The distance from the origin, its slope off by a factor, its errors undone wrongly.
@@ -180,6 +197,39 @@ mod tests {
         law(1.0, 1.0).unwrap();
         let message = law(1.000_01, 1.0).unwrap_err();
         assert!(message.contains("`place`") && message.contains("row 0, axis 1"), "{message}");
+    }
+
+    /// A signal, read in secret.
+    #[derive(Debug)]
+    struct Secret(Quantity<Scalar>, bool);
+
+    impl Measurement for Secret {
+        fn size(&self) -> Size {
+            Size::same(1)
+        }
+        fn reads_signals(&self) -> bool {
+            self.1
+        }
+        fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {
+            value[0] = at.get(&self.0);
+            Ok(())
+        }
+        fn jacobian(&self, _: &View<'_>, _: &mut Jacobian) -> Result<(), Undefined> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_signal_that_is_read_in_secret_is_seen() {
+        let mut b = LayoutBuilder::new();
+        let signal = b.signal::<Scalar>("signal").unwrap();
+        let layout = b.finish();
+        let law = |tells: bool| {
+            let model = Secret(Quantity::Signal(signal), tells);
+            check_measurement(&layout, None, &model, &[], &Input::held(&[]))
+        };
+        law(true).unwrap();
+        assert!(law(false).unwrap_err().contains("reads_signals"));
     }
 
     #[test]

@@ -13,7 +13,7 @@ use crate::block::{Build, BuildError, Reading, SensorSpec};
 use crate::param::VectorParam;
 use crate::units::{Dimension, Dimensional, dim};
 use crate::vocabulary::{channel, state};
-use fusion_core::geometry::so3::skew;
+use fusion_core::geometry::so3::{rotation, times_skew};
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Geodetic, Manifold, Param, Quantity, Vector, View};
@@ -107,6 +107,12 @@ impl Measurement for Fix {
         }
     }
 
+    fn reads_signals(&self) -> bool {
+        let attitude = self.attitude.as_ref().and_then(Quantity::place);
+        let places = [self.position.place(), attitude, self.lever_arm.place(), self.bias.place()];
+        places.into_iter().flatten().any(|(_, is_signal)| is_signal)
+    }
+
     fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {
         let mut offset = at.get(&self.bias);
         if let Some(attitude) = &self.attitude {
@@ -120,9 +126,8 @@ impl Measurement for Fix {
         h.add(0, &self.position, &Matrix3::identity());
         h.add(0, &self.bias, &Matrix3::identity());
         if let Some(attitude) = &self.attitude {
-            let c_nb = at.get(attitude).to_rotation_matrix().into_inner();
-            let lever_arm = at.get(&self.lever_arm);
-            h.add(0, attitude, &(-c_nb * skew(&lever_arm)));
+            let c_nb = rotation(&at.get(attitude));
+            h.add(0, attitude, &-times_skew(&c_nb, &at.get(&self.lever_arm)));
             h.add(0, &self.lever_arm, &c_nb);
         }
         Ok(())

@@ -14,7 +14,7 @@ use crate::block::{Build, BuildError, Reading, SensorSpec};
 use crate::param::VectorParam;
 use crate::units::{Dimension, Dimensional, dim};
 use crate::vocabulary::{channel, state};
-use fusion_core::geometry::so3::{rotation, skew};
+use fusion_core::geometry::so3::{rotation, times_skew};
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Param, Quantity, Vector, Velocity, View};
@@ -92,6 +92,12 @@ impl Measurement for GnssVelocity {
         }
     }
 
+    fn reads_signals(&self) -> bool {
+        let turning = self.turning.as_ref().map(|(attitude, rate)| [attitude.place(), rate.place()]);
+        let places = turning.into_iter().flatten().chain([self.velocity.place(), self.lever_arm.place()]);
+        places.flatten().any(|(_, is_signal)| is_signal)
+    }
+
     fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {
         let mut v = at.get(&self.velocity);
         if let Some((attitude, rate)) = &self.turning {
@@ -106,9 +112,9 @@ impl Measurement for GnssVelocity {
         if let Some((attitude, rate)) = &self.turning {
             let c_nb = rotation(&at.get(attitude));
             let (w, l) = (at.get(rate), at.get(&self.lever_arm));
-            h.add(0, attitude, &(-c_nb * skew(&w.cross(&l))));
-            h.add(0, rate, &(-c_nb * skew(&l)));
-            h.add(0, &self.lever_arm, &(c_nb * skew(&w)));
+            h.add(0, attitude, &-times_skew(&c_nb, &w.cross(&l)));
+            h.add(0, rate, &-times_skew(&c_nb, &l));
+            h.add(0, &self.lever_arm, &times_skew(&c_nb, &w));
         }
         Ok(())
     }
