@@ -278,6 +278,11 @@ macro_rules! whole_form {
             fn whole<'p>(&self, p: &'p [f64]) -> Option<&'p [f64]> {
                 Some(p)
             }
+            fn is_sound(&self, n: usize, p: &[f64]) -> bool {
+                // Without branches in between: they nearly always are.
+                let variances = p.iter().step_by(padded(n) + 1).take(n);
+                variances.fold(true, |all, v| all & (*v >= 0.0) & (*v < f64::INFINITY))
+            }
             fn set_block(&self, n: usize, p: &mut [f64], block: Range<usize>, value: &[f64]) {
                 set_block(n, p, block, value);
             }

@@ -66,19 +66,23 @@ impl Kind {
     /// latitude no further than a pole, a velocity below that of light, a quaternion of length one.
     #[must_use]
     pub fn is_sane(self, x: &[f64]) -> bool {
-        let is_below = |limit: f64| x.iter().all(|v| v.abs() <= limit);
-        match self {
+        let is_below = x.iter().enumerate().all(|(k, v)| v.abs() <= self.limit(k));
+        is_below && (self != Self::Attitude || is_rotation(x))
+    }
+
+    /// The largest size that number `k` of its storage can have.
+    pub(super) const fn limit(self, k: usize) -> f64 {
+        match (self, k) {
             // An ulp or two beyond the pole, from rounding, is the pole.
-            Self::Geodetic => x[0].abs() <= core::f64::consts::FRAC_PI_2 + 1e-12 && x[1].is_finite() && x[2].abs() <= FARTHEST,
-            Self::Position => is_below(FARTHEST),
-            Self::Velocity => is_below(LIGHT),
-            // 1e-3: what first-order integration leaves before it is normalised.
-            Self::Attitude => (x.iter().map(|v| v * v).sum::<f64>() - 1.0).abs() < 1e-3,
-            Self::Scalar | Self::Angle | Self::Vector(_) => x.iter().all(|v| v.is_finite()),
+            (Self::Geodetic, 0) => core::f64::consts::FRAC_PI_2 + 1e-12,
+            (Self::Geodetic, 2) | (Self::Position, _) => FARTHEST,
+            (Self::Velocity, _) => LIGHT,
+            _ => f64::MAX,
         }
     }
 
     /// x ← x ⊞ δ, `x` in storage and `delta` in tangent coordinates.
+    #[inline]
     pub fn plus(self, x: &mut [f64], delta: &[f64]) {
         match self {
             Self::Geodetic => {
@@ -116,6 +120,13 @@ impl Kind {
     }
 }
 
+/// Whether a quaternion is of length one: 1e-3 is what first-order integration leaves before it is
+/// normalised.
+#[inline]
+pub(super) fn is_rotation(q: &[f64]) -> bool {
+    (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] - 1.0).abs() < 1e-3
+}
+
 pub use so3::wrap_angle as wrap;
 
 /// A kind of block at compile time: what a [`crate::Slot`] is typed by.
@@ -138,6 +149,7 @@ pub use wgs84::Geodetic;
 impl Manifold for Geodetic {
     type Value = Self;
     const KIND: Kind = Kind::Geodetic;
+    #[inline]
     fn read(s: &[f64]) -> Self {
         Self {
             lat: s[0],
@@ -145,6 +157,7 @@ impl Manifold for Geodetic {
             height: s[2],
         }
     }
+    #[inline]
     fn write(v: &Self, s: &mut [f64]) {
         s[..3].copy_from_slice(&[v.lat, v.lon, v.height]);
     }
@@ -159,9 +172,11 @@ macro_rules! vector_kind {
         impl Manifold for $name {
             type Value = Vector3<f64>;
             const KIND: Kind = $kind;
+            #[inline]
             fn read(s: &[f64]) -> Vector3<f64> {
                 Vector3::new(s[0], s[1], s[2])
             }
+            #[inline]
             fn write(v: &Vector3<f64>, s: &mut [f64]) {
                 s[..3].copy_from_slice(v.as_slice());
             }
@@ -187,9 +202,11 @@ pub enum Attitude {}
 impl Manifold for Attitude {
     type Value = UnitQuaternion<f64>;
     const KIND: Kind = Kind::Attitude;
+    #[inline]
     fn read(s: &[f64]) -> UnitQuaternion<f64> {
         UnitQuaternion::new_unchecked(Quaternion::new(s[0], s[1], s[2], s[3]))
     }
+    #[inline]
     fn write(q: &UnitQuaternion<f64>, s: &mut [f64]) {
         s[..4].copy_from_slice(&[q.w, q.i, q.j, q.k]);
     }
@@ -204,9 +221,11 @@ macro_rules! scalar_kind {
         impl Manifold for $name {
             type Value = f64;
             const KIND: Kind = $kind;
+            #[inline]
             fn read(s: &[f64]) -> f64 {
                 s[0]
             }
+            #[inline]
             fn write(v: &f64, s: &mut [f64]) {
                 s[0] = *v;
             }
@@ -232,9 +251,11 @@ pub enum Vector<const N: usize> {}
 impl<const N: usize> Manifold for Vector<N> {
     type Value = SVector<f64, N>;
     const KIND: Kind = Kind::Vector(N);
+    #[inline]
     fn read(s: &[f64]) -> SVector<f64, N> {
         SVector::from_column_slice(&s[..N])
     }
+    #[inline]
     fn write(v: &SVector<f64, N>, s: &mut [f64]) {
         s[..N].copy_from_slice(v.as_slice());
     }

@@ -65,6 +65,7 @@ pub type Param<M> = Quantity<M>;
 impl<M: Manifold> Quantity<M> {
     /// Its value where state storage `x` is enough to know it: `None` for a signal.
     #[must_use]
+    #[inline]
     pub fn stored(&self, x: &[f64]) -> Option<M::Value> {
         match self {
             Self::Fixed(value) => Some(value.clone()),
@@ -130,6 +131,7 @@ impl<'a> View<'a> {
     }
 
     /// The value of a quantity.
+    #[inline]
     pub fn get<M: Manifold>(&self, quantity: &Quantity<M>) -> M::Value {
         match quantity {
             Quantity::Fixed(value) => value.clone(),
@@ -139,6 +141,7 @@ impl<'a> View<'a> {
     }
 
     /// The value of a state block.
+    #[inline]
     pub fn state<M: Manifold>(&self, slot: Slot<M>) -> M::Value {
         M::read(&self.x[slot.storage..])
     }
@@ -147,11 +150,13 @@ impl<'a> View<'a> {
 impl<M: Manifold> Slot<M> {
     /// Reads the block from state storage.
     #[must_use]
+    #[inline]
     pub fn read(self, x: &[f64]) -> M::Value {
         M::read(&x[self.storage..])
     }
 
     /// Writes the block into state storage.
+    #[inline]
     pub fn write(self, value: &M::Value, x: &mut [f64]) {
         M::write(value, &mut x[self.storage..]);
     }
