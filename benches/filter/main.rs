@@ -9,6 +9,7 @@
 //! `kernel/…`  the covariance alone: a prediction, an update by six rows and one by three, beside dense
 //!             matrices of 15 states and the means of `rivals.rs` of as many states
 //! `backend/…` the same steps with every chart, update and form, beside the same dense filter
+//! `unused/…`  what parts of a filter cost that do nothing: `unused.rs`
 //!
 //! Before anything is timed, both compute the same and must agree. Lines with ratios, from
 //! interleaved runs, follow each group: on a busy machine believe them rather than the times.
@@ -22,6 +23,7 @@ mod kernel;
 #[path = "../measure/mod.rs"]
 mod measure;
 mod rivals;
+mod unused;
 
 use backends::BACKENDS;
 use composed::{Composed, MARKOV, PLAIN, SCALES, fix, sample};
@@ -148,6 +150,8 @@ fn benches(c: &mut Criterion) {
     group.finish();
     let rival = &mut || dense.updates(UPDATES);
     compare(name, UPDATES, [("composed", &mut || plain.updates(UPDATES)), ("dense", rival)]);
+
+    unused::print(|| Composed::warm(PLAIN, Backend::ERROR_STATE));
 
     kernel_predict::<15, 5>();
     kernel_update::<15, 5, 6>();
