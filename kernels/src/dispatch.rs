@@ -1,7 +1,9 @@
 //! Which kernel runs.
 
 use crate::congruence::{self, Plan, Product};
+use crate::factor::{self, Reach, Shape};
 use crate::lanes::{Lanes, Plain};
+use crate::sigma;
 use crate::update;
 
 /// The instructions that a filter's arithmetic uses. There is none of a kind that this processor has not.
@@ -128,4 +130,25 @@ operations! {
     update::refine(n: usize, d: &[f64], k: &[f64], m: usize, p: &mut [f64]);
     /// X ← X − RY for m rows; R is m×m, row by row.
     update::subtract(r: &[f64], m: usize, y: &[f64], x: &mut [f64], ld: usize);
+    /// out ← ΦF of a factor F; `phi` is Φᵀ, row by row, in rows as long as the columns of F.
+    factor::through(reach: &Reach, phi: &[f64], f: &[f64], out: &mut [f64]);
+    /// sums ← Σ_k w_k c_k ∘ c_k over the first `len` columns.
+    factor::squares(len: usize, columns: &[f64], weights: &[f64], sums: &mut [f64]);
+    /// U, with a unit diagonal, and D behind it, of an array and its weights; `s` is a column's room.
+    factor::orthogonalise(shape: Shape, columns: &mut [f64], weights: &[f64], factor: &mut [f64], s: &mut [f64]);
+    /// S, with a positive diagonal, of an array whose weights are 1.
+    factor::reflect(shape: Shape, columns: &mut [f64], root: &mut [f64], s: &mut [f64]);
+    /// out ← HF of a factor F, of `rows` rows; H is zero outside `read`.
+    factor::along(n: usize, rows: usize, h: &[f64], read: &[(usize, usize)], f: &[f64], out: &mut [f64]);
+    /// out ← ABᵀ for `rows` rows of each, of `ld` numbers; those of `out` are padded.
+    factor::inner(rows: usize, a: &[f64], b: &[f64], out: &mut [f64], ld: usize);
+    /// U, and D behind it, given a row h with noise variance r, by `f` = Uᵀh; `f` and `lambda`, a padded row, are working
+    /// memory then.
+    factor::weigh(n: usize, r: f64, f: &mut [f64], factor: &mut [f64], lambda: &mut [f64]);
+    /// S given a row h with noise variance r, by `f` = Sᵀh; `scales` is working memory of two padded rows.
+    factor::rotate(n: usize, r: f64, f: &[f64], root: &mut [f64], scales: &mut [f64]);
+    /// Rows of `l` ← columns of the lower L with P = L Lᵀ; those of which nothing but rounding is left are zero.
+    sigma::root(n: usize, p: &[f64], l: &mut [f64]);
+    /// P ← P + w Σ x xᵀ over `count` padded rows of n numbers; P stays symmetric to the bit.
+    sigma::outer(n: usize, count: usize, x: &[f64], w: f64, p: &mut [f64]);
 }

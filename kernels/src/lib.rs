@@ -17,14 +17,17 @@
 
 mod congruence;
 mod dispatch;
+mod factor;
 mod lanes;
 mod lines;
 #[cfg(target_arch = "aarch64")]
 mod neon;
+mod sigma;
 mod update;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
 pub use congruence::{Plan, Product};
 pub use dispatch::Kernel;
+pub use factor::{Reach, Shape};
 pub use lines::Lines;

@@ -8,7 +8,7 @@ use core::ops::{Deref, DerefMut};
 struct Line([f64; 8]);
 
 /// A list of numbers, aligned to 64 bytes. It is read and written as a slice.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Lines {
     lines: Vec<Line>,
     len: usize,
