@@ -10,9 +10,12 @@
 //! A column of zero weight is left out, so no noise needs an inverse, and it may be of any rank.
 //! Columns of A are rows of the storage.
 
+use super::dense::axpy;
 use super::form::LARGEST;
 use super::upper;
 use crate::linear::{BlockMatrix, NoiseBlocks, Transition, padded};
+use core::ops::Range;
+use fusion_kernels::{Kernel, Shape};
 
 /// The largest negative pivot of a noise, as a part of its variance, that is left out: models compute
 /// noise by a few products, which round, and a pivot magnifies that.
@@ -20,17 +23,18 @@ const NEGLIGIBLE: f64 = 1e-6;
 
 /// Memory for the array of `n` states, out of what the form asked for.
 pub(super) struct Array<'a> {
-    n: usize,
+    kernel: Kernel,
     ld: usize,
-    /// Columns in use, the first n of the factor itself.
-    pub(super) len: usize,
+    /// States; columns in use, the first n of the factor itself; where rows begin that have one column.
+    pub(super) shape: Shape,
     /// The columns, padded.
     pub(super) columns: &'a mut [f64],
     pub(super) weights: &'a mut [f64],
     /// A column's worth of results.
     pub(super) sums: &'a mut [f64],
     noise: &'a mut [f64],
-    column: &'a mut [f64],
+    /// The noise of axes whose noises are independent of all others.
+    diagonal: &'a mut [f64],
     pub(super) rest: &'a mut [f64],
 }
 
@@ -38,111 +42,120 @@ impl<'a> Array<'a> {
     /// Numbers it takes.
     pub(super) const fn room(n: usize) -> usize {
         let ld = padded(n);
-        // 3n columns and weights, Q, a column and its sums.
+        // 3n columns and weights, Q, its diagonal and sums.
         3 * n * ld + 3 * ld + n * ld + 2 * ld
     }
 
     /// An array without columns in `extra`, of which the rest is `rest`.
-    pub(super) fn new(n: usize, extra: &'a mut [f64]) -> Self {
+    pub(super) fn new(n: usize, kernel: Kernel, extra: &'a mut [f64]) -> Self {
         let ld = padded(n);
         let (columns, extra) = extra.split_at_mut(3 * n * ld);
         let (weights, extra) = extra.split_at_mut(3 * ld);
         let (noise, extra) = extra.split_at_mut(n * ld);
-        let (column, extra) = extra.split_at_mut(ld);
+        let (diagonal, extra) = extra.split_at_mut(ld);
         let (sums, rest) = extra.split_at_mut(ld);
         Self {
-            n,
+            kernel,
             ld,
-            len: 0,
+            shape: Shape { n, len: 0, end: 0 },
             columns,
             weights,
             sums,
             noise,
-            column,
+            diagonal,
             rest,
         }
     }
 
     /// Φ F, and the columns of both noises; false where a noise is none, or a variance of the result
-    /// would overflow or not be a number. `split` makes a column's stored diagonal element into the
-    /// factor's own and the weight.
-    pub(super) fn transition(&mut self, p: &[f64], t: &Transition, split: impl Fn(f64) -> (f64, f64)) -> bool {
-        self.factor(p, &t.phi, split);
-        self.noise(&t.before, Some(&t.phi)) && self.noise(&t.after, None) && self.is_finite()
+    /// would overflow or not be a number. Where there are no `weights`, those of the noises are taken into
+    /// their columns.
+    pub(super) fn transition(&mut self, f: &[f64], weights: Option<&[f64]>, t: &Transition) -> bool {
+        self.factor(f, weights, &t.phi);
+        let unite = weights.is_none();
+        self.noise(&t.before, Some(&t.phi), unite) && self.noise(&t.after, None, unite) && self.is_finite()
     }
 
     /// J F.
-    pub(super) fn factor(&mut self, p: &[f64], j: &BlockMatrix, split: impl Fn(f64) -> (f64, f64)) {
-        self.len = 0;
-        for (k, stored) in p.chunks_exact(self.ld).enumerate() {
-            let (own, weight) = split(stored[k]);
-            self.column.copy_from_slice(stored);
-            self.column[k] = own;
-            self.push(k, Some(j), weight);
+    pub(super) fn factor(&mut self, f: &[f64], weights: Option<&[f64]>, j: &BlockMatrix) {
+        let (map, reach) = j.reached();
+        self.kernel.through(reach, map, f, self.columns);
+        let n = self.shape.n;
+        match weights {
+            Some(weights) => self.weights[..n].copy_from_slice(&weights[..n]),
+            None => self.weights[..n].fill(1.0),
         }
+        (self.shape.len, self.shape.end) = (n, reach.end());
     }
 
     /// The columns of a factor of Q, through `phi` where there is one; false where Q has a negative
     /// eigenvalue, or an element that is too large or not a number.
-    fn noise(&mut self, q: &NoiseBlocks, phi: Option<&BlockMatrix>) -> bool {
+    fn noise(&mut self, q: &NoiseBlocks, phi: Option<&BlockMatrix>, unite: bool) -> bool {
         let is_noise = |&(i, j, v): &(u16, u16, f64)| v.abs() < LARGEST && (i != j || v >= 0.0);
         if !q.entries.iter().all(is_noise) {
             return false;
         }
-        if q.entries.is_empty() {
-            return true;
-        }
-        self.noise.fill(0.0);
+        let (n, ld) = (self.shape.n, self.ld);
+        let apart = q.entries.iter().filter(|e| e.0 != e.1);
+        let (first, end) = apart.fold((n, 0), |(first, end), &(i, j, _)| {
+            (first.min(i.min(j).into()), end.max(usize::from(i.max(j)) + 1))
+        });
+        let coupled = first.min(end)..end;
+        self.noise[coupled.start * ld..coupled.end * ld].fill(0.0);
+        self.diagonal.fill(0.0);
         for &(i, j, value) in q.entries.iter().filter(|e| e.0 <= e.1) {
-            self.noise[usize::from(j) * self.ld + usize::from(i)] += value;
+            let (i, j) = (usize::from(i), usize::from(j));
+            if coupled.contains(&j) {
+                self.noise[j * ld + i] += value;
+            } else {
+                self.diagonal[j] += value;
+            }
         }
-        let worst = upper::factor(self.n, self.noise, 0..self.n);
-        for k in 0..self.n {
-            let stored = &self.noise[k * self.ld..(k + 1) * self.ld];
-            let weight = stored[k];
+        let worst = upper::factor(n, self.noise, coupled.clone());
+        for k in 0..n {
+            let weight = if coupled.contains(&k) {
+                self.noise[k * ld + k]
+            } else {
+                self.diagonal[k]
+            };
             if weight > 0.0 {
-                self.column.copy_from_slice(stored);
-                self.column[k] = 1.0;
-                self.push(k, phi, weight);
+                let above = if coupled.contains(&k) { coupled.start..k } else { k..k };
+                self.push(k, above, phi, weight, unite);
             }
         }
         worst <= NEGLIGIBLE
     }
 
-    /// Adds Φ times `self.column`, whose last element is that of state k.
-    fn push(&mut self, k: usize, phi: Option<&BlockMatrix>, weight: f64) {
-        let out = &mut self.columns[self.len * self.ld..(self.len + 1) * self.ld];
-        out.copy_from_slice(self.column);
+    /// Adds Φ times e_k and what `noise` has of column k in the axes `above`.
+    fn push(&mut self, k: usize, above: Range<usize>, phi: Option<&BlockMatrix>, weight: f64, unite: bool) {
+        let (ld, Shape { len, end, .. }) = (self.ld, self.shape);
+        let out = &mut self.columns[len * ld..(len + 1) * ld];
+        let part = &self.noise[k * ld..k * ld + k];
         if let Some(phi) = phi {
-            phi.active_rows(self.column, k + 1, out);
-        }
-        self.weights[self.len] = weight;
-        self.len += 1;
-    }
-
-    /// Takes the weights into the columns.
-    pub(super) fn unite(&mut self) {
-        for (column, weight) in self.columns.chunks_exact_mut(self.ld).zip(&mut *self.weights).take(self.len) {
-            if *weight != 1.0 {
-                let root = weight.sqrt();
-                column.iter_mut().for_each(|c| *c *= root);
-                *weight = 1.0;
+            let (map, _) = phi.reached();
+            out.copy_from_slice(&map[k * ld..(k + 1) * ld]);
+            for i in above {
+                axpy(part[i], &map[i * ld..(i + 1) * ld], out);
             }
+        } else {
+            out.fill(0.0);
+            out[above.clone()].copy_from_slice(&part[above]);
+            out[k] = 1.0;
         }
+        self.weights[len] = weight;
+        if unite {
+            let root = weight.sqrt();
+            out.iter_mut().for_each(|c| *c *= root);
+            self.weights[len] = 1.0;
+        }
+        (self.shape.len, self.shape.end) = (len + 1, end.max(k + 1));
     }
 
     /// Whether no variance of P⁺ overflows, is negative or is not a number.
     fn is_finite(&mut self) -> bool {
-        self.sums.fill(0.0);
-        for (column, weight) in self.columns.chunks_exact(self.ld).zip(&*self.weights).take(self.len) {
-            if weight.is_nan() || *weight < 0.0 {
-                return false;
-            }
-            for (sum, c) in self.sums.iter_mut().zip(column) {
-                *sum += weight * c * c;
-            }
-        }
+        let Shape { n, len, .. } = self.shape;
+        self.kernel.squares(len, self.columns, self.weights, self.sums);
         // A comparison with what is not a number is false.
-        self.sums.iter().all(|sum| *sum < LARGEST)
+        self.weights[..n].iter().all(|w| *w >= 0.0) && self.sums.iter().all(|sum| *sum < LARGEST)
     }
 }

@@ -32,8 +32,9 @@ pub(super) fn stack(n: usize) -> usize {
 
 /// S, upper triangular with a positive diagonal, of A = Q R into `p`, with the states in reverse
 /// order, so that Rᵀ is S from the last state up.
-pub(super) fn triangularise(n: usize, p: &mut [f64], a: &mut Array<'_>, stack: &mut [MaybeUninit<f64>]) {
-    let (ld, len) = (padded(n), a.len);
+pub(super) fn triangularise(p: &mut [f64], a: &mut Array<'_>, stack: &mut [MaybeUninit<f64>]) {
+    let (n, len) = (a.shape.n, a.shape.len);
+    let ld = padded(n);
     let (transposed, coefficients) = a.rest.split_at_mut(padded(rows(n)) * n);
     for (k, column) in a.columns.chunks_exact(ld).enumerate().take(len) {
         for (out, value) in transposed.chunks_exact_mut(len).zip(column[..n].iter().rev()) {

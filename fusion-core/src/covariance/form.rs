@@ -119,7 +119,7 @@ pub struct Workspace {
     /// Whether `kt` is the optimal gain of what is here.
     is_optimal: bool,
     /// What the form asked for.
-    pub extra: Vec<f64>,
+    pub extra: Lines,
     /// Memory without contents that the form asked for.
     pub(super) stack: Vec<MaybeUninit<f64>>,
     pub(super) dense: Scratch,
@@ -140,7 +140,7 @@ impl Workspace {
             kt: Lines::zeros(m * ld),
             u: Lines::zeros(m * ld),
             is_optimal: false,
-            extra: vec![0.0; form.workspace(n, m)],
+            extra: Lines::zeros(form.workspace(n, m)),
             stack: vec![MaybeUninit::new(0.0); form.stack(n, m)],
             dense: Scratch::new(n, m),
         }

@@ -157,8 +157,9 @@ fn a_million_steps_of_mixed_ratios_leave_factored_forms_positive_and_joseph_says
         }
     }
     for run in &runs[..2] {
-        // The diagonal of U D Uᵀ and of S: P is positive definite where all of it is.
+        // The diagonals of U and of S, and D: P is positive definite where all of it is.
         assert!((0..n).all(|k| run.p.p[k * (padded(n) + 1)] > 0.0));
+        assert!(run.p.p[n * padded(n)..].iter().take(n).all(|d| *d > 0.0));
         assert_eq!(run.dense(), run.dense().transpose());
     }
     // What is refused is an event of the filter, `Unusable`; P stays as it was.
@@ -197,14 +198,13 @@ impl Exact {
     }
 }
 
-#[test]
-fn factored_forms_match_double_double_arithmetic_where_joseph_has_lost_half_its_digits() {
+/// How far udu, square_root and joseph are from double-double arithmetic after a thousand steps.
+fn off(seed: u64) -> [f64; 3] {
     let mut runs = [FormKind::Udu, FormKind::SquareRoot, FormKind::Joseph].map(|kind| Bare::new(kind.form(), 3, 1));
     let [zero, one] = [0.0, 1.0].map(Double::from);
     let mut exact = Exact(core::array::from_fn(|i| core::array::from_fn(|j| if i == j { one } else { zero })));
-    let mut random = Lcg::new(3);
+    let mut random = Lcg::new(seed);
     let mut off = [0.0_f64; 3];
-    let mut refused = 0;
     for step in 0..1000 {
         if step % 4 == 0 {
             let q = [1e-3, 1e-4, 1e-6];
@@ -216,14 +216,23 @@ fn factored_forms_match_double_double_arithmetic_where_joseph_has_lost_half_its_
         exact.update(&h, r);
         let wanted = DMatrix::from_fn(3, 3, |i, j| f64::from(exact.0[i][j]));
         for (run, off) in runs.iter_mut().zip(&mut off) {
-            refused += usize::from(!run.update(&h, &[r]));
+            assert!(run.update(&h, &[r]));
             *off = off.max(apart(&run.dense(), &wanted));
         }
     }
+    off
+}
 
-    assert_eq!(refused, 0);
-    // 1e-13: a few hundred roundings. Joseph's adds and subtracts variances that an accurate
-    // measurement makes 1e9 times smaller.
-    assert!(off[0] < 1e-13 && off[1] < 1e-13, "{off:?}");
-    assert!(off[2] > 1e-10, "{off:?}");
+#[test]
+fn factored_forms_match_double_double_arithmetic_where_joseph_has_lost_half_its_digits() {
+    let all: Vec<_> = (1..20).map(off).collect();
+    let median = |form: usize| {
+        let mut off: Vec<f64> = all.iter().map(|off| off[form]).collect();
+        off.sort_by(f64::total_cmp);
+        off[off.len() / 2]
+    };
+    // 1e-13: a few hundred roundings; the worst step of a thousand is chance. Joseph's adds and subtracts
+    // variances that an accurate measurement makes 1e9 times smaller.
+    assert!(median(0) < 1e-13 && median(1) < 1e-13, "{all:?}");
+    assert!(median(2) > 1e-10, "{all:?}");
 }

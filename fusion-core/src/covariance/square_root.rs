@@ -10,11 +10,12 @@
 //! Storage      columns of S, see `upper`
 
 use super::array::Array;
-use super::upper::{self, add, along};
+use super::upper;
 use super::{Form, Workspace, faer};
 use crate::linear::{BlockMatrix, Jacobian, Transition, padded};
 use core::mem::MaybeUninit;
 use core::ops::Range;
+use fusion_kernels::Kernel;
 
 /// S Sᵀ by orthogonal transformations: positive by construction.
 #[derive(Clone, Copy, Debug)]
@@ -31,16 +32,10 @@ impl Default for SquareRoot {
     }
 }
 
-/// Measured by `cargo bench --bench forms`: with a Φ without zeros both kernels are equally fast at 70
-/// states and `faer` is 1.4 times as fast at 150; with three fifths of the states moving they are
-/// equally fast at 300, which are 60 more that move. As its last bits are those of the processor's
-/// kind, it is used where it is clearly faster.
-const CROSSOVER: usize = 100;
-
-/// The diagonal of S as it is stored, and columns of weight one.
-const fn whole(s: f64) -> (f64, f64) {
-    (s, 1.0)
-}
+/// Measured by `cargo bench --bench forms`: with a Φ without zeros both are equally fast at about 250 states,
+/// and `faer` is 1.2 times as fast at 300; with three fifths of the states moving, 60 more than stand still,
+/// it is no faster at 300. As its last bits are those of the processor's kind, it is used where it is faster.
+const CROSSOVER: usize = 250;
 
 impl Form for SquareRoot {
     fn name(&self) -> &'static str {
@@ -52,7 +47,7 @@ impl Form for SquareRoot {
     }
 
     fn workspace(&self, n: usize, m: usize) -> usize {
-        (Array::room(n) + if n >= self.faer_from { faer::room(n) } else { 0 }).max((m + 1) * padded(n) + m * m)
+        (Array::room(n) + if n >= self.faer_from { faer::room(n) } else { 0 }).max(upper::room(n, m))
     }
 
     fn stack(&self, n: usize, _: usize) -> usize {
@@ -60,7 +55,7 @@ impl Form for SquareRoot {
     }
 
     fn element(&self, n: usize, p: &[f64], i: usize, j: usize) -> f64 {
-        upper::element(n, p, i, j, |s| s, |_| 1.0)
+        upper::element(n, p, None, i, j)
     }
 
     fn set_block(&self, n: usize, p: &mut [f64], block: Range<usize>, value: &[f64]) {
@@ -85,107 +80,49 @@ impl Form for SquareRoot {
     }
 
     fn predict(&self, n: usize, p: &mut [f64], t: &Transition, w: &mut Workspace) -> bool {
-        let mut array = Array::new(n, &mut w.extra);
-        let is_sound = array.transition(p, t, whole);
+        let mut array = Array::new(n, w.kernel, &mut w.extra);
+        let is_sound = array.transition(p, None, t);
         if is_sound {
-            self.triangularise(n, p, &mut array, &t.phi, &mut w.stack);
+            self.triangularise(p, &mut array, &t.phi, w.kernel, &mut w.stack);
         }
         is_sound
     }
 
     fn congruence(&self, n: usize, p: &mut [f64], j: &BlockMatrix, w: &mut Workspace) {
-        let mut array = Array::new(n, &mut w.extra);
-        array.factor(p, j, whole);
-        self.triangularise(n, p, &mut array, j, &mut w.stack);
+        let mut array = Array::new(n, w.kernel, &mut w.extra);
+        array.factor(p, None, j);
+        self.triangularise(p, &mut array, j, w.kernel, &mut w.stack);
     }
 
     fn project(&self, n: usize, p: &[f64], h: &Jacobian, w: &mut Workspace) {
-        upper::project(n, p, h, w, whole);
+        upper::project(n, p, None, h, w);
     }
 
     fn condition(&self, n: usize, p: &mut [f64], h: &Jacobian, r: &[f64], w: &mut Workspace) {
-        let (m, ld) = (h.rows(), padded(n));
+        let (m, ld, kernel) = (h.rows(), padded(n), w.kernel);
         let (rows, rest) = w.extra.split_at_mut(m * ld);
-        let (gain, variances) = rest.split_at_mut(ld);
+        let (f, rest) = rest.split_at_mut(ld);
+        let (scales, variances) = rest.split_at_mut(2 * ld);
         upper::whiten(h, r, rows, variances);
         for (i, row) in rows.chunks_exact(ld).enumerate() {
-            condition_on_one(n, p, row, h.columns(), variances[i * m + i].sqrt(), gain);
+            kernel.along(n, 1, row, h.columns(), p, f);
+            kernel.rotate(n, variances[i * m + i], f, p, scales);
         }
     }
 
-    fn is_positive(&self, n: usize, p: &[f64], _: &mut Workspace) -> bool {
-        (0..n).all(|i| self.element(n, p, i, i).is_finite())
+    fn is_positive(&self, n: usize, p: &[f64], w: &mut Workspace) -> bool {
+        upper::is_finite(n, p, None, w)
     }
 }
 
 impl SquareRoot {
     /// Makes the array of `phi` triangular; S of it into `p`.
-    fn triangularise(&self, n: usize, p: &mut [f64], a: &mut Array<'_>, phi: &BlockMatrix, w: &mut [MaybeUninit<f64>]) {
-        a.unite();
+    fn triangularise(&self, p: &mut [f64], a: &mut Array<'_>, phi: &BlockMatrix, kernel: Kernel, w: &mut [MaybeUninit<f64>]) {
         if (2 * phi.active().len()).saturating_sub(phi.dim()) >= self.faer_from {
-            faer::triangularise(n, p, a, w);
+            faer::triangularise(p, a, w);
         } else {
-            reflect(n, p, a);
+            kernel.reflect(a.shape, a.columns, p, a.sums);
         }
-    }
-}
-
-/// Reflections that make the array triangular, the last state first.
-///
-/// A reflection makes the row of state j zero in all columns that are not done, but column j, which
-/// is then done. Each state is a position in the columns, so that a reflection acts on the rows of
-/// all other states at once. Elements that are zero cost a comparison.
-fn reflect(n: usize, p: &mut [f64], a: &mut Array<'_>) {
-    let (ld, len) = (padded(n), a.len);
-    for j in (0..n).rev() {
-        // In fours, for the processor; what is beyond j belongs to states that are done, and to nobody.
-        let end = j.next_multiple_of(4);
-        let others = || (0..j).chain(n..len);
-        let own = a.columns[j * ld + j];
-        let rest: f64 = others().map(|k| a.columns[k * ld + j] * a.columns[k * ld + j]).sum();
-        let norm = (own * own + rest).sqrt();
-        let mut sign = if own < 0.0 { -1.0 } else { 1.0 };
-        if rest > 0.0 {
-            // I − v vᵀ/scale with v = x + sign |x| e_j takes x to −sign |x| e_j; scale = |v|²/2.
-            let scale = norm * (norm + own.abs());
-            a.columns[j * ld + j] = own + sign * norm;
-            let sums = &mut a.sums[..end];
-            sums.fill(0.0);
-            for k in others().chain([j]) {
-                let column = &a.columns[k * ld..(k + 1) * ld];
-                if column[j] != 0.0 {
-                    add(column[j], &column[..end], sums);
-                }
-            }
-            sums.iter_mut().for_each(|s| *s /= scale);
-            for k in others().chain([j]) {
-                let column = &mut a.columns[k * ld..(k + 1) * ld];
-                if column[j] != 0.0 {
-                    add(-column[j], sums, &mut column[..end]);
-                }
-            }
-            sign = -sign;
-        }
-        // The diagonal of S is positive: column j by its sign.
-        for (out, value) in p[j * ld..j * ld + j].iter_mut().zip(&a.columns[j * ld..]) {
-            *out = sign * value;
-        }
-        p[j * ld + j] = norm;
-    }
-}
-
-/// One row h of H with noise of standard deviation ρ: rotations of the noise's column with those of
-/// S, the first first, take hS to zero; `gain` is the rest of the noise's column.
-fn condition_on_one(n: usize, p: &mut [f64], h: &[f64], ranges: &[(usize, usize)], mut rho: f64, gain: &mut [f64]) {
-    gain[..n].fill(0.0);
-    for (k, column) in p.chunks_exact_mut(padded(n)).enumerate() {
-        let f = along(column, k, column[k], h, ranges);
-        if f == 0.0 {
-            continue;
-        }
-        let norm = (rho * rho + f * f).sqrt();
-        rotate(rho / norm, f / norm, &mut gain[..=k], &mut column[..=k]);
-        rho = norm;
     }
 }
 

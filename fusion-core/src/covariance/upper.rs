@@ -58,49 +58,44 @@ pub(super) fn factor(n: usize, a: &mut [f64], block: Range<usize>) -> f64 {
     worst
 }
 
-/// Σ_k F_ik w_k F_jk of the factor F, from each column's stored diagonal element: F's own, and w.
-pub(super) fn element(n: usize, p: &[f64], i: usize, j: usize, own: impl Fn(f64) -> f64, weight: impl Fn(f64) -> f64) -> f64 {
+/// Σ_k F_ik w_k F_jk of the factor F with `weights`, or with ones.
+pub(super) fn element(n: usize, f: &[f64], weights: Option<&[f64]>, i: usize, j: usize) -> f64 {
     let ld = padded(n);
-    let at = |row: usize, k: usize| {
-        let value = p[k * ld + row];
-        if row == k { own(value) } else { value }
-    };
-    (i.max(j)..n).map(|k| weight(p[k * ld + k]) * (at(i, k) * at(j, k))).sum()
+    let term = |k: usize| weights.map_or(1.0, |w| w[k]) * (f[k * ld + i] * f[k * ld + j]);
+    (i.max(j)..n).map(term).sum()
 }
 
-/// (Fᵀh)_k: column k of the factor, whose diagonal element is `own`, times a row of H.
-pub(super) fn along(column: &[f64], k: usize, own: f64, h: &[f64], ranges: &[(usize, usize)]) -> f64 {
-    let mut sum = h[k] * own;
-    for &(start, end) in ranges {
-        for i in start..end.min(k) {
-            sum += column[i] * h[i];
-        }
-    }
-    sum
+/// Whether the variances of F W Fᵀ are finite; `weights` are none where they are ones.
+pub(super) fn is_finite(n: usize, f: &[f64], weights: Option<&[f64]>, w: &mut Workspace) -> bool {
+    let ld = padded(n);
+    let (sums, ones) = w.extra[..2 * ld].split_at_mut(ld);
+    ones.fill(1.0);
+    w.kernel.squares(n, f, weights.unwrap_or(ones), sums);
+    sums[..n].iter().all(|v| v.is_finite())
 }
 
-/// HP and HPHᵀ of P = F W Fᵀ; `split` makes a column's stored diagonal element into F's own and W's.
-pub(super) fn project(n: usize, p: &[f64], h: &Jacobian, w: &mut Workspace, split: impl Fn(f64) -> (f64, f64)) {
-    let (m, ld) = (h.rows(), padded(n));
-    for i in 0..m {
-        let (along_h, out) = (&mut w.extra[i * ld..(i + 1) * ld], &mut w.hp[i * ld..(i + 1) * ld]);
-        out.fill(0.0);
-        for (k, column) in p.chunks_exact(ld).enumerate() {
-            let (own, weight) = split(column[k]);
-            let f = along(column, k, own, h.row(i), h.columns());
-            along_h[k] = f;
-            let v = weight * f;
-            if v != 0.0 {
-                axpy(v, &column[..k], &mut out[..k]);
-                out[k] += v * own;
-            }
+/// Numbers that [`project`] and the updates of a factor take.
+pub(super) fn room(n: usize, m: usize) -> usize {
+    (2 * m).max(m + 3) * padded(n) + m * padded(m)
+}
+
+/// HP and HPHᵀ of P = F W Fᵀ; `weights` are none where they are ones.
+pub(super) fn project(n: usize, f: &[f64], weights: Option<&[f64]>, h: &Jacobian, w: &mut Workspace) {
+    let (m, ld, kernel) = (h.rows(), padded(n), w.kernel);
+    let (along, rest) = w.extra.split_at_mut(m * ld);
+    let (weighed, square) = rest.split_at_mut(m * ld);
+    kernel.along(n, m, h.padded_rows(), h.columns(), f, along);
+    weighed.copy_from_slice(along);
+    if let Some(weights) = weights {
+        for row in weighed.chunks_exact_mut(ld) {
+            row.iter_mut().zip(weights).for_each(|(v, w)| *v *= w);
         }
     }
+    kernel.project(m, weighed, &[(0, n)], f, &mut w.hp, ld);
+    kernel.inner(m, along, weighed, square, ld);
     for (i, j) in (0..m).flat_map(|i| (0..=i).map(move |j| (i, j))) {
-        let (a, b) = (&w.extra[i * ld..], &w.extra[j * ld..]);
-        let sum = (0..n).map(|k| a[k] * split(p[k * ld + k]).1 * b[k]).sum();
-        w.hph[i * m + j] = sum;
-        w.hph[j * m + i] = sum;
+        w.hph[i * m + j] = square[i * padded(m) + j];
+        w.hph[j * m + i] = square[i * padded(m) + j];
     }
 }
 
@@ -144,15 +139,6 @@ pub(super) fn whiten(h: &Jacobian, r: &[f64], rows: &mut [f64], variances: &mut 
         let d = &mut variances[i * m + i];
         if d.abs() <= ROUNDING * r[i * m + i].abs() {
             *d = 0.0;
-        }
-    }
-}
-
-/// y += factor · x, of a length that is a multiple of four.
-pub(super) fn add(factor: f64, x: &[f64], y: &mut [f64]) {
-    for (y, x) in y.as_chunks_mut::<4>().0.iter_mut().zip(x.as_chunks::<4>().0) {
-        for (y, x) in y.iter_mut().zip(x) {
-            *y += factor * x;
         }
     }
 }

@@ -4,7 +4,7 @@ use super::padded;
 use crate::memory::{Memory, Tape};
 use crate::state::{Slot, Tangent};
 use core::ops::Range;
-use fusion_kernels::{Lines, Plan};
+use fusion_kernels::{Lines, Plan, Reach};
 use nalgebra::SMatrix;
 
 /// A square block-sparse map, identity where nothing is written.
@@ -25,6 +25,7 @@ pub struct BlockMatrix {
     ends: Vec<usize>,
     /// How the kernels go through it.
     plan: Plan,
+    reach: Reach,
     /// `rows` in one list, as it is remembered: row, start, end.
     pattern: Vec<u8>,
     /// What a step writes, block by block.
@@ -130,6 +131,7 @@ impl BlockMatrix {
             elements: Vec::new(),
             ends: Vec::new(),
             plan: Plan::new(&vec![Vec::new(); n]),
+            reach: Reach::new(&vec![Vec::new(); n]),
             pattern: Vec::new(),
             script: Script::default(),
         };
@@ -292,6 +294,7 @@ impl BlockMatrix {
             self.ends.push(self.elements.len());
         }
         self.plan = Plan::new(&self.rows);
+        self.reach = Reach::new(&self.rows);
         self.pattern.clear();
         for (&i, ranges) in self.active.iter().map(|i| (i, &self.rows[usize::from(*i)])) {
             let numbers = ranges.iter().flat_map(|&(start, end)| [i, start, end]);
@@ -329,14 +332,6 @@ impl BlockMatrix {
         })
     }
 
-    /// The active rows of M x into `out`, of an `x` that is zero from `end` on.
-    pub(crate) fn active_rows(&self, x: &[f64], end: usize, out: &mut [f64]) {
-        for (&i, elements) in self.active.iter().zip(self.elements()) {
-            let read = elements.iter().filter(|e| usize::from(e.column) < end);
-            out[usize::from(i)] = read.map(|e| self.value(e) * x[usize::from(e.column)]).sum();
-        }
-    }
-
     /// Rows that may differ from the identity, in order.
     pub(crate) fn active(&self) -> &[u16] {
         &self.active
@@ -345,6 +340,11 @@ impl BlockMatrix {
     /// Its transpose in padded rows, and how the kernels go through it.
     pub(crate) fn transposed(&self) -> (&[f64], &Plan) {
         (&self.data, &self.plan)
+    }
+
+    /// The same, and how the kernels go through it with a factor.
+    pub(crate) fn reached(&self) -> (&[f64], &Reach) {
+        (&self.data, &self.reach)
     }
 
     /// What active rows read, row by row.
