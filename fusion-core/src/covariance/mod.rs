@@ -219,18 +219,6 @@ impl Covariance {
         (0..n * n).map(|k| self.form.element(n, &self.p, k / n, k % n)).collect()
     }
 
-    /// The same into `out`.
-    pub(crate) fn write_dense(&self, out: &mut [f64]) {
-        let n = self.n;
-        for i in 0..n {
-            for j in 0..=i {
-                let value = self.form.element(n, &self.p, i, j);
-                out[i * n + j] = value;
-                out[j * n + i] = value;
-            }
-        }
-    }
-
     /// Gives `block` the covariance `value`, d×d, row by row, and forgets what it knows of the others.
     pub fn set_block(&mut self, block: &Block, value: &[f64]) {
         self.set_axes(block.tangent_range(), value);

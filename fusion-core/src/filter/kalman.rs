@@ -298,8 +298,8 @@ impl Filter {
         self.transition.settle(|axis| covariance.marginal_at::<1>(axis).x);
         let (n, storage) = (self.layout.dim(), self.layout.storage());
         let reach = spread.reach(n);
-        let points = &mut self.work.points;
-        points.prepare(n, n, storage);
+        let (kernel, points) = (self.work.work.kernel, &mut self.work.points);
+        points.prepare(kernel, n, n, storage);
         points.take(covariance, self.transition.noise_before());
         let (process, own, layout, chart) = (&self.process, &self.own, &self.layout, &self.chart);
         let run = |x: &mut [f64]| {

@@ -11,8 +11,8 @@
 //! Source     Julier and Uhlmann 2004; scaled set: Julier 2002; on manifolds: Brossard, Barrau,
 //!            Bonnabel 2019 (arXiv 2002.00878)
 
-use crate::covariance::Covariance;
-use crate::linear::{BlockMatrix, Transition};
+use crate::covariance::{Covariance, Kernel, Lines, axpy};
+use crate::linear::{BlockMatrix, Transition, padded};
 
 /// How the sigma points are spread: the scaled set.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,22 +46,29 @@ impl Default for Spread {
     }
 }
 
-/// Memory of a rule that draws sigma points; sized when they are first drawn.
+/// Memory of a rule that draws sigma points; sized when they are first drawn. Rows are padded.
 #[derive(Clone, Debug, Default)]
 pub struct SigmaPoints {
+    pub(super) kernel: Kernel,
     pub(super) n: usize,
-    /// L, lower, n×n, row by row.
-    pub(super) factor: Vec<f64>,
+    /// The length of a row of n numbers, and of the m numbers of a function.
+    pub(super) ld: usize,
+    pub(super) lm: usize,
+    /// Lᵀ, n×n: row i is L_i.
+    pub(super) factor: Lines,
     /// A correction to a point; what becomes of the points of a pair.
     pub(super) delta: Vec<f64>,
     pub(super) ends: [Vec<f64>; 2],
     /// φ_i and e_i, row after row.
-    pub(super) odd: Vec<f64>,
-    pub(super) even: Vec<f64>,
+    pub(super) odd: Lines,
+    pub(super) even: Lines,
     /// μ.
-    pub(super) mean: Vec<f64>,
-    /// A covariance, row by row, or the noise of second order.
-    pub(super) spread: Vec<f64>,
+    pub(super) mean: Lines,
+    /// What is of second order, m×m.
+    pub(super) spread: Lines,
+    /// A covariance, n×n; the same without padding.
+    pub(super) whole: Lines,
+    dense: Vec<f64>,
     /// A state, and what x̂ becomes.
     pub(super) x: Vec<f64>,
     pub(super) centre: Vec<f64>,
@@ -69,54 +76,44 @@ pub struct SigmaPoints {
 
 impl SigmaPoints {
     /// Room for functions of `m` numbers over `n` dimensions and states of `storage` numbers.
-    pub(super) fn prepare(&mut self, n: usize, m: usize, storage: usize) {
-        self.n = n;
-        let fit = |v: &mut Vec<f64>, length: usize| {
-            if v.len() < length {
-                v.resize(length, 0.0);
+    pub(super) fn prepare(&mut self, kernel: Kernel, n: usize, m: usize, storage: usize) {
+        (self.kernel, self.n, self.ld, self.lm) = (kernel, n, padded(n), padded(m));
+        let fit = |lines: &mut Lines, length: usize| {
+            if lines.len() < length {
+                *lines = Lines::zeros(length);
             }
         };
-        fit(&mut self.factor, n * n);
-        fit(&mut self.delta, n.max(m));
-        fit(&mut self.ends[0], n.max(m));
-        fit(&mut self.ends[1], n.max(m));
-        fit(&mut self.odd, n * n.max(m));
-        fit(&mut self.even, n * n.max(m));
-        fit(&mut self.mean, n.max(m));
-        fit(&mut self.spread, n.max(m) * n.max(m));
+        let rows = n.max(m) * self.ld.max(self.lm);
+        for lines in [&mut self.factor, &mut self.odd, &mut self.even, &mut self.spread, &mut self.whole] {
+            fit(lines, rows);
+        }
+        fit(&mut self.mean, self.ld.max(self.lm));
+        let longest = n.max(m);
+        for list in self.ends.iter_mut().chain([&mut self.delta]) {
+            list.resize(longest.max(list.len()), 0.0);
+        }
+        self.dense.resize(n * n, 0.0);
         self.x.resize(storage, 0.0);
         self.centre.resize(storage, 0.0);
     }
 
     /// L of P and what is added to it; the axis of a variance that is zero, up to rounding, has no points.
     pub(super) fn take(&mut self, covariance: &Covariance, added: impl Iterator<Item = (usize, usize, f64)>) {
-        let n = self.n;
-        let p = &mut self.spread[..n * n];
-        covariance.write_dense(p);
-        added.for_each(|(i, j, q)| p[i * n + j] += q);
-        let l = &mut self.factor[..n * n];
-        for j in 0..n {
-            let own: f64 = l[j * n..j * n + j].iter().map(|v| v * v).sum();
-            let pivot = p[j * n + j] - own;
-            // 1e-14: what rounding leaves of a variance that others explain.
-            let root = if pivot > 1e-14 * p[j * n + j] { pivot.sqrt() } else { 0.0 };
-            l[j * n + j] = root;
-            l[j * n + j + 1..(j + 1) * n].fill(0.0);
-            for i in j + 1..n {
-                let (above, row) = l.split_at_mut(i * n);
-                let along: f64 = row[..j].iter().zip(&above[j * n..j * n + j]).map(|(a, b)| a * b).sum();
-                row[j] = if root > 0.0 { (p[i * n + j] - along) / root } else { 0.0 };
-            }
+        let (n, ld) = (self.n, self.ld);
+        for (i, j) in (0..n).flat_map(|i| (0..=i).map(move |j| (i, j))) {
+            let value = covariance.element(i, j);
+            self.whole[i * ld + j] = value;
+            self.whole[j * ld + i] = value;
         }
+        added.for_each(|(i, j, q)| self.whole[i * ld + j] += q);
+        self.kernel.root(n, &self.whole, &mut self.factor);
     }
 
     /// `delta` ← `reach` L_i; false where it is zero.
     pub(super) fn point(&mut self, i: usize, reach: f64) -> bool {
-        let n = self.n;
-        for k in 0..n {
-            self.delta[k] = reach * self.factor[k * n + i];
-        }
-        self.factor[i * n + i] > 0.0
+        let column = &self.factor[i * self.ld..i * self.ld + self.n];
+        self.delta.iter_mut().zip(column).for_each(|(d, l)| *d = reach * l);
+        column[i] > 0.0
     }
 
     /// φ_i and e_i of `m` numbers from the ends of pair i; zero for a pair that is not there.
@@ -128,45 +125,45 @@ impl SigmaPoints {
             } else {
                 (0.0, 0.0)
             };
-            self.odd[i * m + k] = odd;
-            self.even[i * m + k] = even;
+            self.odd[i * self.lm + k] = odd;
+            self.even[i * self.lm + k] = even;
+        }
+        for row in [&mut self.odd, &mut self.even] {
+            row[i * self.lm + m..(i + 1) * self.lm].fill(0.0);
         }
     }
 
     /// μ from the even parts, and what they add to the covariance into `spread`, m×m.
     pub(super) fn second_order(&mut self, m: usize, reach: f64, set: &Spread) {
-        let (n, w) = (self.n, 1.0 / (2.0 * reach * reach));
-        self.mean[..m].fill(0.0);
-        for even in self.even[..n * m].chunks_exact(m) {
-            self.mean.iter_mut().zip(even).for_each(|(mean, e)| *mean += 2.0 * w * e);
+        let (n, lm, w) = (self.n, self.lm, 1.0 / (2.0 * reach * reach));
+        let mean = &mut self.mean[..lm];
+        mean.fill(0.0);
+        for even in self.even.chunks_exact(lm).take(n) {
+            axpy(2.0 * w, even, mean);
         }
-        for a in 0..m {
-            for b in 0..=a {
-                let pairs = self.even[..n * m].chunks_exact(m);
-                let sum: f64 = pairs.map(|e| e[a] * e[b]).sum();
-                let value = 2.0 * w * sum + (set.beta - set.alpha * set.alpha) * self.mean[a] * self.mean[b];
-                self.spread[a * m + b] = value;
-                self.spread[b * m + a] = value;
-            }
-        }
+        let spread = &mut self.spread[..m * lm];
+        spread.fill(0.0);
+        self.kernel.outer(m, n, &self.even, 2.0 * w, spread);
+        self.kernel.outer(m, 1, mean, set.beta - set.alpha * set.alpha, spread);
     }
 
     /// Carries odd parts, and what is of second order, by a map of their space.
     pub(super) fn carry(&mut self, by: &BlockMatrix) {
-        let n = self.n;
-        for i in 0..n {
-            by.apply(&self.odd[i * n..(i + 1) * n], &mut self.delta[..n]);
-            self.odd[i * n..(i + 1) * n].copy_from_slice(&self.delta[..n]);
-        }
+        let (n, ld) = (self.n, self.ld);
+        let carried = |row: &mut [f64], delta: &mut [f64]| {
+            by.apply(&row[..n], &mut delta[..n]);
+            row[..n].copy_from_slice(&delta[..n]);
+        };
+        self.odd.chunks_exact_mut(ld).take(n).for_each(|row| carried(row, &mut self.delta));
         // E ← M E Mᵀ, rows and then columns of the symmetric E.
         for _ in 0..2 {
-            for i in 0..n {
-                by.apply(&self.spread[i * n..(i + 1) * n], &mut self.delta[..n]);
-                self.spread[i * n..(i + 1) * n].copy_from_slice(&self.delta[..n]);
-            }
+            self.spread
+                .chunks_exact_mut(ld)
+                .take(n)
+                .for_each(|row| carried(row, &mut self.delta));
             for i in 0..n {
                 for j in 0..i {
-                    self.spread.swap(i * n + j, j * n + i);
+                    self.spread.swap(i * ld + j, j * ld + i);
                 }
             }
         }
@@ -179,44 +176,47 @@ impl SigmaPoints {
             let row = &mut self.ends[0];
             (0..n).for_each(|j| row[j] = transition.phi.get(k, j));
             let mut row = core::mem::take(row);
-            self.regress(k, n, &mut row[..n]);
+            self.regress(k, &mut row[..n]);
             transition.phi.set_row(k, &row[..n]);
             self.ends[0] = row;
         }
-        for (k, value) in self.spread[..n * n].iter().enumerate() {
-            transition.after.element(k / n, k % n, *value);
+        for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+            transition.after.element(i, j, self.spread[i * self.ld + j]);
         }
     }
 
     /// The covariance: odd parts, what is of second order, and `noise`, n×n, row by row; `None` where it
-    /// is not sound. It takes the room of the even parts.
+    /// is not sound.
     pub(super) fn covariance(&mut self, noise: impl Iterator<Item = (usize, usize, f64)>) -> Option<&[f64]> {
-        let n = self.n;
-        let p = &mut self.even[..n * n];
-        for a in 0..n {
-            for b in 0..=a {
-                let sum: f64 = self.odd[..n * n].chunks_exact(n).map(|odd| odd[a] * odd[b]).sum();
-                let value = self.spread[a * n + b] + sum;
-                p[a * n + b] = value;
-                p[b * n + a] = value;
-            }
-        }
+        let (n, ld) = (self.n, self.ld);
+        let p = &mut self.whole[..n * ld];
+        p.copy_from_slice(&self.spread[..n * ld]);
+        self.kernel.outer(n, n, &self.odd, 1.0, p);
         for (i, j, q) in noise {
-            p[i * n + j] += q;
+            p[i * ld + j] += q;
         }
-        let is_sound = (0..n).all(|i| p[i * n + i].is_finite() && p[i * n + i] >= 0.0);
-        is_sound.then_some(p)
+        let is_sound = (0..n).all(|i| p[i * (ld + 1)].is_finite() && p[i * (ld + 1)] >= 0.0);
+        is_sound.then(|| self.unpadded())
+    }
+
+    /// `whole` without its padding.
+    pub(super) fn unpadded(&mut self) -> &[f64] {
+        let (n, ld) = (self.n, self.ld);
+        for i in 0..n {
+            self.dense[i * n..(i + 1) * n].copy_from_slice(&self.whole[i * ld..i * ld + n]);
+        }
+        &self.dense[..n * n]
     }
 
     /// Solves y L = `odd` row-wise: the matrix A L⁻¹ of the columns φ_i, its row `k` into `out`; axes
     /// without points keep what `out` has there.
-    pub(super) fn regress(&self, k: usize, m: usize, out: &mut [f64]) {
+    pub(super) fn regress(&self, k: usize, out: &mut [f64]) {
         let n = self.n;
         for j in (0..n).rev() {
-            let root = self.factor[j * n + j];
-            if root > 0.0 {
-                let known: f64 = (j + 1..n).map(|i| out[i] * self.factor[i * n + j]).sum();
-                out[j] = (self.odd[j * m + k] - known) / root;
+            let column = &self.factor[j * self.ld..j * self.ld + n];
+            if column[j] > 0.0 {
+                let known: f64 = out[j + 1..].iter().zip(&column[j + 1..]).map(|(y, l)| y * l).sum();
+                out[j] = (self.odd[j * self.lm + k] - known) / column[j];
             }
         }
     }

@@ -7,7 +7,8 @@
 //! As a step   H = A L⁻¹, R + E: the linear measurement that would do the same
 
 use super::rule::{Innovation, Problem, UpdateRule};
-use super::sigma::Spread;
+use super::sigma::{SigmaPoints, Spread};
+use crate::covariance::{Workspace, axpy};
 use crate::model::{Size, Undefined};
 
 /// Sigma points for prediction and update.
@@ -25,7 +26,7 @@ impl UpdateRule for Unscented {
         let (n, model) = (problem.layout.dim(), problem.observed.model);
         let reach = self.0.reach(n);
         let mut points = core::mem::take(&mut work.points);
-        points.prepare(n, m, problem.layout.storage());
+        points.prepare(work.work.kernel, n, m, problem.layout.storage());
         points.take(problem.covariance, core::iter::empty());
         let mut drawn = || {
             problem.predict_at(problem.x, &mut work.trial.predicted[..value])?;
@@ -44,60 +45,34 @@ impl UpdateRule for Unscented {
         };
         let is_defined = drawn();
         if is_defined.is_ok() {
-            add_offset(problem, work, &mut points.odd, &points.factor, m);
+            add_offset(problem, work, &mut points, m);
             points.second_order(m, reach, &self.0);
             model.perturb(&mut work.predicted[..value], &points.mean[..m]);
             model.residual(&problem.observed.value[..value], &work.predicted[..value], &mut work.residual[..m]);
-            let ld = work.work.ld;
-            for r in 0..m {
-                for k in 0..n {
-                    work.work.hp[r * ld + k] = (0..=k).map(|i| points.factor[k * n + i] * points.odd[i * m + r]).sum();
-                }
-                for s in 0..m {
-                    let sum: f64 = points.odd[..n * m].chunks_exact(m).map(|a| a[r] * a[s]).sum();
-                    work.work.hph[r * m + s] = sum + points.spread[r * m + s];
-                }
-            }
+            points.project(m, &mut work.work);
         }
         work.points = points;
         is_defined
     }
 
     fn condition(&self, problem: &mut Problem<'_>, work: &mut Innovation) -> bool {
-        let (m, n, ld) = (work.rows, problem.layout.dim(), work.work.ld);
+        let (m, n) = (work.rows, problem.layout.dim());
         work.gain();
         if !work.correct() {
             return false;
         }
         let points = &mut work.points;
-        work.noise[..m * m].iter_mut().zip(&points.spread).for_each(|(r, e)| *r += e);
+        for (noise, second) in work.noise.chunks_exact_mut(m).zip(points.spread.chunks_exact(points.lm)).take(m) {
+            noise.iter_mut().zip(second).for_each(|(r, e)| *r += e);
+        }
         for r in 0..m {
             let row = &mut work.trial.row;
             row.copy_from_slice(&work.jacobian.row(r)[..n]);
-            points.regress(r, m, row);
+            points.regress(r, row);
             work.jacobian.set_row(r, row);
         }
-        // M = L − K A, in place of L.
-        let kt = work.work.kt();
-        for k in 0..n {
-            for i in 0..n {
-                let known: f64 = (0..m).map(|r| kt[r * ld + k] * points.odd[i * m + r]).sum();
-                points.factor[k * n + i] -= known;
-            }
-        }
-        for a in 0..n {
-            for b in 0..=a {
-                let own: f64 = (0..n).map(|i| points.factor[a * n + i] * points.factor[b * n + i]).sum();
-                let mut noise = 0.0;
-                for r in 0..m {
-                    noise += kt[r * ld + a] * (0..m).map(|s| work.noise[r * m + s] * kt[s * ld + b]).sum::<f64>();
-                }
-                // Odd and even parts are no longer needed: their room takes P.
-                points.odd[a * n + b] = own + noise;
-                points.odd[b * n + a] = own + noise;
-            }
-        }
-        problem.covariance.set_whole(&points.odd[..n * n]);
+        points.condition(m, work.work.kt(), &work.noise);
+        problem.covariance.set_whole(points.unpadded());
         true
     }
 
@@ -106,9 +81,46 @@ impl UpdateRule for Unscented {
     }
 }
 
+impl SigmaPoints {
+    /// HP = A Lᵀ and HPHᵀ = A Aᵀ + E; even parts are no longer needed: A by rows takes their room.
+    fn project(&mut self, m: usize, work: &mut Workspace) {
+        let (n, ld, lm) = (self.n, self.ld, self.lm);
+        self.even[..m * ld].fill(0.0);
+        for (i, odd) in self.odd.chunks_exact(lm).enumerate().take(n) {
+            (0..m).for_each(|r| self.even[r * ld + i] = odd[r]);
+        }
+        work.kernel.project(m, &self.even, &[(0, n)], &self.factor, &mut work.hp, ld);
+        work.kernel.inner(m, &self.even, &self.even, &mut self.whole, ld);
+        for (r, s) in (0..m).flat_map(|r| (0..m).map(move |s| (r, s))) {
+            work.hph[r * m + s] = self.whole[r * lm + s] + self.spread[r * lm + s];
+        }
+    }
+
+    /// `whole` ← M Mᵀ + K (E + R) Kᵀ, with M = L − K A in place of L, by Kᵀ and E + R.
+    fn condition(&mut self, m: usize, kt: &[f64], noise: &[f64]) {
+        let (n, ld, lm) = (self.n, self.ld, self.lm);
+        for (column, odd) in self.factor.chunks_exact_mut(ld).zip(self.odd.chunks_exact(lm)).take(n) {
+            for (odd, gain) in odd[..m].iter().zip(kt.chunks_exact(ld)) {
+                axpy(-odd, gain, column);
+            }
+        }
+        // D = −½ (E + R) Kᵀ, so that P − DᵀKᵀ − K D has the noise.
+        let halves = &mut self.even[..m * ld];
+        halves.fill(0.0);
+        for (half, noise) in halves.chunks_exact_mut(ld).zip(noise.chunks_exact(m)) {
+            for (r, gain) in noise.iter().zip(kt.chunks_exact(ld)) {
+                axpy(-0.5 * r, gain, half);
+            }
+        }
+        let p = &mut self.whole[..n * ld];
+        p.fill(0.0);
+        self.kernel.outer(n, n, &self.factor, 1.0, p);
+        self.kernel.refine(n, &self.even, kt, m, p);
+    }
+}
+
 /// The time offset of a measurement is no argument of h: its column is that of the linearisation.
-fn add_offset(problem: &Problem<'_>, work: &Innovation, odd: &mut [f64], factor: &[f64], m: usize) {
-    let n = problem.layout.dim();
+fn add_offset(problem: &Problem<'_>, work: &Innovation, points: &mut SigmaPoints, m: usize) {
     let Some(axis) = problem
         .observed
         .lateness
@@ -120,7 +132,7 @@ fn add_offset(problem: &Problem<'_>, work: &Innovation, odd: &mut [f64], factor:
     };
     for i in 0..=axis {
         for r in 0..m {
-            odd[i * m + r] += work.jacobian.get(r, axis) * factor[axis * n + i];
+            points.odd[i * points.lm + r] += work.jacobian.get(r, axis) * points.factor[i * points.ld + axis];
         }
     }
 }
