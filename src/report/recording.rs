@@ -524,10 +524,8 @@ impl RunObserver for Recording {
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
         match event {
             RunEvent::Row(row) => self.row(row),
-            RunEvent::Estimate { filter, solution, belief } if filter.is_outermost() => {
-                if self.thinning.takes(belief.time) {
-                    self.estimate(solution);
-                }
+            RunEvent::Estimate { filter, solution, belief } if filter.is_outermost() && self.thinning.takes(belief.time) => {
+                self.estimate(solution);
             }
             RunEvent::Reference { filter, epoch, error } if filter.is_outermost() => self.reference(epoch, *error),
             RunEvent::Filter {
