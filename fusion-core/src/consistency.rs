@@ -1,12 +1,37 @@
 //! Consistency statistics: χ² quantiles and the bands of mean NIS and NEES.
 
+use core::cell::RefCell;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+/// Quantiles that are kept: a filter, each of its hypotheses and every variant of a design ask for the same few,
+/// and each is a search of some tens of microseconds.
+const KEPT: usize = 32;
+
+thread_local! {
+    /// Probability and degrees of freedom as bits, and the quantile; the latest last.
+    static KNOWN: RefCell<Vec<([u64; 2], f64)>> = const { RefCell::new(Vec::new()) };
+}
 
 /// The χ² quantile of `dof` degrees of freedom at `probability`, clamped into [0, 1).
 ///
 /// A `dof` that is not positive gives 0.
 #[must_use]
 pub fn chi_square_quantile(probability: f64, dof: f64) -> f64 {
+    let key = [probability.to_bits(), dof.to_bits()];
+    let known = KNOWN.with_borrow(|known| known.iter().find(|(of, _)| *of == key).map(|(_, quantile)| *quantile));
+    known.unwrap_or_else(|| {
+        let quantile = searched(probability, dof);
+        KNOWN.with_borrow_mut(|known| {
+            if known.len() == KEPT {
+                known.remove(0);
+            }
+            known.push((key, quantile));
+        });
+        quantile
+    })
+}
+
+fn searched(probability: f64, dof: f64) -> f64 {
     let probability = probability.clamp(0.0, 1.0 - f64::EPSILON);
     ChiSquared::new(dof).map_or(0.0, |d| d.inverse_cdf(probability))
 }
@@ -17,7 +42,7 @@ pub fn chi_square_quantile(probability: f64, dof: f64) -> f64 {
 pub fn mean_band(probability: f64, dof: usize, count: usize) -> (f64, f64) {
     let (n, total) = (count.max(1) as f64, (dof * count.max(1)) as f64);
     let tail = 0.5 * (1.0 - probability);
-    (chi_square_quantile(tail, total) / n, chi_square_quantile(1.0 - tail, total) / n)
+    (searched(tail, total) / n, searched(1.0 - tail, total) / n)
 }
 
 #[cfg(test)]
@@ -54,5 +79,13 @@ mod tests {
             // 6e-4: printed to three decimals.
             assert!((a - lo).abs() < 6e-4 && (b - hi).abs() < 6e-4, "{dof} {n}: {a} {b}");
         }
+    }
+
+    #[test]
+    fn a_quantile_is_the_same_when_it_is_asked_for_again() {
+        let all = || (1..=3 * KEPT).map(|dof| chi_square_quantile(0.95, dof as f64)).collect::<Vec<_>>();
+        let expected: Vec<f64> = (1..=3 * KEPT).map(|dof| searched(0.95, dof as f64)).collect();
+        assert_eq!((all(), all()), (expected.clone(), expected));
+        assert_eq!(KNOWN.with_borrow(Vec::len), KEPT);
     }
 }

@@ -4,6 +4,7 @@
 //! and an example. A block registers itself with [`register!`](crate::register) in its own file.
 
 use schemars::Schema;
+use std::sync::LazyLock;
 
 /// What a block is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -108,15 +109,23 @@ macro_rules! register {
 /// All registered blocks, by role and name.
 #[must_use]
 pub fn all() -> Vec<&'static Registration> {
-    let mut all: Vec<_> = inventory::iter::<Registration>.into_iter().collect();
-    all.sort_by_key(|r| (r.role, r.name));
-    all
+    sorted().to_vec()
+}
+
+/// The same, sorted once: blocks register before the program begins.
+fn sorted() -> &'static [&'static Registration] {
+    static SORTED: LazyLock<Vec<&'static Registration>> = LazyLock::new(|| {
+        let mut all: Vec<_> = inventory::iter::<Registration>.into_iter().collect();
+        all.sort_by_key(|r| (r.role, r.name));
+        all
+    });
+    &SORTED
 }
 
 /// The `type` names of a role, sorted.
 #[must_use]
 pub fn names(role: Role) -> Vec<&'static str> {
-    all().into_iter().filter(|r| r.role == role).map(|r| r.name).collect()
+    sorted().iter().filter(|r| r.role == role).map(|r| r.name).collect()
 }
 
 /// Refuses names that are registered twice in one role: a mistake of whoever links the program.
@@ -124,7 +133,7 @@ pub fn names(role: Role) -> Vec<&'static str> {
 /// # Errors
 /// A sentence per such name, with the modules that register it.
 pub fn refuse_duplicates() -> Result<(), String> {
-    refuse_duplicates_of(&all())
+    refuse_duplicates_of(sorted())
 }
 
 /// The same of blocks sorted by role and name.

@@ -9,12 +9,13 @@ use toml::value::Datetime;
 
 use super::diagnostic::{Diagnostic, Place, Source};
 
-/// A declaration: the tree of one file, with what the command line changed in it.
+/// A declaration: the tree of one file, with what the command line changed in it. Copies share the tree until
+/// one of them is changed.
 #[derive(Clone, Debug)]
 pub struct Document {
-    pub(super) root: Node,
+    pub(super) root: Arc<Node>,
     /// The same without the variants that were laid over it; none where none was.
-    pub(super) base: Option<Box<Node>>,
+    pub(super) base: Option<Arc<Node>>,
 }
 
 /// A value with its places.
@@ -86,18 +87,22 @@ impl Document {
             name: place.clone(),
             place,
         };
+        let root = Arc::new(root);
         (Self { root, base: None }, grower.found)
     }
 
     /// A document of one table of this one.
     pub(crate) fn within(&self, table: Node) -> Self {
-        Self { root: table, base: None }
+        Self {
+            root: Arc::new(table),
+            base: None,
+        }
     }
 
     /// The document without the variants that were laid over it.
     #[must_use]
     pub fn base(&self) -> Self {
-        let root = self.base.as_deref().unwrap_or(&self.root).clone();
+        let root = Arc::clone(self.base.as_ref().unwrap_or(&self.root));
         Self { root, base: None }
     }
 
@@ -105,6 +110,11 @@ impl Document {
     #[must_use]
     pub fn root(&self) -> &Node {
         &self.root
+    }
+
+    /// The whole tree, for whoever goes on with the document.
+    pub(crate) fn shared(&self) -> Arc<Node> {
+        Arc::clone(&self.root)
     }
 }
 
@@ -350,7 +360,7 @@ mod tests {
 
     #[test]
     fn split_entries_move_with_their_places() {
-        let mut node = parse("a = 1\nb = 2\nc = 3\n").root;
+        let mut node = parse("a = 1\nb = 2\nc = 3\n").root().clone();
         let split = node.split_off(&["c", "a", "d"]);
         assert_eq!((node.keys(), split.keys()), (vec!["b"], vec!["a", "c"]));
         assert_eq!(quote(split.get("c").unwrap().place()), "3");

@@ -36,17 +36,17 @@ impl Document {
             return Err(wanted().label("a value is missing after `=`"));
         }
 
-        assign(&mut self.root, &source, PREFIX.len()..equals)?;
+        assign(Arc::make_mut(&mut self.root), &source, PREFIX.len()..equals)?;
         if let Some(base) = &mut self.base {
             // What only a variant has is not there.
-            drop(assign(base, &source, PREFIX.len()..equals));
+            drop(assign(Arc::make_mut(base), &source, PREFIX.len()..equals));
         }
         Ok(())
     }
 
     /// Lays `over`, a table of another document, over the whole tree, as [`overlay`](Self::overlay) does.
     pub(crate) fn lay(&mut self, over: &Node) {
-        merge(&mut self.root, over);
+        merge(Arc::make_mut(&mut self.root), over);
     }
 
     /// Lays the table at `path`, such as `variant.udu`, over the whole tree.
@@ -57,7 +57,7 @@ impl Document {
     /// # Errors
     /// Where there is no table at `path`.
     pub fn overlay(&mut self, path: &str) -> Result<(), Diagnostic> {
-        let mut node = &self.root;
+        let mut node = &*self.root;
         for key in path.split('.') {
             node = node.get(key).ok_or_else(|| unknown(node, key, &node.name))?;
         }
@@ -65,8 +65,8 @@ impl Document {
             return Err(Diagnostic::error(format!("`{path}` is not a table")).at(&node.place));
         };
         let over = node.clone();
-        self.base.get_or_insert_with(|| Box::new(self.root.clone()));
-        merge(&mut self.root, &over);
+        self.base.get_or_insert_with(|| Arc::clone(&self.root));
+        merge(Arc::make_mut(&mut self.root), &over);
         Ok(())
     }
 }

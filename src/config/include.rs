@@ -9,6 +9,7 @@
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::diagnostic::{Diagnostic, Diagnostics};
 use super::document::{Document, Entry, Node, Value};
@@ -115,7 +116,7 @@ impl Document {
             done: HashMap::new(),
             found: Vec::new(),
         };
-        composer.compose(&mut self.root, folder(file));
+        composer.compose(Arc::make_mut(&mut self.root), folder(file));
         composer.found
     }
 }
@@ -206,7 +207,8 @@ impl Composer {
                 return None;
             }
         };
-        let (Document { mut root, .. }, mistakes) = Document::parse(&name, &text);
+        let (Document { root, .. }, mistakes) = Document::parse(&name, &text);
+        let mut root = Arc::unwrap_or_clone(root);
         self.found.extend(mistakes);
         self.chain.push((identity.clone(), name));
         self.compose(&mut root, folder(path));

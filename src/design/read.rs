@@ -93,7 +93,7 @@ impl Draft {
             let help = "blocks are found by role and `type`: give one of them another name, or leave one crate out";
             d.push(Diagnostic::error(twice).help(help));
         }
-        let root = document.root().clone();
+        let root = document.shared();
         names::check_tables(&root, &names::TABLES, d);
         let run: Option<RunSpec> = root.get("run").map_or_else(|| Some(RunSpec::default()), |n| n.read(d));
         let is_unread = run.is_none();
@@ -111,7 +111,7 @@ impl Draft {
 
     /// Reads what a filter consists of, wherever its rows come from.
     pub(super) fn filter(document: Document, run: RunSpec, d: &mut Diagnostics) -> Self {
-        let root = document.root().clone();
+        let root = document.shared();
         let filter = root.get("filter").map_or_else(|| Some(FilterSpec::default()), |n| n.read(d));
         if let (Some(node), Some(filter)) = (root.get("filter"), &filter) {
             filter.check(node, d);
