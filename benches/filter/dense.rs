@@ -96,6 +96,18 @@ impl Dense {
         black_box(&all);
     }
 
+    /// So many predictions from here, and one fix.
+    pub fn second(&self, samples: &[[f64; 6]], steps: usize) {
+        let mut all = self.clone();
+        for k in 501..501 + steps {
+            if k == 600 {
+                all.update(&fix(k));
+            }
+            all.predict(&samples[k], &samples[k - 1]);
+        }
+        black_box(&all);
+    }
+
     /// So many updates from here, by the same fix.
     pub fn updates(&self, updates: usize) {
         let (mut all, z) = (self.clone(), fix(500));

@@ -2,6 +2,8 @@
 //!
 //! `composed`  assembled from TOML through the public API, with 15 states, with 21, and with 21 of which
 //!             all biases and scales are Gauss-Markov
+//! `epoch`     a row of the inertial unit through the whole of an assembled design, with a fix in 200: put in
+//!             order, predicted with, told; beside the same arithmetic on dense matrices
 //! `dense`     the same equations of 15 states on `SMatrix<f64, 15, 15>`: Φ(P + ½Q)Φᵀ + ½Q with every
 //!             element computed, Joseph's form as three dense products; mechanisation and error model
 //!             are the same functions. It is the rival of 21 states too: how long dense products of 21
@@ -32,7 +34,9 @@ use dense::{Dense, P15};
 use fusion::core::covariance::Kernel;
 use fusion::core::filter::{Backend, Estimator};
 use fusion::core::geometry::so3;
+use fusion::core::runner::Event;
 use fusion::core::state::{Attitude, Geodetic, Manifold};
+use fusion::core::time::Time;
 use measure::{Work, compare};
 use nalgebra::Vector3;
 use std::time::Duration;
@@ -89,6 +93,37 @@ fn pair() -> (Composed, Dense) {
     (composed, dense)
 }
 
+/// Epochs of a second, with one fix in their midst.
+const SECOND: usize = 200;
+
+/// The whole way of a row through an assembled design: order, prediction and, once, an update.
+fn epochs(n: usize, sensors: &str, dense: &Dense, samples: &[[f64; 6]]) {
+    let mut nav = composed::started(sensors);
+    let [imu, gnss] = ["imu", "gnss"].map(|name| nav.stream(name).unwrap());
+    let feed = |nav: &mut fusion::Navigator, stream, k: usize, row: &[f64]| {
+        let time = Time::from_nanos(k as i64 * 10_000_000);
+        nav.feed_stream(stream, time, row, &mut |_: &Event<'_>| {})
+            .expect("the row is sound");
+    };
+    (1..=500).for_each(|k| feed(&mut nav, imu, k, &samples[k]));
+    let saved = nav.checkpoint();
+    let mut run = || {
+        nav.restore(&saved).expect("the same design");
+        for (k, sample) in samples.iter().enumerate().skip(501).take(SECOND) {
+            if k == 600 {
+                feed(&mut nav, gnss, k, &fix(k));
+            }
+            feed(&mut nav, imu, k, sample);
+        }
+    };
+    let mut rival = || dense.second(samples, SECOND);
+    compare(
+        &format!("filter/epoch/n={n}"),
+        SECOND,
+        [("composed", &mut run), ("dense", &mut rival)],
+    );
+}
+
 /// The prediction of a covariance alone, of B blocks of three, N states: every rival in a line of its own.
 fn kernel_predict<const N: usize, const B: usize>() {
     let (dense, sparse, mut faer) = (rivals::Dense::<15>::new(), rivals::Sparse::<B>::new(), rivals::Faer::new(N));
@@ -141,6 +176,8 @@ fn benches(c: &mut Criterion) {
         let rival = &mut || dense.predictions(&samples, STEPS);
         compare(&name, STEPS, [("composed", &mut || composed.predictions(STEPS)), ("dense", rival)]);
     }
+    epochs(15, PLAIN, &dense, &samples);
+    epochs(21, SCALES, &dense, &samples);
 
     let name = "filter/update/gnss_position/n=15";
     let mut group = c.benchmark_group(name);

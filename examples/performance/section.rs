@@ -20,10 +20,13 @@ pub const FACTS: [&str; 4] = ["processor", "kernel", "compiler", "profile"];
 const GROUPS: [(&str, &str); 7] = [
     (
         "filter",
-        "One step of the assembled filter: `dense` is the same filter of 15 states, written by hand on dense matrices",
+        "One step of the assembled filter, beside the same of 15 states written by hand on dense matrices; an epoch is a row of the inertial unit fed to the design, with a fix in 200",
     ),
     ("filter/unused", "What parts of a filter cost that do nothing"),
-    ("kernel", "The covariance alone: P ← ΦPΦᵀ + Q, and updates by 3 and 6 rows"),
+    (
+        "kernel",
+        "The covariance alone: P ← ΦPΦᵀ + Q, and updates by 3 and 6 rows, beside dense matrices of 15 states, and products of 3×3 blocks and of faer of as many states",
+    ),
     (
         "backend",
         "The same steps with every form, update and chart, beside the dense filter of 15 states",
