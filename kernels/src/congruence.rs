@@ -261,7 +261,10 @@ fn right<L: Lanes, const G: usize>(
 #[inline(always)]
 pub(crate) fn place<L: Lanes>(plan: &Plan, w: &Product, p: &mut [f64]) {
     let (n, ld) = (plan.n, plan.ld());
-    assert!(p.len() >= n * ld && w.a.len() >= n * ld && w.r.len() >= n * ld && w.diagonal.len() >= ld, "matrices of {n} rows");
+    assert!(
+        p.len() >= n * ld && w.a.len() >= n * ld && w.r.len() >= n * ld && w.diagonal.len() >= ld,
+        "matrices of {n} rows"
+    );
     for i in 0..plan.whole {
         for j in i..plan.tiles {
             place_tile::<L>(plan, w, p, i, j);
@@ -277,7 +280,11 @@ fn place_tile<L: Lanes>(plan: &Plan, w: &Product, p: &mut [f64], i: usize, j: us
     let (tiles, n, whole) = (plan.tiles, plan.n, plan.whole);
     let mut tile = [L::splat(0.0); 8];
     for k in 0..8 {
-        tile[k] = if j < whole { row::<L>(&w.r, tiles, 8 * i + k, j) } else { plan.scaled(w, 8 * i + k, j) };
+        tile[k] = if j < whole {
+            row::<L>(&w.r, tiles, 8 * i + k, j)
+        } else {
+            plan.scaled(w, 8 * i + k, j)
+        };
     }
     let across = L::transpose(tile);
     if i == j {
@@ -342,7 +349,11 @@ impl Plan {
     #[inline(always)]
     fn scaled<L: Lanes>(&self, w: &Product, i: usize, t: usize) -> L {
         let own: L = row(&w.a, self.tiles, i, t);
-        if self.is_scaled { own.mul(row(&w.diagonal, self.tiles, 0, t)) } else { own }
+        if self.is_scaled {
+            own.mul(row(&w.diagonal, self.tiles, 0, t))
+        } else {
+            own
+        }
     }
 
     /// `own`, its first `count` lanes from column `i` of the rows from the last whole tile on.

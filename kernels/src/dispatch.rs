@@ -140,8 +140,6 @@ operations! {
     factor::reflect(shape: Shape, columns: &mut [f64], root: &mut [f64], s: &mut [f64]);
     /// out ← HF of a factor F, of `rows` rows; H is zero outside `read`.
     factor::along(n: usize, rows: usize, h: &[f64], read: &[(usize, usize)], f: &[f64], out: &mut [f64]);
-    /// out ← ABᵀ for `rows` rows of each, of `ld` numbers; those of `out` are padded.
-    factor::inner(rows: usize, a: &[f64], b: &[f64], out: &mut [f64], ld: usize);
     /// U, and D behind it, given a row h with noise variance r, by `f` = Uᵀh; `f` and `lambda`, a padded row, are working
     /// memory then.
     factor::weigh(n: usize, r: f64, f: &mut [f64], factor: &mut [f64], lambda: &mut [f64]);

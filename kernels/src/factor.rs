@@ -332,20 +332,11 @@ pub(crate) fn reflect<L: Lanes>(shape: Shape, columns: &mut [f64], root: &mut [f
     }
 }
 
-/// out_rk ← Σ_i a_ri b_ki: rows of A, zero outside `read`, by rows of B, both of `ld` numbers. A row of
-/// `out` is as long as `count`, the rows of B, padded. Where `UPPER`, row k of B is zero behind k.
+/// out ← HF, of `rows` rows as long as those of the factor; H is zero outside `read`.
 #[inline(always)]
-fn products<L: Lanes, const UPPER: bool>(
-    rows: usize,
-    a: &[f64],
-    read: &[(usize, usize)],
-    count: usize,
-    b: &[f64],
-    out: &mut [f64],
-    ld: usize,
-) {
-    let (tiles, wide) = (ld / 8, count.div_ceil(8));
-    let (a, b, out) = (a.as_chunks::<8>().0, b.as_chunks::<8>().0, out.as_chunks_mut::<8>().0);
+pub(crate) fn along<L: Lanes>(n: usize, rows: usize, h: &[f64], read: &[(usize, usize)], f: &[f64], out: &mut [f64]) {
+    let tiles = n.div_ceil(8);
+    let (h, f, out) = (h.as_chunks::<8>().0, f.as_chunks::<8>().0, out.as_chunks_mut::<8>().0);
     // A bit for each tile that is read; the last for all behind it.
     let mut wanted = 0_u64;
     for &(start, end) in read {
@@ -354,40 +345,26 @@ fn products<L: Lanes, const UPPER: bool>(
         }
     }
     for r in 0..rows {
-        let row = &a[r * tiles..(r + 1) * tiles];
-        for block in 0..wide {
-            let some = (count - 8 * block).min(8);
-            let limit = if UPPER { block + 1 } else { tiles };
-            let b = &b[8 * block * tiles..(8 * block + some) * tiles];
+        let row = &h[r * tiles..(r + 1) * tiles];
+        for block in 0..tiles {
+            let some = (n - 8 * block).min(8);
+            let columns = &f[8 * block * tiles..(8 * block + some) * tiles];
             let mut sum = [L::splat(0.0); 8];
-            for t in 0..limit {
+            // A column of the factor is zero behind its own row.
+            for t in 0..=block {
                 if wanted >> t.min(63) & 1 == 0 {
                     continue;
                 }
                 let row = L::load(&row[t]);
                 for c in 0..8 {
                     if c < some {
-                        sum[c] = row.mul_add(L::load(&b[c * tiles + t]), sum[c]);
+                        sum[c] = row.mul_add(L::load(&columns[c * tiles + t]), sum[c]);
                     }
                 }
             }
-            let [s0, s1, s2, s3, s4, s5, s6, s7] = L::transpose(sum);
-            let total = s0.add(s1).add(s2.add(s3)).add(s4.add(s5).add(s6.add(s7)));
-            total.store(&mut out[r * wide + block]);
+            L::sums(sum).store(&mut out[r * tiles + block]);
         }
     }
-}
-
-/// out ← HF, of `rows` rows; H is zero outside `read`.
-#[inline(always)]
-pub(crate) fn along<L: Lanes>(n: usize, rows: usize, h: &[f64], read: &[(usize, usize)], f: &[f64], out: &mut [f64]) {
-    products::<L, true>(rows, h, read, n, f, out, n.next_multiple_of(8));
-}
-
-/// out ← ABᵀ for `rows` rows of each, of `ld` numbers; those of `out` are padded.
-#[inline(always)]
-pub(crate) fn inner<L: Lanes>(rows: usize, a: &[f64], b: &[f64], out: &mut [f64], ld: usize) {
-    products::<L, false>(rows, a, &[(0, ld)], rows, b, out, ld);
 }
 
 /// `start` and the sums of the first terms: α after each column. Every sum is one of few additions.

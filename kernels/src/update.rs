@@ -8,7 +8,10 @@ use crate::lanes::{Lanes, some, some_mut};
 #[inline(always)]
 pub(crate) fn project<L: Lanes>(rows: usize, h: &[f64], columns: &[(usize, usize)], p: &[f64], out: &mut [f64], ld: usize) {
     let last = columns.iter().fold(0, |last, range| last.max(range.1));
-    assert!(last <= ld && p.len() >= last * ld && h.len() >= rows * ld, "H of {rows} rows, {last} columns");
+    assert!(
+        last <= ld && p.len() >= last * ld && h.len() >= rows * ld,
+        "H of {rows} rows, {last} columns"
+    );
     let (p, out) = (p.as_chunks::<8>().0, out.as_chunks_mut::<8>().0);
     let mut i = 0;
     while i < rows {
@@ -24,13 +27,7 @@ pub(crate) fn project<L: Lanes>(rows: usize, h: &[f64], columns: &[(usize, usize
 
 /// G of them; these are G.
 #[inline(always)]
-fn some_rows<L: Lanes, const G: usize>(
-    h: &[f64],
-    columns: &[(usize, usize)],
-    p: &[[f64; 8]],
-    out: &mut [[f64; 8]],
-    tiles: usize,
-) -> usize {
+fn some_rows<L: Lanes, const G: usize>(h: &[f64], columns: &[(usize, usize)], p: &[[f64; 8]], out: &mut [[f64; 8]], tiles: usize) -> usize {
     let mut t = 0;
     while t < tiles {
         let wide = L::TILES.min(tiles - t);
@@ -145,23 +142,13 @@ const PLACES: [(usize, usize); 21] = {
 #[inline(always)]
 fn eight<L: Lanes, const FIRST: usize, const COUNT: usize>(m: usize, h: &[[f64; 8]], x: &[[f64; 8]], out: &mut [f64], tiles: usize) {
     let mut places = [PLACES[FIRST]; 8];
-    for k in 0..COUNT {
-        places[k] = PLACES[FIRST + k];
-    }
+    places[..COUNT].copy_from_slice(&PLACES[FIRST..FIRST + COUNT]);
     elements::<L>(places, COUNT, m, h, x, out, tiles);
 }
 
 /// `count` elements of XHᵀ, at most eight; the other places are among the first's.
 #[inline(always)]
-fn elements<L: Lanes>(
-    places: [(usize, usize); 8],
-    count: usize,
-    m: usize,
-    h: &[[f64; 8]],
-    x: &[[f64; 8]],
-    out: &mut [f64],
-    tiles: usize,
-) {
+fn elements<L: Lanes>(places: [(usize, usize); 8], count: usize, m: usize, h: &[[f64; 8]], x: &[[f64; 8]], out: &mut [f64], tiles: usize) {
     let mut terms = [L::splat(0.0); 8];
     for t in 0..tiles {
         for k in 0..8 {
@@ -195,7 +182,10 @@ pub(crate) fn gain<L: Lanes>(l: &[f64], m: usize, x: &[f64], u: &mut [f64], k: &
 fn gain_of<L: Lanes, const M: usize>(l: &[f64], m: usize, x: &[f64], u: &mut [f64], k: &mut [f64], tiles: usize) {
     let m = if M == 0 { m } else { M };
     let (l, x) = (&l[..m * m], &x.as_chunks::<8>().0[..m * tiles]);
-    let (u, k) = (&mut u.as_chunks_mut::<8>().0[..m * tiles], &mut k.as_chunks_mut::<8>().0[..m * tiles]);
+    let (u, k) = (
+        &mut u.as_chunks_mut::<8>().0[..m * tiles],
+        &mut k.as_chunks_mut::<8>().0[..m * tiles],
+    );
     // Divisions take longest: one per row, not per tile, where there is room for them.
     let mut inverses = [0.0; M];
     for i in 0..M {

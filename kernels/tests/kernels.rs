@@ -262,7 +262,9 @@ fn every_operation_of_an_update_is_that_of_plain_loops_and_fused_kernels_agree_t
 /// FNV-1a of the bits.
 fn print_of<'a>(results: impl Iterator<Item = &'a Lines>) -> u64 {
     let bytes = results.flat_map(|r| bits(r)).flat_map(u64::to_le_bytes);
-    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3))
+    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3)
+    })
 }
 
 /// The numbers here come from integers: they are the same on every machine. What AVX2 and AVX-512 make

@@ -224,7 +224,7 @@ mod tests {
         }
 
         fn below(&mut self, n: u64) -> u64 {
-            (self.next() >> 32) * n >> 32
+            ((self.next() >> 32) * n) >> 32
         }
     }
 

@@ -76,14 +76,14 @@ pub(super) fn is_finite(n: usize, f: &[f64], weights: Option<&[f64]>, w: &mut Wo
 
 /// Numbers that [`project`] and the updates of a factor take.
 pub(super) fn room(n: usize, m: usize) -> usize {
-    (2 * m).max(m + 3) * padded(n) + m * padded(m)
+    (2 * m).max(m + 3) * padded(n)
 }
 
 /// HP and HPHᵀ of P = F W Fᵀ; `weights` are none where they are ones.
 pub(super) fn project(n: usize, f: &[f64], weights: Option<&[f64]>, h: &Jacobian, w: &mut Workspace) {
     let (m, ld, kernel) = (h.rows(), padded(n), w.kernel);
     let (along, rest) = w.extra.split_at_mut(m * ld);
-    let (weighed, square) = rest.split_at_mut(m * ld);
+    let weighed = &mut rest[..m * ld];
     kernel.along(n, m, h.padded_rows(), h.columns(), f, along);
     weighed.copy_from_slice(along);
     if let Some(weights) = weights {
@@ -92,11 +92,7 @@ pub(super) fn project(n: usize, f: &[f64], weights: Option<&[f64]>, h: &Jacobian
         }
     }
     kernel.project(m, weighed, &[(0, n)], f, &mut w.hp, ld);
-    kernel.inner(m, along, weighed, square, ld);
-    for (i, j) in (0..m).flat_map(|i| (0..=i).map(move |j| (i, j))) {
-        w.hph[i * m + j] = square[i * padded(m) + j];
-        w.hph[j * m + i] = square[i * padded(m) + j];
-    }
+    kernel.inner(m, along, weighed, &mut w.hph, ld);
 }
 
 /// Takes the axes `block` out of the factor. Their rows become zero; then each of their columns, the

@@ -90,9 +90,9 @@ impl SigmaPoints {
             (0..m).for_each(|r| self.even[r * ld + i] = odd[r]);
         }
         work.kernel.project(m, &self.even, &[(0, n)], &self.factor, &mut work.hp, ld);
-        work.kernel.inner(m, &self.even, &self.even, &mut self.whole, ld);
-        for (r, s) in (0..m).flat_map(|r| (0..m).map(move |s| (r, s))) {
-            work.hph[r * m + s] = self.whole[r * lm + s] + self.spread[r * lm + s];
+        work.kernel.inner(m, &self.even, &self.even, &mut work.hph, ld);
+        for (sums, second) in work.hph.chunks_exact_mut(m).zip(self.spread.chunks_exact(lm)).take(m) {
+            sums.iter_mut().zip(second).for_each(|(sum, e)| *sum += e);
         }
     }
 
