@@ -69,6 +69,9 @@ mod order;
 /// README's section on speed: made of the figures that were measured.
 #[path = "suite/performance.rs"]
 mod performance;
+/// The parts library: every part in a small design of its kind.
+#[path = "suite/parts.rs"]
+mod parts;
 /// Published tables of filters on benchmarks, reproduced.
 #[path = "suite/published.rs"]
 mod published;
