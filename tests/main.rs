@@ -14,6 +14,10 @@ mod bank;
 /// A Doppler log whose beams come and go one by one.
 #[path = "suite/beams.rs"]
 mod beams;
+/// The book: its commands are run, its designs are checked, its links are followed.
+#[cfg(unix)]
+#[path = "suite/book.rs"]
+mod book;
 /// The design with outliers over a hundred seeds: its experiments, and its gate under stress.
 #[path = "suite/campaigns.rs"]
 mod campaigns;

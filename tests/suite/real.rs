@@ -10,7 +10,7 @@ use fusion::score::Score;
 use std::path::{Path, PathBuf};
 
 /// The folder of the data, if it is there.
-fn data() -> Option<PathBuf> {
+pub(super) fn data() -> Option<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let dir = std::env::var_os("FUSION_DATA").map_or_else(|| root.join("../shared/data"), PathBuf::from);
     let found = dir.is_dir().then_some(dir);
