@@ -13,7 +13,7 @@ use std::process::{Command, Stdio};
 use std::{env, fs};
 
 /// The benches whose lines are figures.
-const BENCHES: [&str; 3] = ["filter", "models", "scenario"];
+const BENCHES: [&str; 4] = ["filter", "models", "montecarlo", "scenario"];
 
 /// What the options of a build are where Cargo.toml says nothing: those of cargo's release profile.
 const DEFAULTS: [(&str, &str); 3] = [("opt-level", "3"), ("lto", "false"), ("codegen-units", "16")];
