@@ -70,12 +70,12 @@ mod oracles;
 /// Order of arrival against order of time.
 #[path = "suite/order.rs"]
 mod order;
-/// README's section on speed: made of the figures that were measured.
-#[path = "suite/performance.rs"]
-mod performance;
 /// The parts library: every part in a small design of its kind.
 #[path = "suite/parts.rs"]
 mod parts;
+/// README's section on speed: made of the figures that were measured.
+#[path = "suite/performance.rs"]
+mod performance;
 /// Published tables of filters on benchmarks, reproduced.
 #[path = "suite/published.rs"]
 mod published;

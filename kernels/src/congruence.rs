@@ -136,6 +136,29 @@ impl Product {
     }
 }
 
+impl Product {
+    /// Whether all of them are below `largest`, and none is negative; without branches, as they nearly
+    /// always are. Rows that Φ leaves as they are, or shrinks, are as sound as P.
+    #[must_use]
+    pub fn is_sound(&self, plan: &Plan, p: &[f64], largest: f64) -> bool {
+        let next = plan.ld() + 1;
+        let mut is_sound = true;
+        for v in self.r.iter().step_by(next).take(plan.end) {
+            is_sound &= (*v >= 0.0) & (*v < largest);
+        }
+        if plan.is_scaled {
+            let mut shrinks = true;
+            for d in &self.diagonal[plan.end..plan.n] {
+                shrinks &= d.abs() <= 1.0;
+            }
+            if !shrinks {
+                is_sound &= (plan.end..plan.n).all(|i| (0.0..largest).contains(&self.variance(plan, p, i)));
+            }
+        }
+        is_sound
+    }
+}
+
 /// A and R of ΦPΦᵀ.
 #[inline(always)]
 pub(crate) fn product<L: Lanes>(plan: &Plan, phi: &[f64], p: &[f64], w: &mut Product) {

@@ -83,17 +83,15 @@ impl<'a> Whole<'a> {
             *p += value;
         }
         // Meanwhile these numbers reach the cache, from where the product reads whole lines.
-        let mut is_noise = true;
-        for &(i, j, v) in t.before.entries.iter().chain(&t.after.entries) {
-            is_noise &= (v.abs() < LARGEST) & ((i != j) | (v >= 0.0));
-        }
+        let is_noise = is_noise(&t.before.entries) & is_noise(&t.after.entries);
         let (phi, plan) = t.phi.transposed();
         kernel.product(plan, phi, p, &mut w.product);
-        let is_sound = is_noise
-            && t.phi.active().iter().all(|&i| {
-                let v = w.product.variance(plan, p, i.into());
-                v.abs() < LARGEST && (v >= 0.0 || v + added(t, i) >= 0.0)
-            });
+        // The noise may lift a variance that rounding has made negative.
+        let is_lifted = |i: u16| {
+            let v = w.product.variance(plan, p, i.into());
+            v.abs() < LARGEST && (v >= 0.0 || v + added(t, i) >= 0.0)
+        };
+        let is_sound = is_noise && (w.product.is_sound(plan, p, LARGEST) || t.phi.active().iter().all(|&i| is_lifted(i)));
         if !is_sound {
             // Last first: an element may have been covered twice.
             for (&(i, j, _), &old) in t.before.entries.iter().zip(&w.covered).rev() {
@@ -239,6 +237,15 @@ fn reduction(m: usize, s: &[f64], r: &[f64]) -> f64 {
         largest = largest.max(s[i * m + i] / row[i]);
     }
     largest
+}
+
+/// Whether none is too large or not a number, and no variance negative; without branches.
+fn is_noise(entries: &[(u16, u16, f64)]) -> bool {
+    let mut all = true;
+    for &(i, j, v) in entries {
+        all &= (v.abs() < LARGEST) & ((i != j) | (v >= 0.0));
+    }
+    all
 }
 
 /// The noise that is added to variance `i` after the transition.
