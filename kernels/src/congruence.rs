@@ -138,7 +138,7 @@ impl Product {
 
 impl Product {
     /// Whether all of them are below `largest`, and none is negative; without branches, as they nearly
-    /// always are. Rows that Φ leaves as they are, or shrinks, are as sound as P.
+    /// always are. Rows that Φ leaves as they are count as sound.
     #[must_use]
     pub fn is_sound(&self, plan: &Plan, p: &[f64], largest: f64) -> bool {
         let next = plan.ld() + 1;
@@ -147,12 +147,9 @@ impl Product {
             is_sound &= (*v >= 0.0) & (*v < largest);
         }
         if plan.is_scaled {
-            let mut shrinks = true;
-            for d in &self.diagonal[plan.end..plan.n] {
-                shrinks &= d.abs() <= 1.0;
-            }
-            if !shrinks {
-                is_sound &= (plan.end..plan.n).all(|i| (0.0..largest).contains(&self.variance(plan, p, i)));
+            for (v, d) in p.iter().step_by(next).zip(self.diagonal.iter()).take(plan.n).skip(plan.end) {
+                let v = v * (d * d);
+                is_sound &= (v >= 0.0) & (v < largest);
             }
         }
         is_sound

@@ -17,15 +17,52 @@ macro_rules! parts {
 pub(super) const PARTS: Files = Files::Embedded(FILES);
 
 const FILES: &[(&str, &str)] = parts! {
+    "parts/barometer/bmp280.toml"
     "parts/compass/tcm.toml"
+    "parts/depth/bar30.toml"
+    "parts/dvl/a50.toml"
+    "parts/dvl/workhorse-navigator.toml"
+    "parts/gate/huber.toml"
+    "parts/gate/hypotheses.toml"
+    "parts/gate/nis.toml"
+    "parts/gate/student-t.toml"
+    "parts/gate/two-condition.toml"
+    "parts/gnss/mosaic-x5-rtk.toml"
+    "parts/gnss/neo-m8.toml"
     "parts/gnss/rtk.toml"
     "parts/gnss/single-frequency.toml"
     "parts/gnss/single-point.toml"
+    "parts/gnss/smartphone.toml"
+    "parts/gnss/trimble-5700-dgps.toml"
+    "parts/gnss/trimble-5700-rtk.toml"
+    "parts/gnss/zed-f9p-rtk.toml"
+    "parts/gnss/zed-f9p-sbas.toml"
+    "parts/gnss/zed-f9p.toml"
+    "parts/imu/adis16405.toml"
+    "parts/imu/adis16470.toml"
+    "parts/imu/adis16488a.toml"
+    "parts/imu/bmi088.toml"
     "parts/imu/hg1700.toml"
+    "parts/imu/hg4930.toml"
+    "parts/imu/hg9900.toml"
+    "parts/imu/icm-20948.toml"
+    "parts/imu/icm-42688-p.toml"
+    "parts/imu/ln-200s.toml"
+    "parts/imu/mti-300.toml"
+    "parts/imu/mti-630.toml"
+    "parts/imu/stim300.toml"
+    "parts/imu/vn-100.toml"
+    "parts/magnetometer/rm3100.toml"
     "parts/navigator/tracked.toml"
     "parts/usbl/moored-ship.toml"
     "parts/usbl/sea-trial.toml"
+    "parts/usbl/trackpoint-ii.toml"
     "parts/vehicle/car.toml"
+    "parts/vehicle/husky.toml"
+    "parts/vehicle/multicopter.toml"
+    "parts/vehicle/otter.toml"
+    "parts/vehicle/remus-100.toml"
+    "parts/vehicle/tracked-navigators.toml"
     "parts/vehicle/tracked.toml"
     "parts/vehicle/uri-r.toml"
     "parts/vehicle/utv.toml"
@@ -41,7 +78,7 @@ mod tests {
             let path = entry.unwrap().path();
             if path.is_dir() {
                 files(&path, found);
-            } else {
+            } else if path.extension().is_some_and(|e| e == "toml") {
                 let inside = path.strip_prefix(Path::new(env!("CARGO_MANIFEST_DIR")).join("configs")).unwrap();
                 found.push(inside.to_str().unwrap().replace('\\', "/"));
             }
