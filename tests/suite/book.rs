@@ -243,7 +243,8 @@ fn broken(page: &Path) -> Vec<String> {
             page.with_file_name(file)
         };
         let has_anchor = || anchor.is_empty() || anchors(&read(&target)).contains(anchor);
-        !link.contains("://") && !(target.exists() && has_anchor())
+        let leads_somewhere = link.contains("://") || (target.exists() && has_anchor());
+        !leads_somewhere
     };
     let named = |link: String| format!("{}: {link}", page.display());
     links(&read(page)).into_iter().filter(is_wrong).map(named).collect()
