@@ -7,9 +7,8 @@
 //! it, and `rest` the columns between them and `end`,
 //!
 //! 1. A_i = Σ_k Φ_ik P_k for the rows before `end`, over the columns k that row i reads, three rows at a time,
-//! 2. R_i = Σ_k A_ik (Φᵀ)_k for their columns before `end`: tiles of the upper triangle, and the rows of the
-//!    rest from column 0 on, over the columns k that the tile's rows of Φ read,
-//! 3. in P, the tiles of R and their transposes take their places; behind `end` a column is one of A, scaled.
+//! 2. R_i = Σ_k A_ik (Φᵀ)_k for their columns up to the diagonal, over the columns k that those rows of Φ read,
+//! 3. in P, the lower triangle of R and its transpose take their places; behind `end` a column is one of A, scaled.
 
 use crate::Lines;
 use crate::lanes::{Lanes, some, some_mut};
@@ -34,8 +33,9 @@ pub struct Plan {
     whole: usize,
     rest: usize,
     groups: Vec<Group>,
-    /// Per tile before `end`, the columns that its rows read, in order.
-    columns: Vec<Vec<u16>>,
+    /// Per tile before `end`, its rows of R: they read what the rows of Φ read from the tile's first up to
+    /// their own.
+    below: Vec<Vec<Group>>,
     /// Whether Φ may have other numbers than 1 from row `end` on.
     is_scaled: bool,
 }
@@ -73,7 +73,6 @@ impl Plan {
             }
             groups.push(Group { rows: first..i, reads });
         }
-        let of_tile = |t: usize| (8 * t..end.min(8 * t + 8)).fold(Vec::new(), |all, i| union(&all, &of(i)));
         Self {
             n,
             tiles: n.div_ceil(8),
@@ -81,7 +80,7 @@ impl Plan {
             whole: end / 8,
             rest: end % 8,
             groups,
-            columns: (0..end.div_ceil(8)).map(of_tile).collect(),
+            below: (0..end.div_ceil(8)).map(|t| below(t, end, of)).collect(),
             is_scaled: rows[end..].iter().any(|ranges| !ranges.is_empty()),
         }
     }
@@ -91,6 +90,30 @@ impl Plan {
     const fn ld(&self) -> usize {
         8 * self.tiles
     }
+}
+
+/// The rows of R from the first of tile `t` on: up to eight together that need nearly the same columns.
+fn below(t: usize, end: usize, reads_of: impl Fn(usize) -> Vec<u16>) -> Vec<Group> {
+    let (mut groups, mut reads, mut least): (Vec<Group>, _, _) = (Vec::new(), Vec::new(), 0);
+    for i in 8 * t..end {
+        if i < 8 * t + 8 {
+            reads = union(&reads, &reads_of(i));
+        }
+        match groups.last_mut() {
+            Some(group) if group.rows.len() < 8 && reads.len() <= least + SPARE => {
+                group.rows.end = i + 1;
+                group.reads.clone_from(&reads);
+            }
+            _ => {
+                least = reads.len();
+                groups.push(Group {
+                    rows: i..i + 1,
+                    reads: reads.clone(),
+                });
+            }
+        }
+    }
+    groups
 }
 
 fn union(a: &[u16], b: &[u16]) -> Vec<u16> {
@@ -177,17 +200,16 @@ pub(crate) fn product<L: Lanes>(plan: &Plan, phi: &[f64], p: &[f64], w: &mut Pro
         }
     }
     let (phi, r8) = (phi.as_chunks::<8>().0, w.r.as_chunks_mut::<8>().0);
-    for (t, columns) in plan.columns.iter().enumerate() {
-        let upper = if t < plan.whole { 8 * t + 8 } else { 0 };
-        for rows in [0..upper, 8 * plan.whole..plan.end] {
+    for (t, groups) in plan.below.iter().enumerate() {
+        for Group { rows, reads } in groups {
             let mut i = rows.start;
             while i < rows.end {
                 i += match rows.end - i {
-                    1 => right::<L, 1>(columns, phi, i, &w.a, plan.tiles, t, r8),
-                    2 => right::<L, 2>(columns, phi, i, &w.a, plan.tiles, t, r8),
-                    3 => right::<L, 3>(columns, phi, i, &w.a, plan.tiles, t, r8),
-                    8.. if L::ROWS == 8 => right::<L, 8>(columns, phi, i, &w.a, plan.tiles, t, r8),
-                    _ => right::<L, 4>(columns, phi, i, &w.a, plan.tiles, t, r8),
+                    1 => right::<L, 1>(reads, phi, i, &w.a, plan.tiles, t, r8),
+                    2 => right::<L, 2>(reads, phi, i, &w.a, plan.tiles, t, r8),
+                    3 => right::<L, 3>(reads, phi, i, &w.a, plan.tiles, t, r8),
+                    8.. if L::ROWS == 8 => right::<L, 8>(reads, phi, i, &w.a, plan.tiles, t, r8),
+                    _ => right::<L, 4>(reads, phi, i, &w.a, plan.tiles, t, r8),
                 };
             }
         }
@@ -294,25 +316,30 @@ pub(crate) fn place<L: Lanes>(plan: &Plan, w: &Product, p: &mut [f64]) {
     place_behind::<L>(plan, w, p);
 }
 
-/// Tile (i, j) and its transpose; i is before `whole`.
+/// Tile (i, j) and its transpose; i is before `whole`, j is not before i.
 #[inline(always)]
 fn place_tile<L: Lanes>(plan: &Plan, w: &Product, p: &mut [f64], i: usize, j: usize) {
     let (tiles, n, whole) = (plan.tiles, plan.n, plan.whole);
     let mut tile = [L::splat(0.0); 8];
-    for k in 0..8 {
-        tile[k] = if j < whole {
-            row::<L>(&w.r, tiles, 8 * i + k, j)
-        } else {
-            plan.scaled(w, 8 * i + k, j)
-        };
-    }
-    let across = L::transpose(tile);
-    if i == j {
+    if j < whole {
         for k in 0..8 {
-            put(tile[k].after(k, across[k]), p, tiles, 8 * i + k, i);
+            tile[k] = row(&w.r, tiles, 8 * j + k, i);
+        }
+        let across = L::transpose(tile);
+        for k in 0..8 {
+            if i == j {
+                put(across[k].after(k, tile[k]), p, tiles, 8 * i + k, i);
+            } else {
+                put(across[k], p, tiles, 8 * i + k, j);
+                put(tile[k], p, tiles, 8 * j + k, i);
+            }
         }
         return;
     }
+    for k in 0..8 {
+        tile[k] = plan.scaled(w, 8 * i + k, j);
+    }
+    let across = L::transpose(tile);
     let rest = if j == whole { plan.rest } else { 0 };
     for k in 0..8 {
         if k < rest {
@@ -333,8 +360,8 @@ fn place_rest<L: Lanes>(plan: &Plan, w: &Product, p: &mut [f64]) {
     let (tiles, whole) = (plan.tiles, plan.whole);
     for c in 0..plan.rest {
         let i = 8 * whole + c;
-        let own = plan.scaled::<L>(w, i, whole).after(plan.rest, row(&w.r, tiles, i, whole));
-        put(plan.mirrored(&w.r, own, c, i), p, tiles, i, whole);
+        let own = plan.mirrored(&w.r, plan.scaled::<L>(w, i, whole), plan.rest, i);
+        put(own.after(c, row(&w.r, tiles, i, whole)), p, tiles, i, whole);
         for t in whole + 1..tiles {
             put(plan.scaled::<L>(w, i, t), p, tiles, i, t);
         }
