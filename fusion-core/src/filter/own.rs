@@ -18,9 +18,8 @@ struct Markov {
     variance: f64,
     /// Which correlation time it has.
     time: usize,
-    /// exp(−Δt/τ) and the variance that comes in over the latest length of a step.
+    /// exp(−Δt/τ) over the latest length of a step.
     decay: f64,
-    noise: f64,
 }
 
 /// Those that the blocks of a layout declare.
@@ -31,7 +30,9 @@ pub(super) struct OwnDynamics {
     /// The correlation times τ \[s\] that there are, each with its exp(−Δt/τ): where steps are not equally
     /// long, as those of recorded logs, it is computed once for all axes.
     times: Vec<(f64, f64)>,
-    /// The length of a step \[s\] that decays are computed for: most steps are equally long.
+    /// What comes in over a step, as entries of its noise.
+    noise: Vec<(u16, u16, f64)>,
+    /// The length of a step \[s\] that decays and noise are computed for: most steps are equally long.
     dt: f64,
 }
 
@@ -41,6 +42,7 @@ impl OwnDynamics {
             walks: Vec::new(),
             markovs: Vec::new(),
             times: Vec::new(),
+            noise: Vec::new(),
             dt: 0.0,
         };
         for b in layout.blocks() {
@@ -55,13 +57,13 @@ impl OwnDynamics {
                             variance: sigma[k] * sigma[k],
                             time,
                             decay: 1.0,
-                            noise: 0.0,
                         });
                     }
                     _ => {}
                 }
             }
         }
+        own.noise.reserve(own.walks.len() + own.markovs.len());
         own
     }
 
@@ -78,13 +80,10 @@ impl OwnDynamics {
         if self.dt.to_bits() != dt.to_bits() {
             self.set_step(dt);
         }
-        for walk in &self.walks {
-            out.after.diagonal(walk.axis, walk.psd * dt);
-        }
         for markov in &self.markovs {
             out.phi.set_element(markov.axis, markov.axis, markov.decay);
-            out.after.diagonal(markov.axis, markov.noise);
         }
+        out.after.entries.extend_from_slice(&self.noise);
     }
 
     /// Computes what depends on the length of a step.
@@ -93,8 +92,12 @@ impl OwnDynamics {
         self.times.iter_mut().for_each(|(tau, decay)| *decay = (-dt / *tau).exp());
         for markov in &mut self.markovs {
             markov.decay = self.times[markov.time].1;
-            markov.noise = markov.variance * (1.0 - markov.decay * markov.decay);
         }
+        let walks = self.walks.iter().map(|walk| (walk.axis, walk.psd * dt));
+        let markovs = self.markovs.iter().map(|m| (m.axis, m.variance * (1.0 - m.decay * m.decay)));
+        let entry = |(axis, variance)| (axis as u16, axis as u16, variance);
+        self.noise.clear();
+        self.noise.extend(walks.chain(markovs).map(entry));
     }
 
     /// Gauss-Markov decay of the state over the step that was written last.
