@@ -223,7 +223,7 @@ impl Navigator {
     /// Position, velocity and attitude; `None` until the filter has started.
     pub fn solution(&mut self) -> Option<Solution> {
         self.belief()?;
-        Some(self.reader.read(self.assembly.runner.belief()))
+        Some(*self.reader.read(self.assembly.runner.belief()))
     }
 
     /// The solution at `seconds` if no row comes until then: rows that are still held back are used, and
@@ -232,7 +232,7 @@ impl Navigator {
     /// filter itself does not change. For a time before that of [`Navigator::solution`] it is that one.
     pub fn predict(&mut self, seconds: f64) -> Option<Solution> {
         let belief = self.assembly.runner.predicted(Time::from_seconds(seconds))?;
-        Some(self.reader.read(&belief))
+        Some(*self.reader.read(&belief))
     }
 
     /// Everything that the filter remembers, with what rows it holds back and, where it goes back for late

@@ -158,7 +158,12 @@ impl Observer for Hub<'_> {
         let Event::Estimate { belief } = event else {
             return tell(&mut self.observers, &RunEvent::Filter { filter, event });
         };
-        let solution = &self.readers[filter.number].solved(belief);
+        let (reader, mut comparison) = (&mut self.readers[filter.number], self.comparisons.get_mut(filter.number));
+        // A comparison looks at every one.
+        let solution = &match comparison {
+            Some(_) => reader.read(belief).into(),
+            None => reader.solved(belief),
+        };
         let estimate = RunEvent::Estimate { filter, solution, belief };
         tell(&mut self.observers, &estimate)?;
         if filter.is_outermost() {
@@ -175,9 +180,7 @@ impl Observer for Hub<'_> {
             }
         }
         let observers = &mut self.observers;
-        let Some(comparison) = self.comparisons.get_mut(filter.number) else {
-            return Ok(());
-        };
+        let Some(comparison) = &mut comparison else { return Ok(()) };
         comparison.reach(solution, |epoch, error| {
             tell(observers, &RunEvent::Reference { filter, epoch, error })
         })

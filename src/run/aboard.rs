@@ -21,9 +21,9 @@ impl Carried<'_> {
         }
         // Where nothing is held back, the belief is what is known.
         if self.runner.lag() <= 0.0 && self.runner.belief().time >= now {
-            return Pose::of(&self.reader.read(self.runner.belief()));
+            return Pose::of(self.reader.read(self.runner.belief()));
         }
-        Pose::of(&self.reader.read(&self.runner.predicted(now)?))
+        Pose::of(self.reader.read(&self.runner.predicted(now)?))
     }
 }
 

@@ -102,9 +102,10 @@ impl Follower {
         kind.minus(&belief.x[storage.clone()], &truth[storage], error.as_mut_slice());
         // Nearly all blocks have three axes.
         let found = if d == 3 {
-            let p = belief.covariance.marginal::<3>(&self.block);
-            sigma.copy_from(&p.diagonal());
-            nees(&Vector3::from_column_slice(error.as_slice()), &p, &Matrix3::zeros())
+            let (mut p, at) = (Matrix3::zeros(), self.block.tangent);
+            belief.covariance.copy_to(at, at, &mut p);
+            (0..3).for_each(|k| sigma[k] = p[(k, k)]);
+            nees(&Vector3::new(error[0], error[1], error[2]), &p, &Matrix3::zeros())
         } else {
             let p = DMatrix::from_row_slice(d, d, &belief.covariance.block(&self.block));
             sigma.copy_from(&p.diagonal());

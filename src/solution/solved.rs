@@ -6,20 +6,32 @@ use core::fmt;
 use core::ops::Deref;
 use fusion_core::state::Belief;
 
-/// The solution of a belief. It is read when it is looked at for the first time.
-pub struct Solved<'a> {
-    reader: RefCell<&'a mut SolutionReader>,
-    belief: &'a Belief,
-    solution: OnceCell<Solution>,
+/// The solution of a belief. It has been read, or is when it is looked at for the first time.
+pub struct Solved<'a>(Reading<'a>);
+
+#[expect(clippy::large_enum_variant, reason = "one at a time, on the stack")]
+enum Reading<'a> {
+    Done(&'a Solution),
+    Due {
+        reader: RefCell<&'a mut SolutionReader>,
+        belief: &'a Belief,
+        solution: OnceCell<Solution>,
+    },
 }
 
 impl<'a> Solved<'a> {
     pub(super) const fn new(reader: &'a mut SolutionReader, belief: &'a Belief) -> Self {
-        Self {
+        Self(Reading::Due {
             reader: RefCell::new(reader),
             belief,
             solution: OnceCell::new(),
-        }
+        })
+    }
+}
+
+impl<'a> From<&'a Solution> for Solved<'a> {
+    fn from(solution: &'a Solution) -> Self {
+        Self(Reading::Done(solution))
     }
 }
 
@@ -27,7 +39,10 @@ impl Deref for Solved<'_> {
     type Target = Solution;
 
     fn deref(&self) -> &Solution {
-        self.solution.get_or_init(|| self.reader.borrow_mut().read(self.belief))
+        match &self.0 {
+            Reading::Done(solution) => solution,
+            Reading::Due { reader, belief, solution } => solution.get_or_init(|| *reader.borrow_mut().read(belief)),
+        }
     }
 }
 

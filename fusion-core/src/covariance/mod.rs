@@ -31,7 +31,7 @@ pub use udu::Udu;
 
 use crate::linear::{BlockMatrix, Jacobian, Transition, padded};
 use crate::memory::{Memory, Tape};
-use crate::state::{Block, Slot, Tangent};
+use crate::state::Block;
 use core::ops::Range;
 use nalgebra::SMatrix;
 use std::sync::Arc;
@@ -165,28 +165,25 @@ impl Covariance {
     /// [`Quantity::place`](crate::state::Quantity::place) tells it.
     #[must_use]
     pub fn marginal_at<const D: usize>(&self, at: usize) -> SMatrix<f64, D, D> {
-        self.at(at, at)
+        let mut found = SMatrix::zeros();
+        self.copy_to(at, at, &mut found);
+        found
     }
 
-    /// R rows and C columns of P from `row` and `column` on.
-    fn at<const R: usize, const C: usize>(&self, row: usize, column: usize) -> SMatrix<f64, R, C> {
-        match self.form.whole(&self.p) {
-            Some(p) => {
-                let ld = padded(self.n);
-                SMatrix::from_fn(|i, j| p[(row + i) * ld + column + j])
-            }
-            None => SMatrix::from_fn(|i, j| self.form.element(self.n, &self.p, row + i, column + j)),
+    /// Writes R rows and C columns of P from the tangent offsets `row` and `column` on to `out`: in place, which
+    /// for many small matrices is twice as fast as moving them.
+    pub fn copy_to<const R: usize, const C: usize>(&self, row: usize, column: usize, out: &mut SMatrix<f64, R, C>) {
+        let Some(p) = self.form.whole(&self.p) else {
+            *out = SMatrix::from_fn(|i, j| self.form.element(self.n, &self.p, row + i, column + j));
+            return;
+        };
+        let ld = padded(self.n);
+        for i in 0..R {
+            let from = (row + i) * ld + column;
+            // One check of the range for all of a row.
+            let values = &p[from..from + C];
+            (0..C).for_each(|j| out[(i, j)] = values[j]);
         }
-    }
-
-    /// Covariance of the error of `a` (rows) with that of `b` (columns).
-    #[must_use]
-    pub fn between<A, B, const R: usize, const C: usize>(&self, a: Slot<A>, b: Slot<B>) -> SMatrix<f64, R, C>
-    where
-        A: Tangent<R>,
-        B: Tangent<C>,
-    {
-        self.at(a.tangent, b.tangent)
     }
 
     /// Whether every variance is finite and none negative.

@@ -14,6 +14,7 @@ pub use transition::Transition;
 
 /// Row length of a padded matrix of `n` columns: the next multiple of 8 doubles.
 #[must_use]
+#[inline]
 pub const fn padded(n: usize) -> usize {
     n.div_ceil(8) * 8
 }
