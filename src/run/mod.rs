@@ -87,7 +87,8 @@ pub fn run(design: &Design, options: &Options, progress: &mut dyn FnMut(Time)) -
     Ok(Run::open(design, options)?.go(&mut [], progress)?.keep()?)
 }
 
-/// Runs `design` as [`run`] does, and shares with others what does not depend on the seed.
+/// Runs `design` as [`run`] does, and shares with others what does not depend on the seed. What no row of a
+/// campaign tells is not followed: health, consumers, and parameters of filters inside stages.
 ///
 /// # Errors
 /// Those of [`run`].
@@ -102,6 +103,8 @@ pub struct Run<'a> {
     options: &'a Options,
     assembly: Assembly,
     data: RunData,
+    /// Whether it is one of several runs of the design.
+    is_one_of_many: bool,
     begun: Instant,
 }
 
@@ -133,6 +136,7 @@ impl<'a> Run<'a> {
             options,
             assembly,
             data,
+            is_one_of_many: course.is_some(),
             begun,
         })
     }
@@ -192,10 +196,12 @@ impl<'a> Run<'a> {
         };
         let mut hub = Hub::new(&filters, comparison.as_ref());
         hub.add(&mut counters);
-        hub.add(&mut consumers);
         hub.add(&mut statistics);
-        hub.add(&mut finals);
-        hub.add(&mut health);
+        if !self.is_one_of_many {
+            hub.add(&mut consumers);
+            hub.add(&mut finals);
+            hub.add(&mut health);
+        }
         scores.iter_mut().for_each(|score| hub.add(score));
         files.estimates.iter_mut().for_each(|file| hub.add(file));
         files.updates.iter_mut().for_each(|file| hub.add(file));

@@ -184,8 +184,11 @@ impl<'o> Saving<'o> {
         self.to.is_some().then_some(&mut self.progress.said)
     }
 
-    /// A row has been used.
+    /// A row has been used; nobody asks for it where nothing is saved.
     pub(super) fn used(&mut self, (stream, time): (StreamId, Time)) {
+        if self.to.is_none() {
+            return;
+        }
         self.progress.rows += 1;
         self.progress.last = Some((stream, time));
     }
