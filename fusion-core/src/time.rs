@@ -40,6 +40,7 @@ impl Time {
 
     /// Nanoseconds from the epoch.
     #[must_use]
+    #[inline]
     pub const fn nanos(self) -> i64 {
         self.0
     }
@@ -52,12 +53,14 @@ impl Time {
 
     /// `self − earlier` in seconds; the difference is taken in integers first.
     #[must_use]
+    #[inline]
     pub fn seconds_since(self, earlier: Self) -> f64 {
         self.0.saturating_sub(earlier.0) as f64 * 1e-9
     }
 
     /// This instant moved by `nanos`, saturating.
     #[must_use]
+    #[inline]
     pub const fn shifted(self, nanos: i64) -> Self {
         Self(self.0.saturating_add(nanos))
     }

@@ -392,15 +392,22 @@ impl Runner {
         let at = self.rows.put(row, arrival);
         let released = self.released.max(from);
         let is_emitted = self.stages.iter().any(|stage| stage.output == row.stream);
-        let (mut rows, mut queue) = (core::mem::take(&mut self.rows), core::mem::take(&mut self.queue));
-        let offered = self.consumers().each(row.stream, |consumer, port, name| {
+        let (rows, queue, is_running) = (&mut self.rows, &mut self.queue, self.started);
+        let consumers = Consumers {
+            input: self.input.as_ref(),
+            initialisers: &self.initialisers,
+            stages: &self.stages,
+            sensors: &self.sensors,
+            ranks: &self.ranks,
+        };
+        let offered = consumers.each(row.stream, |consumer, port, name| {
             let mut time = row.time.shifted(-port.delay);
             if is_emitted && matches!(consumer, Consumer::Aim(_)) {
                 time = time.max(released);
             }
             if time < released {
                 // Initialisers of a filter that runs miss nothing.
-                if self.started && consumer.is_initialiser() {
+                if is_running && consumer.is_initialiser() {
                     return Ok(());
                 }
                 let (row, why) = (rows.get(at).id(&port.columns), Discard::Late { now: released });
@@ -416,7 +423,6 @@ impl Runner {
             queue.put(Entry { time, consumer, row: at });
             Ok(())
         });
-        (self.rows, self.queue) = (rows, queue);
         self.rows.free_unused(at);
         offered
     }

@@ -265,7 +265,9 @@ impl Triad {
     }
 
     fn bias(&self) -> Vector3<f64> {
-        self.constant + Vector3::from_column_slice(self.markov.state()) + self.walk
+        // Number by number: what was written so is slow to be read as a whole right after.
+        let slow = self.markov.state();
+        Vector3::from_fn(|i, _| self.constant[i] + slow[i] + self.walk[i])
     }
 
     /// What has no size is not drawn: every purpose has a generator of its own, so no other draw changes.

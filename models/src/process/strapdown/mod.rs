@@ -184,17 +184,20 @@ impl Process for Strapdown {
     }
 
     fn propagate(&self, x: &mut [f64], input: &Input<'_>, dt: f64) {
-        let (start, corrected) = self.start(x, input);
+        let start = Start::of(&self.kinematic.read(x));
+        let corrected = self.inertial.corrected(x, input);
         self.write_next(&start, &corrected, x, input, dt);
     }
 
     fn linearise(&self, x: &[f64], input: &Input<'_>, dt: f64, out: &mut Transition) {
-        let (start, corrected) = self.start(x, input);
+        let start = Start::of(&self.kinematic.read(x));
+        let corrected = self.inertial.corrected(x, input);
         self.write_transition(&start, &corrected, input, dt, out);
     }
 
     fn step(&self, x: &mut [f64], input: &Input<'_>, dt: f64, out: &mut Transition) {
-        let (start, corrected) = self.start(x, input);
+        let start = Start::of(&self.kinematic.read(x));
+        let corrected = self.inertial.corrected(x, input);
         self.write_transition(&start, &corrected, input, dt, out);
         self.write_next(&start, &corrected, x, input, dt);
     }
@@ -234,12 +237,6 @@ impl Process for Strapdown {
 type Sample = (Corrected, Corrected);
 
 impl Strapdown {
-    /// What the step of a sample and its derivative both need.
-    #[inline]
-    fn start(&self, x: &[f64], input: &Input<'_>) -> (Start, Sample) {
-        (Start::of(&self.kinematic.read(x)), self.inertial.corrected(x, input))
-    }
-
     #[inline]
     fn write_next(&self, start: &Start, corrected: &Sample, x: &mut [f64], input: &Input<'_>, dt: f64) {
         let (w, f) = self.inertial.driven(corrected, input);
