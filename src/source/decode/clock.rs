@@ -1,6 +1,7 @@
 //! From the cell of a stamp to the time of the log, to the nanosecond.
 
 use super::Cell;
+use super::instant::{Origin, Scale};
 use super::raw::RawRows;
 use super::spec::TimeSpec;
 use fusion_core::time::nanos;
@@ -12,11 +13,10 @@ const FRACTION_DIGITS: u32 = 15;
 /// Nanoseconds beyond any log; two of them can be added.
 const LARGEST: i128 = i128::MAX / 4;
 
-/// Stamps of one column, or the sum of two.
+/// Stamps of one column, or of two.
 #[derive(Clone, Debug)]
 pub(super) struct Clock {
-    /// The nanoseconds that one of each column stands for.
-    units: Vec<i128>,
+    form: Form,
     /// The columns, once the file is open.
     columns: Vec<usize>,
     epoch: i128,
@@ -31,23 +31,29 @@ pub(super) struct Clock {
     pub(super) stop: i64,
 }
 
+/// What the cells of a stamp say.
+#[derive(Clone, Debug)]
+enum Form {
+    /// Counts whose sum is taken: the nanoseconds that one of each column stands for, and what they count from.
+    Count { units: Vec<i128>, origin: Option<Origin> },
+    /// A date with the time of day, in one column or in two.
+    Calendar(Scale),
+}
+
 impl Clock {
     pub(super) fn new(spec: &TimeSpec, errors: &mut Vec<BuildError>) -> Self {
+        let form = Form::new(spec, errors);
         let mut wrong = |field: &str, message: String| errors.push(BuildError::at(format!("time.{field}"), message));
-        let unit = unit_nanos(&spec.unit).unwrap_or_else(|message| {
-            wrong("unit", message);
-            1
-        });
-        let epoch = spec.epoch.as_ref().map_or(Some(0), |epoch| decimal_nanos(&epoch.0, unit));
-        if epoch.is_none() {
-            wrong("epoch", "the epoch is not a number in the unit of the time column".to_owned());
-        }
+        let epoch = spec
+            .epoch
+            .as_ref()
+            .map_or(Ok(0), |epoch| form.epoch(&epoch.0))
+            .unwrap_or_else(|message| {
+                wrong("epoch", message);
+                0
+            });
         if !(spec.scale.is_finite() && spec.scale > 0.0) {
             wrong("scale", format!("a clock's scale is a number near 1, not {}", spec.scale));
-        }
-        let each = spec.plus.as_ref().map(|plus| i128::from(nanos(plus.each.si())));
-        if each == Some(0) {
-            wrong("plus.each", "this is less than the nanosecond in which time is counted".to_owned());
         }
         let at = |d: fusion_models::units::Duration| nanos(d.si());
         let (start, stop) = (spec.start.map_or(i64::MIN, at), spec.stop.map_or(i64::MAX, at));
@@ -56,9 +62,9 @@ impl Clock {
         }
         let (about, offset) = (spec.about.map(at), at(spec.offset));
         Self {
-            units: core::iter::once(unit).chain(each).collect(),
+            form,
             columns: Vec::new(),
-            epoch: epoch.unwrap_or(0),
+            epoch,
             scale: spec.scale,
             about,
             is_about_declared: about.is_some(),
@@ -83,15 +89,83 @@ impl Clock {
     /// The stamp of the row at hand in nanoseconds of the log's time; `Err` says which column is not what.
     pub(super) fn read(&mut self, row: &impl RawRows) -> Result<i64, (usize, &'static str)> {
         let beyond = "lies beyond the 292 years that a log spans: set `time.epoch`, or another `time.unit`";
-        let (mut raw, mut last) = (-self.epoch, 0);
-        for (&column, &unit) in self.columns.iter().zip(&self.units) {
-            raw += cell_nanos(row.cell(column), unit).map_err(|what| (column, what))?;
-            last = column;
-        }
-        let stamp = i64::try_from(raw).map_err(|_| (last, beyond))?;
+        let (instant, last) = self.form.read(&self.columns, row)?;
+        let stamp = i64::try_from(instant - self.epoch).map_err(|_| (last, beyond))?;
         let about = *self.about.get_or_insert(stamp);
         let stretched = (stamp.saturating_sub(about) as f64 * (self.scale - 1.0)).round() as i64;
         Ok(stamp.saturating_add(stretched).saturating_add(self.offset))
+    }
+}
+
+impl Form {
+    fn new(spec: &TimeSpec, errors: &mut Vec<BuildError>) -> Self {
+        let mut wrong = |field: &str, message: String| errors.push(BuildError::at(format!("time.{field}"), message));
+        if let Some(scale) = spec.calendar {
+            let misfits = [
+                ("unit", spec.unit.is_some()),
+                ("counts_from", spec.counts_from.is_some()),
+                ("plus", spec.plus.is_some()),
+            ];
+            for (field, _) in misfits.into_iter().filter(|(_, is_given)| *is_given) {
+                wrong(field, format!("`{field}` does not apply to a calendar"));
+            }
+            return Self::Calendar(scale);
+        }
+        if spec.date.is_some() {
+            wrong("date", "a date needs its `calendar`: \"utc\", \"gps\" or \"tai\"".to_owned());
+        }
+        let unit = unit_nanos(spec.unit.as_deref().unwrap_or("s")).unwrap_or_else(|message| {
+            wrong("unit", message);
+            1
+        });
+        let each = spec.plus.as_ref().map(|plus| i128::from(nanos(plus.each.si())));
+        if each == Some(0) {
+            wrong("plus.each", "this is less than the nanosecond in which time is counted".to_owned());
+        }
+        Self::Count {
+            units: core::iter::once(unit).chain(each).collect(),
+            origin: spec.counts_from,
+        }
+    }
+
+    /// What is zero in the log, as written.
+    fn epoch(&self, text: &str) -> Result<i128, String> {
+        let of_calendar = |scale: Scale| scale.instant(text).map_err(|what| format!("`{text}` {what}"));
+        match self {
+            Self::Calendar(scale) => of_calendar(*scale),
+            Self::Count { units, origin } => match (decimal_nanos(text, units[0]), origin) {
+                (Some(count), None) => Ok(count),
+                (Some(count), Some(origin)) => origin.instant(count).ok_or_else(|| "the epoch lies beyond any log".to_owned()),
+                (None, Some(origin)) => of_calendar(origin.scale()),
+                (None, None) => {
+                    let message = "the epoch is not a number in the unit of the time column; for a date and time say what the \
+                                   stamps count from: `counts_from = \"unix\"` or `\"gps\"`";
+                    Err(message.to_owned())
+                }
+            },
+        }
+    }
+
+    /// The nanoseconds of the row at hand, and its last column; `Err` says which column is not what.
+    fn read(&self, columns: &[usize], row: &impl RawRows) -> Result<(i128, usize), (usize, &'static str)> {
+        let last = columns.last().copied().unwrap_or_default();
+        let text = |column: usize| row.cell(column).text().ok_or((column, "is not text"));
+        let instant = match self {
+            Self::Count { units, origin } => {
+                let mut sum = 0;
+                for (&column, &unit) in columns.iter().zip(units) {
+                    sum += cell_nanos(row.cell(column), unit).map_err(|what| (column, what))?;
+                }
+                let counted = origin.map_or(Some(sum), |origin| origin.instant(sum));
+                counted.ok_or((last, "is not a time"))?
+            }
+            Self::Calendar(scale) => match *columns {
+                [date, time] => scale.of_day(text(date)?, text(time)?),
+                _ => scale.instant(text(last)?),
+            }
+            .map_err(|what| (last, what))?,
+        };
+        Ok((instant, last))
     }
 }
 
@@ -120,7 +194,7 @@ fn unit_nanos(text: &str) -> Result<i128, String> {
 
 /// A decimal number of `unit` nanoseconds, in whole nanoseconds: exact as long as it is written
 /// without exponent.
-fn decimal_nanos(text: &str, unit: i128) -> Option<i128> {
+pub(super) fn decimal_nanos(text: &str, unit: i128) -> Option<i128> {
     let (negative, digits) = match text.as_bytes() {
         [b'-', rest @ ..] => (true, rest),
         [b'+', rest @ ..] => (false, rest),

@@ -12,12 +12,13 @@
 //!          in the first row, after an unreadable stamp and where the gap exceeds 1.5 intervals;
 //!          always 1/`rate` with `interval = "nominal"`
 //! Memory   one row, two where the stamp of the first jumps ahead
-//! Not here calendar dates, stamps in two columns (week and seconds), decimal commas
+//! Not here decimal commas
 
 mod ahead;
 mod channel;
 mod clock;
 mod condition;
+mod instant;
 mod judge;
 mod jump;
 mod one_or_many;

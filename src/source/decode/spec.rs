@@ -1,5 +1,6 @@
 //! What TOML says of rows, whatever their format.
 
+use super::instant::{Origin, Scale};
 use super::one_or_many::OneOrMany;
 use core::fmt;
 use core::num::NonZeroU64;
@@ -81,13 +82,24 @@ pub(in super::super) struct RowSpec<'a> {
 pub(in super::super) struct TimeSpec {
     /// Its column.
     pub(super) column: String,
-    /// Its unit; decimal stamps of any length are read to the nanosecond.
-    #[serde(default = "seconds")]
-    pub(super) unit: String,
+    /// Its unit; decimal stamps of any length are read to the nanosecond. Without it that in brackets at
+    /// the end of the column's name, as of `t [ms]`, or seconds.
+    pub(super) unit: Option<String>,
+    /// What a stamp counts from, where sources with other clocks are beside it: all are brought to GPS
+    /// time, which has no leap seconds.
+    pub(super) counts_from: Option<Origin>,
+    /// The column holds calendar dates with the time of day, year first, such as
+    /// `2025-07-08T19:34:18.25Z` or `2025/07/08 19:34:18`: in UTC (`Z`, an offset such as `+02:00`, or
+    /// none), GPS time or TAI.
+    pub(super) calendar: Option<Scale>,
+    /// The column of the date, where `column` holds the time of day alone.
+    pub(super) date: Option<String>,
     /// A second column, whose time is added: nanoseconds beside seconds, a week beside its seconds, the number
     /// of a recording whose clock begins at zero.
     pub(super) plus: Option<PlusSpec>,
-    /// The stamp at time zero of the log, in the unit of the column and as exact as written.
+    /// The stamp at time zero of the log, in the unit of the column and as exact as written. With
+    /// `counts_from` or `calendar` also a date and time, such as `"2025-07-08T19:34:18Z"`; without it
+    /// these logs begin with GPS time, 1980-01-06.
     pub(super) epoch: Option<Epoch>,
     /// Seconds of true time per second of this clock.
     #[serde(default = "one")]
@@ -112,8 +124,14 @@ pub(in super::super) struct TimeSpec {
     pub(super) ties: Ties,
 }
 
-fn seconds() -> String {
-    "s".to_owned()
+impl TimeSpec {
+    /// Its columns in the order in which they are read, each with its field.
+    pub(super) fn columns(&self) -> Vec<(&'static str, &str)> {
+        let date = self.date.as_ref().map(|column| ("time.date", column.as_str()));
+        let plus = self.plus.as_ref().map(|plus| ("time.plus.column", plus.column.as_str()));
+        let own = core::iter::once(("time.column", self.column.as_str()));
+        date.into_iter().chain(own).chain(plus).collect()
+    }
 }
 
 const fn one() -> f64 {
@@ -142,7 +160,7 @@ impl<'de> Deserialize<'de> for Epoch {
             type Value = Epoch;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a number in the unit of the time column, e.g. 1520530308000000000 or \"1752003258.25\"")
+                f.write_str("a number in the unit of the time column, e.g. 1520530308000000000 or \"1752003258.25\", or a date and time")
             }
 
             fn visit_i64<E: Error>(self, v: i64) -> Result<Epoch, E> {

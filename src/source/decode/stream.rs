@@ -42,10 +42,8 @@ impl Plan<'_> {
             file,
             errors: Vec::new(),
         };
-        let mut stamp = vec![columns.find("time.column", &self.spec.time.column)];
-        if let Some(plus) = &self.spec.time.plus {
-            stamp.push(columns.find("time.plus.column", &plus.column));
-        }
+        let stamp = self.spec.time.columns();
+        let stamp = stamp.into_iter().map(|(field, column)| columns.find(field, column)).collect();
         let mut cells = Vec::new();
         for plan in &self.channels {
             for (field, column) in &plan.columns {

@@ -89,3 +89,76 @@ fn the_increment_after_a_wrong_stamp_covers_the_nominal_interval() {
     let (rows, _) = read(toml, b"t,d\n3600,1\n5,1\n5.05,1\n").unwrap();
     assert_eq!(rows.iter().map(|(t, _)| t / 1_000_000).collect::<Vec<_>>(), [5000, 5100]);
 }
+
+/// The stamps that `time` makes of a file, in nanoseconds.
+fn stamped(time: &str, data: &str) -> Result<Vec<i64>, String> {
+    let (rows, _) = read(&format!("time = {{ {time} }}"), data.as_bytes())?;
+    Ok(rows.into_iter().map(|(t, _)| t).collect())
+}
+
+#[test]
+fn logs_of_unix_gps_and_calendar_time_share_one_scale() {
+    // One instant and another 1.5 s later, as five loggers write it: 18 leap seconds in 2025, GPS week 2374.
+    let logs = [
+        (
+            "column = 't', calendar = 'utc', epoch = '2025-07-08T19:34:00Z'",
+            "t\n2025-07-08T19:34:18.25Z\n2025-07-08T21:34:19.75+02:00\n",
+        ),
+        (
+            "date = 'd', column = 't', calendar = 'gps', epoch = '2025-07-08 19:34:18 GPST'",
+            "d,t\n2025/07/08,19:34:36.25\n2025/07/08,19:34:37.75\n",
+        ),
+        (
+            "column = 't', unit = 'ms', counts_from = 'unix', epoch = '2025-07-08T19:34:00Z'",
+            "t\n1752003258250\n1752003259750\n",
+        ),
+        (
+            "column = 's', plus = { column = 'ns', each = '1 ns' }, counts_from = 'unix', epoch = 1752003240",
+            "s,ns\n1752003258,250000000\n1752003259,750000000\n",
+        ),
+        (
+            "column = 'sow', plus = { column = 'week', each = '7 day' }, counts_from = 'gps', epoch = '2025-07-08T19:34:18'",
+            "week,sow\n2374,243276.25\n2374,243277.75\n",
+        ),
+    ];
+    for (time, data) in logs {
+        assert_eq!(stamped(time, data).unwrap(), [18_250_000_000, 19_750_000_000], "{time}");
+    }
+    // A leap second passes in UTC, and in Unix time that leaves it out.
+    let leap = "t\n2016-12-31T23:59:59Z\n2016-12-31T23:59:60Z\n2017-01-01T00:00:00Z\n";
+    let calendar = "column = 't', calendar = 'utc', epoch = '2016-12-31T23:59:59Z'";
+    assert_eq!(stamped(calendar, leap).unwrap(), [0, 1_000_000_000, 2_000_000_000]);
+    let unix = "column = 't', counts_from = 'unix', epoch = '2016-12-31T23:59:59Z'";
+    assert_eq!(stamped(unix, "t\n1483228799\n1483228800\n").unwrap(), [0, 2_000_000_000]);
+}
+
+#[test]
+fn what_is_wrong_with_a_date_is_said_by_line_and_column() {
+    let utc = "column = 't', calendar = 'utc', epoch = '2025-07-08T19:34:00Z'";
+    for (cell, what) in [
+        (
+            "08.07.2025 19:34:18",
+            "is not a date and time, year first, such as `2025-07-08T19:34:18.25Z`",
+        ),
+        ("2025-02-30 19:34:18", "does not exist: there is no such day or time of day"),
+        ("2025-07-08 19:34:18 GPST", "names another time scale than is declared"),
+    ] {
+        let wrong = stamped(utc, &format!("t\n{cell}\n")).unwrap_err();
+        let expected = format!("error: `{cell}` in column `t` {what}\n--> log.csv:2");
+        assert!(wrong.starts_with(&expected), "{wrong}");
+    }
+    let declared = |time: &str| stamped(time, "t\n1\n").unwrap_err();
+    for (time, what) in [
+        (
+            "column = 't', calendar = 'utc', epoch = '8 July'",
+            "`8 July` is not a date and time, year first",
+        ),
+        ("column = 't', epoch = '2025-07-08T19:34:00Z'", "say what the stamps count from"),
+        ("column = 't', calendar = 'utc', unit = 's'", "`unit` does not apply to a calendar"),
+        ("column = 't', date = 't'", "a date needs its `calendar`"),
+    ] {
+        assert!(declared(time).contains(what), "{}", declared(time));
+    }
+    let zero = stamped("column = 't', calendar = 'gps', epoch = 5", "t\n2025-07-08 00:00:00\n").unwrap_err();
+    assert!(zero.contains("`5` is not a date and time"), "{zero}");
+}

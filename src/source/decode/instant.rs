@@ -1,0 +1,264 @@
+//! Instants of other clocks on one scale: nanoseconds of GPS time since 1980-01-06.
+//!
+//! GPS time has no leap seconds; Unix time and UTC have. Their table is that of the crate `hifitime`,
+//! which is used here and nowhere else.
+//!
+//! Not here  UTC before 1972, whose seconds were not those of TAI
+
+use super::clock::decimal_nanos;
+use hifitime::{Duration, Epoch, TimeScale};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+const SECOND: i128 = 1_000_000_000;
+const DAY: i128 = 86_400 * SECOND;
+/// 1980-01-06 in days of 1970-01-01.
+const GPS_DAY: i128 = 3657;
+/// TAI is ahead of GPS time by this.
+const TAI_AHEAD: i128 = 19 * SECOND;
+/// Beyond it no table of leap seconds means anything: about a million years.
+const LARGEST: i128 = 1 << 84;
+
+const NO_DATE: &str = "is not a date and time, year first, such as `2025-07-08T19:34:18.25Z`";
+
+/// What a count begins with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub(in super::super) enum Origin {
+    /// 1970-01-01 UTC, as computers count: leap seconds are left out.
+    Unix,
+    /// 1980-01-06, as GPS counts: every second.
+    Gps,
+}
+
+/// The scale of a calendar.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub(in super::super) enum Scale {
+    /// UTC, or local time where the text gives its offset.
+    Utc,
+    /// GPS time.
+    Gps,
+    /// International atomic time.
+    Tai,
+}
+
+impl Origin {
+    /// A count of nanoseconds as an instant; `None` beyond any log.
+    pub(super) fn instant(self, count: i128) -> Option<i128> {
+        match self {
+            Self::Gps => Some(count),
+            Self::Unix => (count.abs() < LARGEST).then(|| {
+                let counted = Epoch::from_unix_duration(Duration::from_total_nanoseconds(count));
+                counted.to_gpst_duration().total_nanoseconds()
+            }),
+        }
+    }
+
+    /// The calendar that a count from here goes by.
+    pub(super) const fn scale(self) -> Scale {
+        match self {
+            Self::Unix => Scale::Utc,
+            Self::Gps => Scale::Gps,
+        }
+    }
+}
+
+impl Scale {
+    /// The instant of a date with its time of day, such as `2025-07-08T19:34:18.25Z`, where this scale
+    /// is meant if the text names none.
+    ///
+    /// # Errors
+    /// What is wrong with the text.
+    pub(super) fn instant(self, text: &str) -> Result<i128, &'static str> {
+        let at = text.find(['T', 't', ' ']).ok_or(NO_DATE)?;
+        let (date, time) = text.split_at(at);
+        self.of_day(date, time.get(1..).unwrap_or_default())
+    }
+
+    /// As [`instant`](Self::instant), of date and time of day apart.
+    ///
+    /// # Errors
+    /// What is wrong with them.
+    pub(super) fn of_day(self, date: &str, time: &str) -> Result<i128, &'static str> {
+        let date = date_of(date).ok_or(NO_DATE)?;
+        let (time, zone) = zone_of(time.trim()).ok_or(NO_DATE)?;
+        let (hour, minute, nanos) = time_of(time).ok_or(NO_DATE)?;
+        let (scale, ahead) = zone.unwrap_or((self, 0));
+        if scale != self {
+            return Err("names another time scale than is declared");
+        }
+        let is_leap = nanos >= 60 * SECOND;
+        let second = u8::try_from(nanos / SECOND).map_err(|_| NO_DATE)?;
+        let (year, month, day) = date;
+        let unleaped = if is_leap { 59 } else { second };
+        let civil = |second| Epoch::maybe_from_gregorian(year, month, day, hour, minute, second, 0, scale.hifitime());
+        if hour > 23 || civil(second).is_err() {
+            return Err("does not exist: there is no such day or time of day");
+        }
+        let days = days_since_1970(year, month, day).ok_or(NO_DATE)?;
+        let of_day = (i128::from(hour) * 60 + i128::from(minute)) * 60 + i128::from(unleaped);
+        let count = days * DAY + of_day * SECOND + nanos % SECOND - ahead;
+        let instant = match scale {
+            Self::Utc => Origin::Unix.instant(count).ok_or(NO_DATE)?,
+            Self::Gps => count - GPS_DAY * DAY,
+            Self::Tai => count - GPS_DAY * DAY - TAI_AHEAD,
+        };
+        // The leap second is the one after 23:59:59.
+        Ok(instant + if is_leap { SECOND } else { 0 })
+    }
+
+    const fn hifitime(self) -> TimeScale {
+        match self {
+            Self::Utc => TimeScale::UTC,
+            Self::Gps => TimeScale::GPST,
+            Self::Tai => TimeScale::TAI,
+        }
+    }
+}
+
+/// Days of the calendar since 1970-01-01.
+fn days_since_1970(year: i32, month: u8, day: u8) -> Option<i128> {
+    let midnight = |y, m, d| Epoch::maybe_from_gregorian(y, m, d, 0, 0, 0, 0, TimeScale::TAI).ok();
+    Some((midnight(year, month, day)? - midnight(1970, 1, 1)?).total_nanoseconds() / DAY)
+}
+
+/// `2025-07-08` or `2025/07/08`.
+fn date_of(text: &str) -> Option<(i32, u8, u8)> {
+    let text = text.trim();
+    let separator = text.chars().find(|c| !c.is_ascii_digit()).filter(|c| matches!(c, '-' | '/'))?;
+    let mut parts = text.split(separator);
+    let (year, month, day) = (parts.next()?, parts.next()?, parts.next()?);
+    let is_year_first = year.len() == 4 && parts.next().is_none();
+    is_year_first.then_some((number(year)?, number(month)?, number(day)?))
+}
+
+/// `19:34:18.25`: hours, minutes, nanoseconds of the minute.
+fn time_of(text: &str) -> Option<(u8, u8, i128)> {
+    let mut parts = text.split(':');
+    let (hour, minute, second) = (parts.next()?, parts.next()?, parts.next()?);
+    let is_plain = second.bytes().all(|b| b.is_ascii_digit() || b == b'.') && parts.next().is_none();
+    let nanos = decimal_nanos(second, SECOND).filter(|nanos| is_plain && *nanos < 61 * SECOND)?;
+    Some((number(hour)?, number(minute)?, nanos))
+}
+
+/// What comes after the digits: the time of day, and the scale with its offset in nanoseconds.
+#[expect(clippy::type_complexity, reason = "read once, beside")]
+fn zone_of(text: &str) -> Option<(&str, Option<(Scale, i128)>)> {
+    let end = text
+        .find(|c: char| !(c.is_ascii_digit() || matches!(c, ':' | '.')))
+        .unwrap_or(text.len());
+    let (time, zone) = text.split_at(end);
+    let named = match zone.trim() {
+        "" => return Some((time, None)),
+        "Z" | "z" | "UTC" => (Scale::Utc, 0),
+        "GPST" | "GPS" => (Scale::Gps, 0),
+        "TAI" => (Scale::Tai, 0),
+        offset => (Scale::Utc, offset_of(offset)?),
+    };
+    Some((time, Some(named)))
+}
+
+/// `+02:00`, `+0200` or `+02`.
+fn offset_of(text: &str) -> Option<i128> {
+    let sign = match text.as_bytes().first()? {
+        b'+' => 1,
+        b'-' => -1,
+        _ => return None,
+    };
+    let (hours, minutes) = match text.get(1..)?.as_bytes() {
+        [a, b] => ([*a, *b], *b"00"),
+        [a, b, b':', c, d] | [a, b, c, d] => ([*a, *b], [*c, *d]),
+        _ => return None,
+    };
+    let two = |digits: [u8; 2]| number::<u8>(core::str::from_utf8(&digits).ok()?).map(i128::from);
+    let (hours, minutes) = (two(hours)?, two(minutes).filter(|minutes| *minutes < 60)?);
+    Some(sign * (hours * 60 + minutes) * 60 * SECOND)
+}
+
+/// Digits alone, as a number.
+fn number<T: core::str::FromStr>(digits: &str) -> Option<T> {
+    digits.bytes().all(|b| b.is_ascii_digit()).then(|| digits.parse().ok())?
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn utc(text: &str) -> Result<i128, &'static str> {
+        Scale::Utc.instant(text)
+    }
+
+    #[test]
+    fn unix_and_gps_times_differ_by_the_leap_seconds_of_their_day() {
+        // GPS week 1025, the first epoch of 1999-08-29: 13 leap seconds (IGS calendar).
+        assert_eq!(utc("1999-08-28T23:59:47Z").unwrap(), 1025 * 7 * DAY);
+        // 2017-01-01 00:00:00 UTC is GPS second 1167264018: the 18th leap second has passed (IERS Bulletin C 52).
+        assert_eq!(utc("2017-01-01T00:00:00Z").unwrap(), 1_167_264_018 * SECOND);
+        assert_eq!(Origin::Unix.instant(1_483_228_800 * SECOND), Some(1_167_264_018 * SECOND));
+        assert_eq!(Origin::Unix.instant(1_483_228_799 * SECOND), Some(1_167_264_016 * SECOND));
+        assert_eq!(utc("2016-12-31T23:59:60.5Z").unwrap(), 1_167_264_017 * SECOND + SECOND / 2);
+        assert_eq!(Scale::Gps.instant("1980-01-06 00:00:00"), Ok(0));
+        assert_eq!(Scale::Tai.instant("1980-01-06 00:00:19 TAI"), Ok(0));
+        assert_eq!(utc("1980-01-06 00:00:00"), Ok(0));
+        assert_eq!(Origin::Unix.instant(i128::MAX / 4), None);
+    }
+
+    #[test]
+    fn a_date_is_read_however_it_is_written_year_first() {
+        let instant = utc("2025-07-08T19:34:18.499Z").unwrap();
+        for text in [
+            "2025/07/08 19:34:18.499",
+            "2025-7-8 19:34:18.49900",
+            "2025-07-08t21:34:18.499+02:00",
+            "2025-07-08 14:04:18.499-0530",
+            "2025-07-09T00:34:18.499+05",
+            "2025-07-08  19:34:18.499 UTC",
+        ] {
+            assert_eq!(utc(text), Ok(instant), "{text}");
+        }
+        // 18 leap seconds in 2025.
+        assert_eq!(Scale::Gps.instant("2025/07/08 19:34:36.499"), Ok(instant));
+        // Local time on the other side of a leap second.
+        let before = utc("2016-12-31T23:30:00Z").unwrap();
+        assert_eq!(utc("2017-01-01T01:30:00+02:00"), Ok(before));
+    }
+
+    #[test]
+    fn what_is_no_instant_is_refused() {
+        for text in [
+            "",
+            "T",
+            "2025-07-08",
+            "08.07.2025 10:00:00",
+            "08/07/2025 10:00:00",
+            "2025-07-08T10",
+            "2025-07-08T10:00",
+            "2025-07-08T10:00:-1",
+            "2025-07-08T10:00:1e1",
+            "2025-07-08T10:00:00+2",
+            "2025-07-08T10:00:00 CEST",
+            "2025-07/08 10:00:00",
+            "2025-07-08T+1:00:00",
+            "99999999999-01-01 00:00:00",
+            "é-é-é é:é:é",
+            "2025-07-08T10:00:00+0é",
+        ] {
+            assert_eq!(utc(text), Err(NO_DATE), "{text}");
+        }
+        for text in [
+            "2025-02-29T10:00:00",
+            "2025-13-01T10:00:00",
+            "2025-07-08T24:00:00",
+            "2025-07-08T10:60:00",
+            "2025-07-08T23:59:60",
+        ] {
+            assert!(utc(text).is_err_and(|e| e.starts_with("does not exist")), "{text}");
+        }
+        assert!(
+            Scale::Gps
+                .instant("2025-07-08T10:00:00Z")
+                .is_err_and(|e| e.starts_with("names another"))
+        );
+    }
+}
