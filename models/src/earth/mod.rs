@@ -7,6 +7,7 @@ pub mod frames;
 pub mod gravity;
 pub mod magnetic;
 pub mod rates;
+pub mod utm;
 
 pub use frames::LocalFrame;
 pub use gravity::Gravity;
