@@ -8,7 +8,7 @@ use libfuzzer_sys::fuzz_target;
 use std::sync::LazyLock;
 
 /// Rows that are stopped at, left out, thinned, tied, restamped; every form of channel.
-const DECLARED: [&str; 4] = [
+const DECLARED: [&str; 5] = [
     "path = 'PATH'
 time = { column = 't' }
 [channels.position]
@@ -60,6 +60,19 @@ up = '4'
 column = '5'
 unit = 'deg'
 latency = '0.1 s'",
+    "path = 'PATH'
+header = 'comment'
+comment = '#'
+delimiter = 'blanks'
+bad_rows = 'skip'
+time = { date = 'd', column = 't', calendar = 'utc', backwards = 'skip', ties = 'skip' }
+valid = { column = 'q', not_equals = [0, 'x'] }
+channels.position = { utm = { easting = 'a', northing = 'b', zone = 31, hemisphere = 'south' }, height = 'c' }
+channels.place = { ecef = ['a', 'b', 'c'], unit = 'km' }
+channels.attitude = { euler = { order = 'zxz', columns = ['a', 'b', 'c'] }, unit = 'deg' }
+channels.turn = { dcm = ['a', 'b', 'c', 'd', 'e', 'f', 'g', 'h', 'i'] }
+channels.speed = { column = ['a', '-b'], unit = 'm/s' }
+channels.velocity = { enu = ['a', 'b', 'c'], unit = 'm/s' }",
 ];
 
 /// The file, and what is declared of it.

@@ -11,9 +11,11 @@
 mod csv;
 mod decode;
 mod file;
+mod rtklib;
 pub mod testing;
 
 pub use self::csv::CsvSpec;
+pub use self::rtklib::RtklibSpec;
 
 use crate::rows::{ProvidedChannel, RowStream, SourceError};
 use core::fmt::Debug;

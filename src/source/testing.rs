@@ -86,6 +86,14 @@ mod tests {
                 }
                 Some(text)
             }
+            "rtklib" => {
+                let mut text = "% program : RTKLIB\n%  GPST  latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m)\n".to_owned();
+                for k in 0..ROWS {
+                    let quality = if k % 7 == 3 { 5 } else { 1 };
+                    let _ = writeln!(text, "2025/07/08 19:34:{k:02}.250  47.{k:02}   8.5 {k} {quality} 21 0.01 0.01 0.02");
+                }
+                Some(text)
+            }
             _ => None,
         }
     }

@@ -36,6 +36,7 @@ macro_rules! chapters {
 chapters! {
     about_the_book: "README.md",
     a_first_filter: "first-filter.md",
+    logs: "logs.md",
     backends: "backends.md",
     latency_and_lever_arms: "latency-lever-arms.md",
     consistency: "consistency.md",

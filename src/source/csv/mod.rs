@@ -12,20 +12,23 @@
 //! ```
 //!
 //! Memory   one row; a quotation mark that is never closed makes the rest of the file that row
-//! Not here fields separated by runs of blanks
 
+mod blanks;
 mod lines;
 mod reader;
 #[cfg(test)]
 mod tests;
 
-use super::decode::{Plan, format_spec};
+use super::decode::{Plan, TimeSpec, format_spec};
 use super::file::DataFile;
 use super::{OpenContext, SourceSpec};
 use crate::rows::{ProvidedChannel, RowStream, SourceError};
 use fusion_models::block::BuildError;
-use reader::CsvRows;
+use schemars::JsonSchema;
+use serde::Deserialize;
 use std::path::PathBuf;
+
+pub(super) use reader::{CsvRows, Dialect, Names};
 
 fusion_models::register!(
     Source,
@@ -53,26 +56,51 @@ format_spec! {
     pub struct CsvSpec {
         /// The file, relative to the data directory; gzip is recognised by its content.
         path: PathBuf,
-        /// What separates the fields.
+        /// What separates the fields: a character, or `"blanks"` for runs of blanks and tabs.
         #[serde(default = "comma")]
-        delimiter: char,
-        /// Lines that begin with this character, such as `"#"`, are comments. Do not set it if the
-        /// header line begins with it: its names are taken as written.
+        delimiter: String,
+        /// Lines that begin with this character, such as `"#"` or `"%"`, are comments.
         comment: Option<char>,
-        /// Whether the first line names the columns; without header they are called `1`, `2`, ….
-        #[serde(default = "yes")]
-        header: bool,
+        /// Whether the first line names the columns; without header they are called `1`, `2`, …. With
+        /// `"comment"` the last comment before the first row names them.
+        #[serde(default)]
+        header: Header,
         /// Names for the columns of a file without header.
         names: Option<Vec<String>>,
+        /// The stamp of a row.
+        time: TimeSpec,
     }
 }
 
-const fn comma() -> char {
-    ','
+fn comma() -> String {
+    ",".to_owned()
 }
 
-const fn yes() -> bool {
-    true
+/// What `delimiter` says for runs of blanks.
+const BLANKS: &str = "blanks";
+
+/// Which line names the columns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "expected true, false or \"comment\"")]
+enum Header {
+    /// The first, or none.
+    First(bool),
+    /// A comment.
+    Within(Within),
+}
+
+/// Where the names are, if not in a line of their own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+enum Within {
+    /// In the last comment before the first row.
+    Comment,
+}
+
+impl Default for Header {
+    fn default() -> Self {
+        Self::First(true)
+    }
 }
 
 impl CsvSpec {
@@ -80,13 +108,42 @@ impl CsvSpec {
     fn plan(&self) -> Result<Plan<'_>, Vec<BuildError>> {
         let mut errors = Vec::new();
         let plan = self.rows().plan(&mut errors);
-        for (field, c) in [("delimiter", Some(self.delimiter)), ("comment", self.comment)] {
-            if c.is_some_and(|c| !c.is_ascii() || matches!(c, '\n' | '\r' | '"')) {
-                let message = "this is one plain character, such as \",\", \";\" or \"\\t\"";
-                errors.push(BuildError::at(field, message));
-            }
+        let message = "this is one plain character, such as \",\", \";\" or \"\\t\"";
+        if self.delimiter != BLANKS && plain(&self.delimiter).is_none() {
+            errors.push(BuildError::at("delimiter", message).help("runs of blanks are `delimiter = \"blanks\"`"));
+        }
+        if self.comment.is_some_and(|c| plain(c.encode_utf8(&mut [0; 4])).is_none()) {
+            errors.push(BuildError::at("comment", message));
+        }
+        if self.header == Header::Within(Within::Comment) && self.comment.is_none() {
+            let message = "a header within a comment needs the character that begins comments";
+            errors.push(BuildError::at("header", message).help("add e.g. `comment = \"#\"`"));
         }
         if errors.is_empty() { Ok(plan) } else { Err(errors) }
+    }
+
+    fn dialect(&self) -> Dialect {
+        Dialect {
+            delimiter: if self.delimiter == BLANKS { None } else { plain(&self.delimiter) },
+            comment: self.comment.and_then(|c| plain(c.encode_utf8(&mut [0; 4]))),
+        }
+    }
+
+    fn names(&self) -> Names<'_> {
+        match (&self.names, self.header) {
+            (Some(names), _) => Names::Given(names),
+            (None, Header::First(true)) => Names::FirstLine,
+            (None, Header::First(false)) => Names::Numbered,
+            (None, Header::Within(Within::Comment)) => Names::Comment,
+        }
+    }
+}
+
+/// The character that can be a delimiter or begin a comment.
+fn plain(text: &str) -> Option<u8> {
+    match *text.as_bytes() {
+        [byte] if byte.is_ascii() && !matches!(byte, b'\n' | b'\r' | b'"') => Some(byte),
+        _ => None,
     }
 }
 
@@ -103,7 +160,7 @@ impl SourceSpec for CsvSpec {
     fn open(&self, context: &OpenContext) -> Result<Box<dyn RowStream>, SourceError> {
         let plan = self.plan()?;
         let file = DataFile::new(&self.path, context);
-        let rows = CsvRows::open(self, &file, context)?;
+        let rows = CsvRows::open(self.dialect(), self.names(), &file, context)?;
         plan.decode(rows, &file, context)
     }
 }

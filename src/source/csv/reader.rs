@@ -1,16 +1,35 @@
 //! Lines of a text file as rows of cells.
 
-use super::CsvSpec;
+use super::blanks::Blanks;
 use super::lines::Lines;
 use crate::rows::{DataError, SourceError};
 use crate::source::OpenContext;
 use crate::source::decode::{Cell, Malformed, RawRows};
 use crate::source::file::{BUFFER, DataFile};
 use ::csv::{ByteRecord, Error, ErrorKind, Reader, ReaderBuilder};
-use std::io::Read;
+use std::io::{BufRead, BufReader, Cursor, Read};
+
+/// How text is split.
+#[derive(Clone, Copy, Debug)]
+pub(in super::super) struct Dialect {
+    /// What separates fields; `None` for runs of blanks.
+    pub(in super::super) delimiter: Option<u8>,
+    /// What comments begin with.
+    pub(in super::super) comment: Option<u8>,
+}
+
+/// Where the names of the columns come from.
+#[derive(Clone, Copy, Debug)]
+pub(in super::super) enum Names<'a> {
+    Given(&'a [String]),
+    FirstLine,
+    /// The last comment before the first row.
+    Comment,
+    Numbered,
+}
 
 /// An open file.
-pub(super) struct CsvRows {
+pub(in super::super) struct CsvRows {
     file: String,
     columns: Vec<String>,
     reader: Reader<Lines<Box<dyn Read + Send>>>,
@@ -23,24 +42,44 @@ pub(super) struct CsvRows {
 
 impl CsvRows {
     /// Opens the file and reads the names of its columns.
-    pub(super) fn open(spec: &CsvSpec, file: &DataFile, context: &OpenContext) -> Result<Self, SourceError> {
-        let byte = |c: char| u8::try_from(c).unwrap_or(b',');
+    pub(in super::super) fn open(dialect: Dialect, names: Names<'_>, file: &DataFile, context: &OpenContext) -> Result<Self, SourceError> {
+        let mut bytes = file.bytes(context)?;
+        let mut columns = Vec::new();
+        if let (Names::Comment, Some(mark)) = (names, dialect.comment) {
+            let head = Head::read(bytes, mark).map_err(|error| broken(&file.name(), 1, &error.into()))?;
+            columns = head.columns(dialect);
+            if columns.is_empty() {
+                let message = "no comment before the first row names the columns";
+                return Err(DataError::new(file.name(), message).into());
+            }
+            bytes = head.bytes;
+        }
+        if dialect.delimiter.is_none() {
+            bytes = Box::new(Blanks::new(bytes));
+        }
         let mut builder = ReaderBuilder::new();
         builder.has_headers(false).flexible(true).buffer_capacity(BUFFER);
-        builder.delimiter(byte(spec.delimiter)).comment(spec.comment.map(byte));
+        builder.delimiter(dialect.delimiter.unwrap_or(b' ')).comment(dialect.comment);
         let mut rows = Self {
             file: file.name(),
-            columns: Vec::new(),
-            reader: builder.from_reader(Lines::new(file.bytes(context)?)),
+            columns,
+            reader: builder.from_reader(Lines::new(bytes)),
             record: ByteRecord::new(),
             line: 1,
             is_pending: false,
         };
-        match &spec.names {
-            Some(names) => rows.columns.clone_from(names),
-            None => rows.read_columns(spec.header)?,
+        match names {
+            Names::Given(names) => rows.columns = names.to_vec(),
+            Names::FirstLine => rows.read_columns(true)?,
+            Names::Numbered => rows.read_columns(false)?,
+            Names::Comment => {}
         }
         Ok(rows)
+    }
+
+    /// Gives the columns other names.
+    pub(in super::super) fn rename(&mut self, columns: Vec<String>) {
+        self.columns = columns;
     }
 
     /// Takes the columns from the first line: their names, or how many there are.
@@ -64,19 +103,57 @@ impl CsvRows {
         let read = self.reader.read_byte_record(&mut self.record);
         let end = self.reader.position().byte();
         self.line = self.reader.get_mut().line(end);
-        read.map_err(|error| self.broken(&error))
+        read.map_err(|error| broken(&self.file, self.line, &error))
+    }
+}
+
+/// A file that cannot be read on.
+fn broken(file: &str, line: usize, error: &Error) -> DataError {
+    let message = match error.kind() {
+        ErrorKind::Io(io) if io.kind() == std::io::ErrorKind::UnexpectedEof => "the compressed file is cut off".to_owned(),
+        ErrorKind::Io(io) => format!("the file is damaged: {io}"),
+        _ => format!("the file cannot be read: {error}"),
+    };
+    DataError::new(file, message)
+        .line(line)
+        .help("rows before were sound; copy or download it again")
+}
+
+/// What a file begins with up to its first row, and all of its bytes.
+struct Head {
+    /// The last comment, without the characters that begin it.
+    comment: String,
+    bytes: Box<dyn Read + Send>,
+}
+
+impl Head {
+    fn read(bytes: Box<dyn Read + Send>, mark: u8) -> std::io::Result<Self> {
+        let mut reader = BufReader::with_capacity(BUFFER, bytes);
+        let (mut head, mut comment) = (Vec::new(), String::new());
+        loop {
+            let start = head.len();
+            reader.read_until(b'\n', &mut head)?;
+            let line = head.get(start..).unwrap_or_default();
+            match line.trim_ascii() {
+                [] if !line.is_empty() => {}
+                [first, rest @ ..] if *first == mark => {
+                    comment = String::from_utf8_lossy(rest).trim_start_matches(char::from(mark)).to_owned();
+                }
+                _ => break,
+            }
+        }
+        let bytes = Box::new(Cursor::new(head).chain(reader));
+        Ok(Self { comment, bytes })
     }
 
-    /// The file cannot be read on.
-    fn broken(&self, error: &Error) -> DataError {
-        let message = match error.kind() {
-            ErrorKind::Io(io) if io.kind() == std::io::ErrorKind::UnexpectedEof => "the compressed file is cut off".to_owned(),
-            ErrorKind::Io(io) => format!("the file is damaged: {io}"),
-            _ => format!("the file cannot be read: {error}"),
-        };
-        DataError::new(self.file.as_str(), message)
-            .line(self.line)
-            .help("rows before were sound; copy or download it again")
+    /// The names in the comment.
+    fn columns(&self, dialect: Dialect) -> Vec<String> {
+        let names = self.comment.trim();
+        match dialect.delimiter {
+            _ if names.is_empty() => Vec::new(),
+            None => names.split_ascii_whitespace().map(str::to_owned).collect(),
+            Some(delimiter) => names.split(char::from(delimiter)).map(|name| name.trim().to_owned()).collect(),
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! Files as they come, and every word that is said of them.
 
 mod axes;
+mod fields;
 mod stamps;
 
 use super::*;

@@ -1,9 +1,10 @@
 //! From the cell of a stamp to the time of the log, to the nanosecond.
 
 use super::Cell;
+use super::header_unit::header_unit;
 use super::instant::{Origin, Scale};
 use super::raw::RawRows;
-use super::spec::TimeSpec;
+use super::spec::{Stamp, Timing};
 use fusion_core::time::nanos;
 use fusion_models::block::BuildError;
 use fusion_models::units::{Dimensional, dim, parse_unit};
@@ -41,8 +42,8 @@ enum Form {
 }
 
 impl Clock {
-    pub(super) fn new(spec: &TimeSpec, errors: &mut Vec<BuildError>) -> Self {
-        let form = Form::new(spec, errors);
+    pub(super) fn new(stamp: &Stamp<'_>, spec: Timing<'_>, errors: &mut Vec<BuildError>) -> Self {
+        let form = Form::new(stamp, errors);
         let mut wrong = |field: &str, message: String| errors.push(BuildError::at(format!("time.{field}"), message));
         let epoch = spec
             .epoch
@@ -98,27 +99,29 @@ impl Clock {
 }
 
 impl Form {
-    fn new(spec: &TimeSpec, errors: &mut Vec<BuildError>) -> Self {
+    fn new(spec: &Stamp<'_>, errors: &mut Vec<BuildError>) -> Self {
         let mut wrong = |field: &str, message: String| errors.push(BuildError::at(format!("time.{field}"), message));
         if let Some(scale) = spec.calendar {
             let misfits = [
                 ("unit", spec.unit.is_some()),
                 ("counts_from", spec.counts_from.is_some()),
-                ("plus", spec.plus.is_some()),
+                ("plus", spec.each.is_some()),
             ];
             for (field, _) in misfits.into_iter().filter(|(_, is_given)| *is_given) {
                 wrong(field, format!("`{field}` does not apply to a calendar"));
             }
             return Self::Calendar(scale);
         }
-        if spec.date.is_some() {
+        if spec.columns.iter().any(|(field, _)| *field == "time.date") {
             wrong("date", "a date needs its `calendar`: \"utc\", \"gps\" or \"tai\"".to_owned());
         }
-        let unit = unit_nanos(spec.unit.as_deref().unwrap_or("s")).unwrap_or_else(|message| {
+        let of_header = spec.columns.first().and_then(|(_, column)| header_unit(column));
+        let of_header = of_header.filter(|unit| unit_nanos(unit).is_ok());
+        let unit = unit_nanos(spec.unit.or(of_header).unwrap_or("s")).unwrap_or_else(|message| {
             wrong("unit", message);
             1
         });
-        let each = spec.plus.as_ref().map(|plus| i128::from(nanos(plus.each.si())));
+        let each = spec.each.map(|each| i128::from(nanos(each)));
         if each == Some(0) {
             wrong("plus.each", "this is less than the nanosecond in which time is counted".to_owned());
         }
@@ -130,7 +133,7 @@ impl Form {
 
     /// What is zero in the log, as written.
     fn epoch(&self, text: &str) -> Result<i128, String> {
-        let of_calendar = |scale: Scale| scale.instant(text).map_err(|what| format!("`{text}` {what}"));
+        let of_calendar = |scale: Scale| scale.any_instant(text).map_err(|what| format!("`{text}` {what}"));
         match self {
             Self::Calendar(scale) => of_calendar(*scale),
             Self::Count { units, origin } => match (decimal_nanos(text, units[0]), origin) {
@@ -194,7 +197,7 @@ fn unit_nanos(text: &str) -> Result<i128, String> {
 
 /// A decimal number of `unit` nanoseconds, in whole nanoseconds: exact as long as it is written
 /// without exponent.
-pub(super) fn decimal_nanos(text: &str, unit: i128) -> Option<i128> {
+pub(in super::super) fn decimal_nanos(text: &str, unit: i128) -> Option<i128> {
     let (negative, digits) = match text.as_bytes() {
         [b'-', rest @ ..] => (true, rest),
         [b'+', rest @ ..] => (false, rest),

@@ -1,5 +1,6 @@
 //! Conditions that a row has to meet.
 
+use super::one_or_many::OneOrMany;
 use super::raw::Cell;
 use super::spec::{Condition, Wanted};
 
@@ -8,16 +9,18 @@ use super::spec::{Condition, Wanted};
 pub(super) struct Test {
     pub(super) column: usize,
     equals: Option<Vec<Wanted>>,
+    not_equals: Option<Vec<Wanted>>,
     at_least: Option<f64>,
     at_most: Option<f64>,
 }
 
 impl Test {
     pub(super) fn new(condition: &Condition, column: usize) -> Self {
-        let equals = condition.equals.as_ref().map(|wanted| wanted.0.clone());
+        let values = |of: &Option<OneOrMany<Wanted>>| of.as_ref().map(|wanted| wanted.0.clone());
         Self {
             column,
-            equals,
+            equals: values(&condition.equals),
+            not_equals: values(&condition.not_equals),
             at_least: condition.at_least,
             at_most: condition.at_most,
         }
@@ -30,11 +33,15 @@ impl Test {
         }
         let number = cell.number();
         let is_equal = self.equals.as_ref().map_or(Some(true), |wanted| is_any_of(wanted, cell, number));
+        let is_excluded = self
+            .not_equals
+            .as_ref()
+            .map_or(Some(false), |wanted| is_any_of(wanted, cell, number));
         let is_within = match (self.at_least, self.at_most) {
             (None, None) => Some(true),
             (least, most) => number.map(|n| least.is_none_or(|least| n >= least) && most.is_none_or(|most| n <= most)),
         };
-        Some(is_equal? && is_within?)
+        Some(is_equal? && !is_excluded? && is_within?)
     }
 }
 

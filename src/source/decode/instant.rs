@@ -65,32 +65,55 @@ impl Origin {
 }
 
 impl Scale {
-    /// The instant of a date with its time of day, such as `2025-07-08T19:34:18.25Z`, where this scale
-    /// is meant if the text names none.
+    /// The instant of a date with its time of day, such as `2025-07-08T19:34:18.25Z`; a text that names
+    /// another scale is wrong.
     ///
     /// # Errors
     /// What is wrong with the text.
     pub(super) fn instant(self, text: &str) -> Result<i128, &'static str> {
-        let at = text.find(['T', 't', ' ']).ok_or(NO_DATE)?;
-        let (date, time) = text.split_at(at);
-        self.of_day(date, time.get(1..).unwrap_or_default())
+        let (date, time) = parts_of(text)?;
+        self.of_day(date, time)
     }
 
     /// As [`instant`](Self::instant), of date and time of day apart.
     ///
     /// # Errors
     /// What is wrong with them.
-    pub(super) fn of_day(self, date: &str, time: &str) -> Result<i128, &'static str> {
-        let date = date_of(date).ok_or(NO_DATE)?;
+    pub(in super::super) fn of_day(self, date: &str, time: &str) -> Result<i128, &'static str> {
+        let (scale, instant) = self.named(date, time)?;
+        if scale == self {
+            Ok(instant)
+        } else {
+            Err("names another time scale than is declared")
+        }
+    }
+
+    /// As [`instant`](Self::instant), of a text that may name any scale.
+    ///
+    /// # Errors
+    /// What is wrong with the text.
+    pub(super) fn any_instant(self, text: &str) -> Result<i128, &'static str> {
+        let (date, time) = parts_of(text)?;
+        Ok(self.named(date, time)?.1)
+    }
+
+    /// The instant of nanoseconds since 1980-01-06 of this calendar; `None` beyond any log.
+    pub(in super::super) fn of_count(self, count: i128) -> Option<i128> {
+        match self {
+            Self::Utc => Origin::Unix.instant(count + GPS_DAY * DAY),
+            Self::Gps => Some(count),
+            Self::Tai => Some(count - TAI_AHEAD),
+        }
+    }
+
+    /// The scale that the text names, by default this one, and the instant.
+    fn named(self, date: &str, time: &str) -> Result<(Self, i128), &'static str> {
+        let (year, month, day) = date_of(date).ok_or(NO_DATE)?;
         let (time, zone) = zone_of(time.trim()).ok_or(NO_DATE)?;
         let (hour, minute, nanos) = time_of(time).ok_or(NO_DATE)?;
         let (scale, ahead) = zone.unwrap_or((self, 0));
-        if scale != self {
-            return Err("names another time scale than is declared");
-        }
         let is_leap = nanos >= 60 * SECOND;
         let second = u8::try_from(nanos / SECOND).map_err(|_| NO_DATE)?;
-        let (year, month, day) = date;
         let unleaped = if is_leap { 59 } else { second };
         let civil = |second| Epoch::maybe_from_gregorian(year, month, day, hour, minute, second, 0, scale.hifitime());
         if hour > 23 || civil(second).is_err() {
@@ -99,13 +122,9 @@ impl Scale {
         let days = days_since_1970(year, month, day).ok_or(NO_DATE)?;
         let of_day = (i128::from(hour) * 60 + i128::from(minute)) * 60 + i128::from(unleaped);
         let count = days * DAY + of_day * SECOND + nanos % SECOND - ahead;
-        let instant = match scale {
-            Self::Utc => Origin::Unix.instant(count).ok_or(NO_DATE)?,
-            Self::Gps => count - GPS_DAY * DAY,
-            Self::Tai => count - GPS_DAY * DAY - TAI_AHEAD,
-        };
+        let instant = scale.of_count(count - GPS_DAY * DAY).ok_or(NO_DATE)?;
         // The leap second is the one after 23:59:59.
-        Ok(instant + if is_leap { SECOND } else { 0 })
+        Ok((scale, instant + if is_leap { SECOND } else { 0 }))
     }
 
     const fn hifitime(self) -> TimeScale {
@@ -121,6 +140,13 @@ impl Scale {
 fn days_since_1970(year: i32, month: u8, day: u8) -> Option<i128> {
     let midnight = |y, m, d| Epoch::maybe_from_gregorian(y, m, d, 0, 0, 0, 0, TimeScale::TAI).ok();
     Some((midnight(year, month, day)? - midnight(1970, 1, 1)?).total_nanoseconds() / DAY)
+}
+
+/// Date and time of day.
+fn parts_of(text: &str) -> Result<(&str, &str), &'static str> {
+    let at = text.find(['T', 't', ' ']).ok_or(NO_DATE)?;
+    let (date, time) = text.split_at(at);
+    Ok((date, time.get(1..).unwrap_or_default()))
 }
 
 /// `2025-07-08` or `2025/07/08`.
@@ -143,7 +169,6 @@ fn time_of(text: &str) -> Option<(u8, u8, i128)> {
 }
 
 /// What comes after the digits: the time of day, and the scale with its offset in nanoseconds.
-#[expect(clippy::type_complexity, reason = "read once, beside")]
 fn zone_of(text: &str) -> Option<(&str, Option<(Scale, i128)>)> {
     let end = text
         .find(|c: char| !(c.is_ascii_digit() || matches!(c, ':' | '.')))

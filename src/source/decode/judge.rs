@@ -51,17 +51,16 @@ pub(super) struct Judge {
     valid: Vec<Test>,
     /// The conditions of each channel.
     valid_channels: Vec<Vec<Test>>,
-    /// Column and sign of every cell that a channel reads.
-    cells: Vec<(usize, f64)>,
-    /// Each channel with the range of its cells, which is that of its numbers: it makes as many.
-    channels: Vec<(Range<usize>, ChannelPlan)>,
+    /// The cells of each channel.
+    terms: Vec<Vec<Term>>,
+    channels: Vec<Placed>,
     needs_interval: bool,
     /// The nominal interval \[s\].
     nominal: Option<f64>,
     /// Whether increments always cover the nominal interval.
     is_even: bool,
     drops_repeats: bool,
-    /// The cells of the row at hand, with their signs.
+    /// What the cells of the row at hand add up to, for each number that a channel reads.
     numbers: Vec<f64>,
     /// Those of the last row that was no repetition.
     last_numbers: Option<Vec<f64>>,
@@ -71,35 +70,68 @@ pub(super) struct Judge {
     is_interval_known: bool,
 }
 
+/// A cell that a channel reads.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Term {
+    pub(super) column: usize,
+    pub(super) sign: f64,
+    /// The number of the channel to which it is added.
+    pub(super) number: usize,
+}
+
+/// A channel with what it reads, among the numbers of the row, and what it makes, among its values.
+#[derive(Debug)]
+struct Placed {
+    read: Range<usize>,
+    made: Range<usize>,
+    plan: ChannelPlan,
+}
+
+/// Where the rows of a file have what they are judged by.
+#[derive(Debug)]
+pub(super) struct Places {
+    /// The columns of the stamp.
+    pub(super) stamp: Vec<usize>,
+    /// The cells of each channel.
+    pub(super) terms: Vec<Vec<Term>>,
+    /// The conditions of the row and of each channel.
+    pub(super) valid: Vec<Test>,
+    pub(super) valid_channels: Vec<Vec<Test>>,
+}
+
 impl Judge {
-    /// Of the rows of `plan`: the columns of the stamp, the cells of all channels one after the
-    /// other, the conditions of the row and of each channel.
-    pub(super) fn new(
-        plan: Plan<'_>,
-        stamp: Vec<usize>,
-        cells: Vec<(usize, f64)>,
-        (valid, valid_channels): (Vec<Test>, Vec<Vec<Test>>),
-    ) -> Self {
+    pub(super) fn new(plan: Plan<'_>, places: Places) -> Self {
         let Plan { spec, mut clock, channels } = plan;
+        let Places {
+            stamp,
+            terms,
+            valid,
+            valid_channels,
+        } = places;
         clock.place(stamp);
-        let mut end = 0;
-        let place = |channel: ChannelPlan| {
-            let start = end;
-            end += channel.columns.len();
-            (start..end, channel)
+        let (mut read, mut made) = (0, 0);
+        let place = |plan: ChannelPlan| {
+            let (from, to) = (read, made);
+            (read, made) = (from + plan.inputs.len(), to + plan.channel.width);
+            Placed {
+                read: from..read,
+                made: to..made,
+                plan,
+            }
         };
+        let width = channels.iter().map(|channel| channel.inputs.len()).sum();
         let nominal = spec.rate.map(|rate| 1.0 / rate.si());
         Self {
             clock,
-            jumps: Jumps::new(spec.time.max_jump.map(|d| d.si()), nominal),
+            jumps: Jumps::new(spec.timing.max_jump.map(|d| d.si()), nominal),
             bad_rows: spec.bad_rows,
-            backwards: spec.time.backwards,
-            ties: spec.time.ties,
+            backwards: spec.timing.backwards,
+            ties: spec.timing.ties,
             keep: spec.keep,
             valid,
             valid_channels,
-            numbers: vec![0.0; cells.len()],
-            cells,
+            numbers: vec![0.0; width],
+            terms,
             needs_interval: channels.iter().any(|channel| channel.increment),
             channels: channels.into_iter().map(place).collect(),
             nominal,
@@ -151,10 +183,11 @@ impl Judge {
             let reason = "first of its increments, over an unknown interval (declare `rate`)";
             return Err(Unused::Left(reason));
         };
-        for (at, plan) in &mut self.channels {
-            if self.numbers[at.clone()].contains(&NOT_VALID) {
-                values[at.clone()].fill(f64::NAN);
-            } else if let Err(Wrong { message, help }) = plan.convert(&self.numbers[at.clone()], interval, &mut values[at.clone()]) {
+        for Placed { read, made, plan } in &mut self.channels {
+            let (numbers, out) = (&self.numbers[read.clone()], &mut values[made.clone()]);
+            if numbers.contains(&NOT_VALID) {
+                out.fill(f64::NAN);
+            } else if let Err(Wrong { message, help }) = plan.convert(numbers, interval, out) {
                 return Err(self.bad(message, help));
             }
         }
@@ -236,17 +269,19 @@ impl Judge {
 
     fn read_cells(&mut self, raw: &impl RawRows) -> Result<(), Unused> {
         for channel in 0..self.channels.len() {
-            let at = self.channels[channel].0.clone();
+            let at = self.channels[channel].read.clone();
             if !self.meets(&self.valid_channels[channel], raw)? {
                 self.numbers[at].fill(NOT_VALID);
                 continue;
             }
-            for k in at {
-                let (column, sign) = self.cells[k];
-                match raw.cell(column).number() {
-                    Some(number) if number.is_finite() => self.numbers[k] = sign * number,
-                    Some(_) => return Err(self.bad_cell(raw, column, "is not finite")),
-                    None => return Err(self.bad_cell(raw, column, "is not a number")),
+            let numbers = &mut self.numbers[at];
+            // Of −0, so that the sum of one cell is the cell, be it a zero of either sign.
+            numbers.fill(-0.0);
+            for term in &self.terms[channel] {
+                match raw.cell(term.column).number() {
+                    Some(number) if number.is_finite() => numbers[term.number] += term.sign * number,
+                    Some(_) => return Err(self.bad_cell(raw, term.column, "is not finite")),
+                    None => return Err(self.bad_cell(raw, term.column, "is not a number")),
                 }
             }
         }

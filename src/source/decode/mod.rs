@@ -18,6 +18,7 @@ mod ahead;
 mod channel;
 mod clock;
 mod condition;
+mod header_unit;
 mod instant;
 mod judge;
 mod jump;
@@ -29,7 +30,11 @@ mod stream;
 #[cfg(test)]
 mod tests;
 
+pub(super) use clock::decimal_nanos;
+pub(super) use instant::{Origin, Scale};
 pub(super) use one_or_many::OneOrMany;
 pub(super) use plan::Plan;
 pub(super) use raw::{Cell, Malformed, RawRows};
-pub(super) use spec::{ChannelSpec, Condition, Interval, Keep, Policy, Repeats, RowSpec, TimeSpec, format_spec};
+pub(super) use spec::{
+    ChannelSpec, Condition, Epoch, Interval, Keep, Policy, Repeats, RowSpec, Stamp, Ties, TimeSpec, Timing, format_spec, one, time_spec,
+};

@@ -17,7 +17,7 @@ pub(in super::super) struct Plan<'a> {
 impl<'a> RowSpec<'a> {
     /// Everything that can be checked without the file; all mistakes go to `errors`.
     pub(in super::super) fn plan(self, errors: &mut Vec<BuildError>) -> Plan<'a> {
-        let clock = Clock::new(self.time, errors);
+        let clock = Clock::new(&self.stamp, self.timing, errors);
         let channels = self.channels.iter();
         let channels = channels.filter_map(|(name, spec)| ChannelPlan::new(name, spec, errors)).collect();
         self.check_rows(errors);
@@ -29,14 +29,14 @@ impl<'a> RowSpec<'a> {
         }
     }
 
-    fn check_rows(self, errors: &mut Vec<BuildError>) {
+    fn check_rows(&self, errors: &mut Vec<BuildError>) {
         let channels = self.channels.iter();
         let of_channels = channels.flat_map(|(name, channel)| channel.valid.0.iter().map(move |c| (format!("channels.{name}.valid"), c)));
         let of_rows = self.valid.0.iter().map(|c| ("valid".to_owned(), c));
         for (field, condition) in of_rows.chain(of_channels) {
-            if condition.equals.is_none() && condition.at_least.is_none() && condition.at_most.is_none() {
+            if condition.is_empty() {
                 let message = format!("no condition is set on column `{}`", condition.column);
-                errors.push(BuildError::at(field, message).help("add `equals`, `at_least` or `at_most`"));
+                errors.push(BuildError::at(field, message).help("add `equals`, `not_equals`, `at_least` or `at_most`"));
             }
         }
         let remembers = |channel: &ChannelSpec| (channel.increment || channel.average) && !channel.valid.0.is_empty();
@@ -50,7 +50,7 @@ impl<'a> RowSpec<'a> {
         }
     }
 
-    fn check_increments(self, errors: &mut Vec<BuildError>) {
+    fn check_increments(&self, errors: &mut Vec<BuildError>) {
         if self.interval == Interval::Nominal && self.rate.is_none() {
             errors.push(BuildError::at("interval", "a nominal interval needs the nominal `rate`"));
         }
@@ -61,14 +61,14 @@ impl<'a> RowSpec<'a> {
             let message = format!("`{name}` holds increments, and rows that are left out would take their motion with them");
             errors.push(BuildError::at("keep", message));
         }
-        if self.time.ties == Ties::Keep {
+        if self.timing.ties == Ties::Keep {
             let message = format!("`{name}` holds increments, which have no rate over no time");
             errors.push(BuildError::at("time.ties", message));
         }
     }
 
     /// Whether rows that repeat the one before are left out.
-    pub(super) fn drops_repeats(self) -> bool {
+    pub(super) fn drops_repeats(&self) -> bool {
         self.repeats == Repeats::Drop
     }
 }

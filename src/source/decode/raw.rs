@@ -63,7 +63,7 @@ impl<'a> Cell<'a> {
     }
 
     /// As messages show it.
-    pub(super) fn shown(self) -> Cow<'a, str> {
+    pub(in super::super) fn shown(self) -> Cow<'a, str> {
         match self {
             Self::Text(bytes) => String::from_utf8_lossy(bytes),
             Self::Number(number) => number.to_string().into(),

@@ -12,7 +12,8 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 /// Declares the table of a format: its own keys, then those that are the same for every format.
-/// The latter are read as one, a [`RowSpec`].
+/// The latter are read as one, a [`RowSpec`]. Its own are `time`, too, of a type that [`time_spec`] declares,
+/// with `stamp`, which says where a row has its stamp.
 macro_rules! format_spec {
     ($(#[$about:meta])* pub struct $Name:ident { $($own:tt)* }) => {
         $(#[$about])*
@@ -20,8 +21,6 @@ macro_rules! format_spec {
         #[serde(deny_unknown_fields)]
         pub struct $Name {
             $($own)*
-            /// The stamp of a row.
-            time: $crate::source::decode::TimeSpec,
             /// Nominal rate: the interval that increments cover in the first row and after a gap.
             rate: Option<fusion_models::units::Positive<fusion_models::units::dim::Frequency>>,
             /// Whether increments cover the interval between the stamps, or the nominal one of a unit
@@ -46,9 +45,10 @@ macro_rules! format_spec {
 
         impl $Name {
             /// What is declared of the rows.
-            const fn rows(&self) -> $crate::source::decode::RowSpec<'_> {
+            fn rows(&self) -> $crate::source::decode::RowSpec<'_> {
                 $crate::source::decode::RowSpec {
-                    time: &self.time,
+                    stamp: self.time.stamp(),
+                    timing: self.time.timing(),
                     rate: self.rate,
                     interval: self.interval,
                     bad_rows: self.bad_rows,
@@ -64,9 +64,10 @@ macro_rules! format_spec {
 pub(in super::super) use format_spec;
 
 /// What is declared of rows, whatever their format.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(in super::super) struct RowSpec<'a> {
-    pub(in super::super) time: &'a TimeSpec,
+    pub(in super::super) stamp: Stamp<'a>,
+    pub(in super::super) timing: Timing<'a>,
     pub(in super::super) rate: Option<Positive<dim::Frequency>>,
     pub(in super::super) interval: Interval,
     pub(in super::super) bad_rows: Policy,
@@ -76,65 +77,128 @@ pub(in super::super) struct RowSpec<'a> {
     pub(in super::super) channels: &'a BTreeMap<String, ChannelSpec>,
 }
 
-/// The stamp of a row: log time = about + scale · (stamp − epoch − about) + offset, of a stamp in two columns their sum.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(in super::super) struct TimeSpec {
-    /// Its column.
-    pub(super) column: String,
-    /// Its unit; decimal stamps of any length are read to the nanosecond. Without it that in brackets at
-    /// the end of the column's name, as of `t [ms]`, or seconds.
-    pub(super) unit: Option<String>,
-    /// What a stamp counts from, where sources with other clocks are beside it: all are brought to GPS
-    /// time, which has no leap seconds.
-    pub(super) counts_from: Option<Origin>,
-    /// The column holds calendar dates with the time of day, year first, such as
-    /// `2025-07-08T19:34:18.25Z` or `2025/07/08 19:34:18`: in UTC (`Z`, an offset such as `+02:00`, or
-    /// none), GPS time or TAI.
-    pub(super) calendar: Option<Scale>,
-    /// The column of the date, where `column` holds the time of day alone.
-    pub(super) date: Option<String>,
-    /// A second column, whose time is added: nanoseconds beside seconds, a week beside its seconds, the number
-    /// of a recording whose clock begins at zero.
-    pub(super) plus: Option<PlusSpec>,
-    /// The stamp at time zero of the log, in the unit of the column and as exact as written. With
-    /// `counts_from` or `calendar` also a date and time, such as `"2025-07-08T19:34:18Z"`; without it
-    /// these logs begin with GPS time, 1980-01-06.
-    pub(super) epoch: Option<Epoch>,
-    /// Seconds of true time per second of this clock.
-    #[serde(default = "one")]
-    pub(super) scale: f64,
-    /// The time of the log at which the scaled clock is correct; by default its first stamp.
-    pub(super) about: Option<Duration>,
-    /// Added to every stamp.
-    #[serde(default)]
-    pub(super) offset: Duration,
-    /// Rows before are left out, in the time of the log.
-    pub(super) start: Option<Duration>,
-    /// The first row at or after ends the source, in the time of the log.
-    pub(super) stop: Option<Duration>,
-    /// A stamp later than the one before by more than this is wrong if the next row goes back: the
-    /// row is left out and reported. By default ten times the longest of the recent intervals.
-    pub(super) max_jump: Option<Positive<dim::Duration>>,
-    /// What to do at a stamp earlier than the one before: `stop`, or `skip` the row.
-    #[serde(default)]
-    pub(super) backwards: Policy,
-    /// What to do at a stamp equal to the one before: `stop`, `skip` the row or `keep` it.
-    #[serde(default)]
-    pub(super) ties: Ties,
+/// Declares the table of a stamp: where it is in a row, then what is the same for every format, which is
+/// read as one, a [`Timing`].
+macro_rules! time_spec {
+    ($(#[$about:meta])* pub struct $Name:ident { $($own:tt)* }) => {
+        $(#[$about])*
+        #[derive(Debug, serde::Deserialize, schemars::JsonSchema)]
+        #[serde(deny_unknown_fields)]
+        pub(in $crate::source) struct $Name {
+            $($own)*
+            /// The stamp at time zero of the log: a number in the unit of the column and as exact as written, or of
+            /// stamps with `counts_from` or `calendar` a date and time, such as `"2025-07-08T19:34:18Z"`. Without
+            /// it these logs begin with GPS time, 1980-01-06.
+            epoch: Option<$crate::source::decode::Epoch>,
+            /// Seconds of true time per second of this clock.
+            #[serde(default = "crate::source::decode::one")]
+            scale: f64,
+            /// The time of the log at which the scaled clock is correct; by default its first stamp.
+            about: Option<fusion_models::units::Duration>,
+            /// Added to every stamp.
+            #[serde(default)]
+            offset: fusion_models::units::Duration,
+            /// Rows before are left out, in the time of the log.
+            start: Option<fusion_models::units::Duration>,
+            /// The first row at or after ends the source, in the time of the log.
+            stop: Option<fusion_models::units::Duration>,
+            /// A stamp later than the one before by more than this is wrong if the next row goes back: the
+            /// row is left out and reported. By default ten times the longest of the recent intervals.
+            max_jump: Option<fusion_models::units::Positive<fusion_models::units::dim::Duration>>,
+            /// What to do at a stamp earlier than the one before: `stop`, or `skip` the row.
+            #[serde(default)]
+            backwards: $crate::source::decode::Policy,
+            /// What to do at a stamp equal to the one before: `stop`, `skip` the row or `keep` it.
+            #[serde(default)]
+            ties: $crate::source::decode::Ties,
+        }
+
+        impl $Name {
+            /// What is declared of the clock.
+            pub(in $crate::source) const fn timing(&self) -> $crate::source::decode::Timing<'_> {
+                $crate::source::decode::Timing {
+                    epoch: self.epoch.as_ref(),
+                    scale: self.scale,
+                    about: self.about,
+                    offset: self.offset,
+                    start: self.start,
+                    stop: self.stop,
+                    max_jump: self.max_jump,
+                    backwards: self.backwards,
+                    ties: self.ties,
+                }
+            }
+        }
+    };
+}
+pub(in super::super) use time_spec;
+
+/// What is declared of a clock, whatever the format.
+#[derive(Clone, Copy, Debug)]
+pub(in super::super) struct Timing<'a> {
+    pub(in super::super) epoch: Option<&'a Epoch>,
+    pub(in super::super) scale: f64,
+    pub(in super::super) about: Option<Duration>,
+    pub(in super::super) offset: Duration,
+    pub(in super::super) start: Option<Duration>,
+    pub(in super::super) stop: Option<Duration>,
+    pub(in super::super) max_jump: Option<Positive<dim::Duration>>,
+    pub(in super::super) backwards: Policy,
+    pub(in super::super) ties: Ties,
 }
 
-impl TimeSpec {
-    /// Its columns in the order in which they are read, each with its field.
-    pub(super) fn columns(&self) -> Vec<(&'static str, &str)> {
-        let date = self.date.as_ref().map(|column| ("time.date", column.as_str()));
-        let plus = self.plus.as_ref().map(|plus| ("time.plus.column", plus.column.as_str()));
-        let own = core::iter::once(("time.column", self.column.as_str()));
-        date.into_iter().chain(own).chain(plus).collect()
+time_spec! {
+    /// The stamp of a row: log time = about + scale · (stamp − epoch − about) + offset, of a stamp in two columns their sum.
+    pub struct TimeSpec {
+        /// Its column.
+        column: String,
+        /// Its unit; decimal stamps of any length are read to the nanosecond. Without it the one in brackets at
+        /// the end of the column's name, as of `t [ms]`, or seconds.
+        unit: Option<String>,
+        /// What a stamp counts from, where sources with other clocks are beside it: all are brought to GPS
+        /// time, which has no leap seconds.
+        counts_from: Option<Origin>,
+        /// The column holds calendar dates with the time of day, year first, such as
+        /// `2025-07-08T19:34:18.25Z` or `2025/07/08 19:34:18`: in UTC (`Z`, an offset such as `+02:00`, or
+        /// none), GPS time or TAI.
+        calendar: Option<Scale>,
+        /// The column of the date, where `column` holds the time of day alone.
+        date: Option<String>,
+        /// A second column, whose time is added: nanoseconds beside seconds, a week beside its seconds, the number
+        /// of a recording whose clock begins at zero.
+        plus: Option<PlusSpec>,
     }
 }
 
-const fn one() -> f64 {
+impl TimeSpec {
+    /// What its cells say.
+    pub(in super::super) fn stamp(&self) -> Stamp<'_> {
+        let date = self.date.as_ref().map(|column| ("time.date", column.as_str()));
+        let plus = self.plus.as_ref().map(|plus| ("time.plus.column", plus.column.as_str()));
+        let own = core::iter::once(("time.column", self.column.as_str()));
+        Stamp {
+            columns: date.into_iter().chain(own).chain(plus).collect(),
+            unit: self.unit.as_deref(),
+            counts_from: self.counts_from,
+            calendar: self.calendar,
+            each: self.plus.as_ref().map(|plus| plus.each.si()),
+        }
+    }
+}
+
+/// Where the stamp of a row is and what it says.
+#[derive(Clone, Debug)]
+pub(in super::super) struct Stamp<'a> {
+    /// Its columns in the order in which they are read, each with its field; of a calendar the date first.
+    pub(in super::super) columns: Vec<(&'static str, &'a str)>,
+    pub(in super::super) unit: Option<&'a str>,
+    pub(in super::super) counts_from: Option<Origin>,
+    pub(in super::super) calendar: Option<Scale>,
+    /// Seconds that one of the second column of a count stands for.
+    pub(in super::super) each: Option<f64>,
+}
+
+pub(in super::super) const fn one() -> f64 {
     1.0
 }
 
@@ -277,10 +341,19 @@ pub(in super::super) struct Condition {
     pub(super) column: String,
     /// The value required, a number or text; of an array, any one.
     pub(super) equals: Option<OneOrMany<Wanted>>,
+    /// The value that is not wanted, a number or text; of an array, none of them is.
+    pub(super) not_equals: Option<OneOrMany<Wanted>>,
     /// Smallest value allowed.
     pub(super) at_least: Option<f64>,
     /// Largest value allowed.
     pub(super) at_most: Option<f64>,
+}
+
+impl Condition {
+    /// Whether nothing is asked of the column.
+    pub(super) const fn is_empty(&self) -> bool {
+        self.equals.is_none() && self.not_equals.is_none() && self.at_least.is_none() && self.at_most.is_none()
+    }
 }
 
 /// What a cell may have to hold.
@@ -293,29 +366,40 @@ pub(in super::super) enum Wanted {
     Text(String),
 }
 
-/// A channel: the columns that it is made of, and how. One of `column`, `columns`, `quaternion`, `rpy`,
-/// `latitude` with `longitude` and `height`, or `north` with `east` and `down` or `up`.
+/// A channel: the columns that it is made of, and how. One of `column`, `columns`, `enu`, `quaternion`, `dcm`,
+/// `rpy`, `euler`, `latitude` with `longitude` and `height`, `ecef`, `utm`, or `north` with `east` and `down` or `up`.
 ///
 /// A column is written as in the header; a minus sign before it changes the sign of its values.
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(in super::super) struct ChannelSpec {
-    /// The column of a single number.
-    pub(super) column: Option<String>,
-    /// The columns of a vector.
-    pub(super) columns: Option<Vec<String>>,
+    /// The column of a single number; of an array of columns their sum.
+    pub(super) column: Option<OneOrMany<String>>,
+    /// The columns of a vector; an array in place of one stands for the sum of its columns.
+    pub(super) columns: Option<Vec<OneOrMany<String>>>,
+    /// The columns of a vector, or of its 1σ, along east, north and up; makes one along north, east and down.
+    pub(super) enu: Option<[String; 3]>,
     /// The columns of a quaternion w x y z, body to navigation.
     pub(super) quaternion: Option<[String; 4]>,
+    /// The columns of a rotation matrix, row by row, from body to navigation axes; makes a quaternion.
+    pub(super) dcm: Option<[String; 9]>,
     /// The columns of roll, pitch and heading, in this sequence of turns from the body back to navigation axes;
     /// makes a quaternion. A heading counted anti-clockwise from east is `"-yaw"` with an `offset` of
     /// `[0, 0, "90 deg"]`.
     pub(super) rpy: Option<[String; 3]>,
+    /// Three angles in another sequence of turns; makes a quaternion.
+    pub(super) euler: Option<EulerSpec>,
     /// The column of the latitude; makes a geodetic position.
     pub(super) latitude: Option<String>,
     /// The column of the longitude.
     pub(super) longitude: Option<String>,
-    /// The column of the ellipsoidal height.
+    /// The column of the ellipsoidal height; of `utm`, too.
     pub(super) height: Option<String>,
+    /// The columns of Earth-centred Earth-fixed x, y and z; makes a geodetic position.
+    pub(super) ecef: Option<[String; 3]>,
+    /// Easting and northing of a zone of Universal Transverse Mercator (WGS-84), with `height`; makes a
+    /// geodetic position.
+    pub(super) utm: Option<UtmSpec>,
     /// The column of the metres north of the declared origin; makes a geodetic position.
     pub(super) north: Option<String>,
     /// The column of the metres east of it.
@@ -324,8 +408,9 @@ pub(in super::super) struct ChannelSpec {
     pub(super) down: Option<String>,
     /// The column of the metres above it, instead of `down`.
     pub(super) up: Option<String>,
-    /// The unit of the columns, such as `deg/s`; a pure number without it. Of latitude and
-    /// longitude and of roll, pitch, heading: `rad` or `deg`.
+    /// The unit of the columns, such as `deg/s`. Without it the one in brackets at the end of their names,
+    /// as of `gyro_x [deg/s]`; else a pure number (also with `unit = ""`). Of latitude and longitude and of
+    /// roll, pitch, heading: `rad` or `deg`.
     pub(super) unit: Option<String>,
     /// The unit of the height; metres without it.
     pub(super) height_unit: Option<String>,
@@ -356,6 +441,41 @@ pub(in super::super) struct ChannelSpec {
     /// How late the stamp is: the values are valid at stamp − latency; at most 1 h.
     #[serde(default)]
     pub(super) latency: Duration,
+}
+
+/// Angles about the axes of turns.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in super::super) struct EulerSpec {
+    /// The axis of each turn from navigation to body axes, each about an axis that the ones before have
+    /// turned: `"zyx"` is heading, pitch, roll. About fixed axes the sequence is the reverse.
+    pub(super) order: String,
+    /// The columns of the angles, in this sequence.
+    pub(super) columns: [String; 3],
+}
+
+/// A place on the grid.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(in super::super) struct UtmSpec {
+    /// The column of the easting.
+    pub(super) easting: String,
+    /// The column of the northing.
+    pub(super) northing: String,
+    /// The zone, 1 to 60.
+    pub(super) zone: u8,
+    /// The hemisphere.
+    pub(super) hemisphere: Hemisphere,
+}
+
+/// On which side of the equator northings count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub(in super::super) enum Hemisphere {
+    /// From the equator on.
+    North,
+    /// With 10 000 km at the equator.
+    South,
 }
 
 /// A fixed rotation.

@@ -3,10 +3,10 @@
 use super::ahead::Ahead;
 use super::channel::ChannelPlan;
 use super::condition::Test;
-use super::judge::{Judge, Unused};
+use super::judge::{Judge, Places, Term, Unused};
 use super::plan::Plan;
 use super::raw::RawRows;
-use super::spec::Policy;
+use super::spec::{Condition, Policy, RowSpec};
 use crate::config::did_you_mean;
 use crate::rows::{DataError, ProvidedChannel, RowCounts, RowStream, SourceError, SourceReport, Stamp, width};
 use crate::source::OpenContext;
@@ -42,29 +42,24 @@ impl Plan<'_> {
             file,
             errors: Vec::new(),
         };
-        let stamp = self.spec.time.columns();
-        let stamp = stamp.into_iter().map(|(field, column)| columns.find(field, column)).collect();
-        let mut cells = Vec::new();
-        for plan in &self.channels {
-            for (field, column) in &plan.columns {
-                let field = format!("channels.{}.{field}", plan.channel.name);
-                cells.push(columns.find_signed(&field, column));
-            }
-        }
-        let conditions = self.spec.valid.0.iter();
-        let valid = conditions.map(|c| Test::new(c, columns.find("valid", &c.column))).collect();
-        let mut of_channels = Vec::new();
-        for plan in &self.channels {
-            let conditions = self.spec.channels.get(&*plan.channel.name).map_or(&[][..], |spec| &spec.valid.0);
-            let field = format!("channels.{}.valid", plan.channel.name);
-            of_channels.push(conditions.iter().map(|c| Test::new(c, columns.find(&field, &c.column))).collect());
-        }
+        let places = Places {
+            stamp: self
+                .spec
+                .stamp
+                .columns
+                .iter()
+                .map(|(field, column)| columns.find(field, column))
+                .collect(),
+            terms: self.channels.iter().map(|plan| columns.terms(plan)).collect(),
+            valid: columns.tests("valid", &self.spec.valid.0),
+            valid_channels: self.channels.iter().map(|plan| columns.conditions(&self.spec, plan)).collect(),
+        };
         if !columns.errors.is_empty() {
             return Err(columns.errors.into());
         }
         Ok(Box::new(Decoded {
             file: file.name(),
-            judge: Judge::new(self, stamp, cells, (valid, of_channels)),
+            judge: Judge::new(self, places),
             raw: Ahead::new(raw),
             provided,
             counts: RowCounts::default(),
@@ -110,6 +105,30 @@ impl Columns<'_> {
             (None, Some(bare)) => (self.find(field, bare), -1.0),
             (None, None) => (self.missing(field, name), 1.0),
         }
+    }
+
+    /// The cells that a channel reads.
+    fn terms(&mut self, plan: &ChannelPlan) -> Vec<Term> {
+        let mut terms = Vec::new();
+        for (number, input) in plan.inputs.iter().enumerate() {
+            let field = format!("channels.{}.{}", plan.channel.name, input.field);
+            for name in &input.columns {
+                let (column, sign) = self.find_signed(&field, name);
+                let sign = if input.is_reversed { -sign } else { sign };
+                terms.push(Term { column, sign, number });
+            }
+        }
+        terms
+    }
+
+    fn tests(&mut self, field: &str, conditions: &[Condition]) -> Vec<Test> {
+        conditions.iter().map(|c| Test::new(c, self.find(field, &c.column))).collect()
+    }
+
+    /// The conditions of a channel.
+    fn conditions(&mut self, spec: &RowSpec<'_>, plan: &ChannelPlan) -> Vec<Test> {
+        let conditions = spec.channels.get(&*plan.channel.name).map_or(&[][..], |spec| &spec.valid.0);
+        self.tests(&format!("channels.{}.valid", plan.channel.name), conditions)
     }
 
     fn missing(&mut self, field: &str, name: &str) -> usize {

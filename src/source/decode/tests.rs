@@ -1,6 +1,6 @@
 //! A format of a few lines: rows of numbers in memory. It needs [`RawRows`] and its own table.
 
-use super::{Cell, RawRows, format_spec};
+use super::{Cell, RawRows, TimeSpec, format_spec};
 use crate::config::{Diagnostics, Document};
 use crate::rows::{DataError, SourceError, SourceReport};
 use crate::source::OpenContext;
@@ -9,7 +9,10 @@ use std::path::Path;
 
 format_spec! {
     /// Rows that a test holds.
-    pub struct ListedSpec {}
+    pub struct ListedSpec {
+        /// The stamp of a row.
+        time: TimeSpec,
+    }
 }
 
 /// A count of nanoseconds, then numbers.

@@ -105,7 +105,7 @@ fn logs_of_unix_gps_and_calendar_time_share_one_scale() {
             "t\n2025-07-08T19:34:18.25Z\n2025-07-08T21:34:19.75+02:00\n",
         ),
         (
-            "date = 'd', column = 't', calendar = 'gps', epoch = '2025-07-08 19:34:18 GPST'",
+            "date = 'd', column = 't', calendar = 'gps', epoch = '2025-07-08T19:34:00Z'",
             "d,t\n2025/07/08,19:34:36.25\n2025/07/08,19:34:37.75\n",
         ),
         (

@@ -1,13 +1,25 @@
 //! From the cells of a channel to its numbers.
 
 use super::plan::ChannelPlan;
+use super::turns::{Turns, of_matrix};
+use core::ops::RangeInclusive;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_models::block::{Channel, Shape};
 use fusion_models::earth::LocalFrame;
+use fusion_models::earth::frames::geodetic_from_ecef;
+use fusion_models::earth::utm::Zone;
 use fusion_models::plausible::{self, Impossible};
 use fusion_models::units::Dimension;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3, Vector4};
+
+/// The most numbers that are read for a form other than a vector: those of a matrix.
+const WIDEST: usize = 9;
+/// Nothing is nearer to the Earth's centre \[m\]; zeros stand for no fix.
+const NEAREST: f64 = 1e6;
+/// Coordinates of the grid \[m\], with the neighbouring zones: wider is a mistake of columns or units.
+const EASTINGS: RangeInclusive<f64> = -1e6..=2e6;
+const NORTHINGS: RangeInclusive<f64> = -1e7..=1e7;
 
 /// What the numbers become.
 #[derive(Clone, Debug)]
@@ -16,17 +28,32 @@ pub(super) enum Conversion {
         rotation: Option<Matrix3<f64>>,
     },
     Geodetic,
+    /// Earth-centred Earth-fixed.
+    Ecef,
+    /// Easting, northing, height.
+    Utm(Zone),
     /// North, east, down; the frame is given when the source is opened.
     Local {
         frame: Option<LocalFrame>,
     },
-    Quaternion {
-        /// Whether the numbers are roll, pitch and heading.
-        is_euler: bool,
+    Attitude {
+        written: Written,
         navigation: UnitQuaternion<f64>,
         sensor: UnitQuaternion<f64>,
         inverse: bool,
     },
+}
+
+/// How an attitude is written.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Written {
+    Quaternion,
+    /// A matrix, row by row.
+    Matrix,
+    /// Roll, pitch and heading.
+    Rpy,
+    /// Angles of a sequence of turns.
+    Euler(Turns),
 }
 
 /// What is wrong with the values of a row.
@@ -65,10 +92,21 @@ impl ChannelPlan {
         }
     }
 
-    /// Makes the channel's numbers of its cells; `interval` \[s\] is what increments cover.
-    pub(in super::super) fn convert(&mut self, cells: &[f64], interval: f64, out: &mut [f64]) -> Result<(), Wrong> {
-        self.scale(cells, interval, out)?;
-        self.conversion.apply(out)?;
+    /// Makes the channel's numbers of those that are read; `interval` \[s\] is what increments cover.
+    pub(in super::super) fn convert(&mut self, read: &[f64], interval: f64, out: &mut [f64]) -> Result<(), Wrong> {
+        let mut scaled = [0.0; WIDEST];
+        // A vector is as wide as it is read, and may be wider than any other form.
+        if let Conversion::Vector { rotation } = &self.conversion {
+            self.scale(read, interval, out)?;
+            if let Some(rotation) = rotation {
+                let turned = rotation * Vector3::new(out[0], out[1], out[2]);
+                out.copy_from_slice(turned.as_slice());
+            }
+        } else {
+            let scaled = &mut scaled[..read.len()];
+            self.scale(read, interval, scaled)?;
+            self.conversion.apply(scaled, out)?;
+        }
         let Channel {
             name, dimension, shape, ..
         } = &self.channel;
@@ -84,12 +122,12 @@ impl ChannelPlan {
     }
 
     /// Number by number: unit and scale, root of a variance, offset, increment to rate.
-    fn scale(&self, cells: &[f64], interval: f64, out: &mut [f64]) -> Result<(), Wrong> {
-        for (i, (out, cell)) in out.iter_mut().zip(cells).enumerate() {
+    fn scale(&self, read: &[f64], interval: f64, out: &mut [f64]) -> Result<(), Wrong> {
+        for (i, (out, cell)) in out.iter_mut().zip(read).enumerate() {
             let mut number = self.factor[i] * cell;
             if self.variance {
                 if number < 0.0 {
-                    let column = &self.columns[i].1;
+                    let column = self.inputs[i].name();
                     return Err(Wrong::new(format!("the variance {cell} in column `{column}` is negative")));
                 }
                 number = number.sqrt();
@@ -102,36 +140,60 @@ impl ChannelPlan {
 }
 
 impl Conversion {
-    /// Turns the numbers as a whole, in place.
-    fn apply(&self, out: &mut [f64]) -> Result<(), Wrong> {
-        match self {
-            Self::Vector { rotation: None } | Self::Geodetic | Self::Local { frame: None } => {}
-            Self::Vector { rotation: Some(rotation) } => {
-                let turned = rotation * Vector3::new(out[0], out[1], out[2]);
-                out.copy_from_slice(turned.as_slice());
+    /// Turns the numbers as a whole; a vector keeps its own.
+    fn apply(&self, read: &[f64], out: &mut [f64]) -> Result<(), Wrong> {
+        let position = match self {
+            Self::Vector { .. } | Self::Geodetic | Self::Local { frame: None } => {
+                out.copy_from_slice(read);
+                return Ok(());
             }
-            Self::Local { frame: Some(frame) } => {
-                let p = frame.to_geodetic(&Vector3::new(out[0], out[1], out[2]));
-                out.copy_from_slice(&[p.lat, p.lon, p.height]);
-            }
-            Self::Quaternion {
-                is_euler,
+            Self::Attitude {
+                written,
                 navigation,
                 sensor,
                 inverse,
             } => {
-                let read = if *is_euler {
-                    so3::to_scalar_first(&so3::from_rpy(out[0], out[1], out[2]))
-                } else {
-                    Vector4::from_column_slice(out)
-                };
-                out.copy_from_slice(read.as_slice());
-                plausible::check(Shape::Quaternion, Dimension::NONE, false, out)?;
-                let q = so3::from_scalar_first(&read);
+                let q = written.attitude(read)?;
                 let q = navigation * if *inverse { q.inverse() } else { q } * sensor;
                 out.copy_from_slice(so3::to_scalar_first(&q).as_slice());
+                return Ok(());
             }
-        }
+            Self::Local { frame: Some(frame) } => frame.to_geodetic(&Vector3::new(read[0], read[1], read[2])),
+            Self::Ecef => {
+                let from_centre = Vector3::new(read[0], read[1], read[2]);
+                if from_centre.norm() < NEAREST {
+                    return Err(Wrong::new(format!(
+                        "{:.0} m from the Earth's centre is no position",
+                        from_centre.norm()
+                    )));
+                }
+                geodetic_from_ecef(&from_centre)
+            }
+            Self::Utm(zone) => {
+                let [easting, northing, height] = [read[0], read[1], read[2]];
+                if !(EASTINGS.contains(&easting) && NORTHINGS.contains(&northing)) {
+                    let message = format!("easting {easting} m, northing {northing} m lie outside every zone");
+                    return Err(Wrong::new(message));
+                }
+                zone.to_geodetic(easting, northing, height)
+            }
+        };
+        out.copy_from_slice(&[position.lat, position.lon, position.height]);
         Ok(())
+    }
+}
+
+impl Written {
+    /// The attitude as written.
+    fn attitude(self, read: &[f64]) -> Result<UnitQuaternion<f64>, Wrong> {
+        match self {
+            Self::Quaternion => {
+                plausible::check(Shape::Quaternion, Dimension::NONE, false, read)?;
+                Ok(so3::from_scalar_first(&Vector4::from_column_slice(read)))
+            }
+            Self::Matrix => of_matrix(read).map_err(Wrong::new),
+            Self::Rpy => Ok(so3::from_rpy(read[0], read[1], read[2])),
+            Self::Euler(turns) => Ok(turns.attitude(read)),
+        }
     }
 }

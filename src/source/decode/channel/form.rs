@@ -1,15 +1,53 @@
 //! The ways to declare a channel.
 
-use crate::source::decode::spec::ChannelSpec;
+use super::turns::Turns;
+use crate::source::decode::OneOrMany;
+use crate::source::decode::spec::{ChannelSpec, Hemisphere};
+use fusion_models::block::Channel;
+use fusion_models::earth::utm::Zone;
 
 /// The ways to make a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Form {
     Vector,
     Quaternion,
+    Dcm,
+    Rpy,
     Euler,
     Geodetic,
+    Ecef,
+    Utm,
     Local,
+}
+
+/// A number that a channel reads.
+#[derive(Clone, Debug)]
+pub(in super::super) struct Input {
+    /// The field of the declaration.
+    pub(in super::super) field: &'static str,
+    /// The columns whose sum it is, as written: each may have a minus sign.
+    pub(in super::super) columns: Vec<String>,
+    /// The sum is turned round.
+    pub(in super::super) is_reversed: bool,
+}
+
+impl Input {
+    fn new(field: &'static str, column: &str) -> Self {
+        Self::sum(field, core::slice::from_ref(&column.to_owned()))
+    }
+
+    fn sum(field: &'static str, columns: &[String]) -> Self {
+        Self {
+            field,
+            columns: columns.to_vec(),
+            is_reversed: false,
+        }
+    }
+
+    /// Its columns as messages name them.
+    pub(super) fn name(&self) -> String {
+        self.columns.join("` + `")
+    }
 }
 
 pub(super) fn forms(spec: &ChannelSpec) -> Vec<Form> {
@@ -17,35 +55,54 @@ pub(super) fn forms(spec: &ChannelSpec) -> Vec<Form> {
     let asked = [
         (spec.column.is_some(), Form::Vector),
         (spec.columns.is_some(), Form::Vector),
+        (spec.enu.is_some(), Form::Vector),
         (spec.quaternion.is_some(), Form::Quaternion),
-        (spec.rpy.is_some(), Form::Euler),
-        (any(&[&spec.latitude, &spec.longitude, &spec.height]), Form::Geodetic),
+        (spec.dcm.is_some(), Form::Dcm),
+        (spec.rpy.is_some(), Form::Rpy),
+        (spec.euler.is_some(), Form::Euler),
+        (any(&[&spec.latitude, &spec.longitude]), Form::Geodetic),
+        (spec.ecef.is_some(), Form::Ecef),
+        (spec.utm.is_some(), Form::Utm),
         (any(&[&spec.north, &spec.east, &spec.down, &spec.up]), Form::Local),
     ];
-    asked.into_iter().filter(|(is_asked, _)| *is_asked).map(|(_, form)| form).collect()
+    let asked: Vec<Form> = asked.into_iter().filter(|(is_asked, _)| *is_asked).map(|(_, form)| form).collect();
+    // A height alone is that of a latitude which is missing.
+    if asked.is_empty() && spec.height.is_some() {
+        vec![Form::Geodetic]
+    } else {
+        asked
+    }
 }
 
 impl Form {
-    /// Field and column, or the field that is missing.
-    pub(super) fn columns(self, spec: &ChannelSpec) -> Result<Vec<(&'static str, String)>, &'static str> {
-        let named = |field: &'static str, column: &Option<String>| column.clone().map(|c| (field, c)).ok_or(field);
-        let all = |field: &'static str, columns: &[String]| columns.iter().map(|c| (field, c.clone())).collect();
+    /// What it reads, or the field that is missing. The name of a channel says whether it is a 1σ, which has
+    /// no direction.
+    pub(super) fn inputs(self, name: &str, spec: &ChannelSpec) -> Result<Vec<Input>, &'static str> {
+        let named = |field: &'static str, column: &Option<String>| column.as_deref().map(|c| Input::new(field, c)).ok_or(field);
+        let all = |field: &'static str, columns: Option<&[String]>| {
+            let columns = columns.unwrap_or_default();
+            columns.iter().map(|column| Input::new(field, column)).collect()
+        };
         match self {
-            Self::Vector => match (&spec.column, &spec.columns) {
-                (Some(column), _) => Ok(vec![("column", column.clone())]),
-                (None, columns) => Ok(all("columns", columns.as_deref().unwrap_or_default())),
-            },
-            Self::Quaternion => Ok(all("quaternion", spec.quaternion.as_ref().map_or(&[][..], |q| q))),
-            Self::Euler => {
-                // Three angles make four numbers: the last cell is read twice.
-                let [roll, pitch, yaw] = spec.rpy.clone().unwrap_or_default();
-                Ok(all("rpy", &[roll, pitch, yaw.clone(), yaw]))
-            }
+            Self::Vector => Ok(vector(name, spec)),
+            Self::Quaternion => Ok(all("quaternion", spec.quaternion.as_ref().map(|q| &q[..]))),
+            Self::Dcm => Ok(all("dcm", spec.dcm.as_ref().map(|m| &m[..]))),
+            Self::Rpy => Ok(all("rpy", spec.rpy.as_ref().map(|angles| &angles[..]))),
+            Self::Euler => Ok(all("euler.columns", spec.euler.as_ref().map(|euler| &euler.columns[..]))),
             Self::Geodetic => Ok(vec![
                 named("latitude", &spec.latitude)?,
                 named("longitude", &spec.longitude)?,
                 named("height", &spec.height)?,
             ]),
+            Self::Ecef => Ok(all("ecef", spec.ecef.as_ref().map(|axes| &axes[..]))),
+            Self::Utm => {
+                let utm = spec.utm.as_ref().ok_or("utm")?;
+                Ok(vec![
+                    Input::new("utm.easting", &utm.easting),
+                    Input::new("utm.northing", &utm.northing),
+                    named("height", &spec.height)?,
+                ])
+            }
             Self::Local => {
                 let vertical = match (&spec.down, &spec.up) {
                     (Some(_), Some(_)) => return Err("down` or `up` (one of them, not both)"),
@@ -61,37 +118,80 @@ impl Form {
         match self {
             Self::Vector => "a vector",
             Self::Quaternion => "a quaternion",
-            Self::Euler => "roll, pitch and heading",
-            Self::Geodetic | Self::Local => "a position",
+            Self::Dcm => "a rotation matrix",
+            Self::Rpy => "roll, pitch and heading",
+            Self::Euler => "Euler angles",
+            Self::Geodetic | Self::Ecef | Self::Utm | Self::Local => "a position",
         }
     }
 
     pub(super) const fn example(self) -> &'static str {
         match self {
             Self::Geodetic => "write e.g. `{ latitude = \"lat\", longitude = \"lon\", height = \"h\", unit = \"deg\" }`",
+            Self::Utm => "write e.g. `{ utm = { easting = \"e\", northing = \"n\", zone = 32, hemisphere = \"north\" }, height = \"h\" }`",
             _ => "write e.g. `{ north = \"n\", east = \"e\", down = \"d\" }`",
         }
     }
 
+    /// Whether it makes an attitude of angles.
+    pub(super) const fn is_angles(self) -> bool {
+        matches!(self, Self::Rpy | Self::Euler)
+    }
+
+    /// Whether it makes an attitude.
+    pub(super) const fn is_attitude(self) -> bool {
+        matches!(self, Self::Quaternion | Self::Dcm) || self.is_angles()
+    }
+
     /// Keys that are given and mean nothing for this form.
     pub(super) fn misfits(self, spec: &ChannelSpec) -> Vec<&'static str> {
-        let (vector, euler) = (self == Self::Vector, self == Self::Euler);
-        let quaternion = self == Self::Quaternion || euler;
+        let (vector, attitude) = (self == Self::Vector, self.is_attitude());
+        let is_turned = vector && spec.enu.is_none();
+        let has_height = matches!(self, Self::Geodetic | Self::Utm);
         let keys = [
-            ("unit", spec.unit.is_some(), self != Self::Quaternion),
-            ("height_unit", spec.height_unit.is_some(), self == Self::Geodetic),
+            ("unit", spec.unit.is_some(), !matches!(self, Self::Quaternion | Self::Dcm)),
+            ("height", spec.height.is_some(), has_height),
+            ("height_unit", spec.height_unit.is_some(), has_height),
             ("scale", spec.scale.is_some(), vector),
-            ("offset", spec.offset.is_some(), vector || euler),
+            ("offset", spec.offset.is_some(), vector || self.is_angles()),
             ("variance", spec.variance, vector),
             ("increment", spec.increment, vector),
             ("average", spec.average, vector),
-            ("rotation", spec.rotation.is_some(), vector || quaternion),
-            ("navigation_rotation", spec.navigation_rotation.is_some(), quaternion),
-            ("inverse", spec.inverse, quaternion),
+            ("rotation", spec.rotation.is_some(), is_turned || attitude),
+            ("navigation_rotation", spec.navigation_rotation.is_some(), attitude),
+            ("inverse", spec.inverse, attitude),
         ];
         keys.into_iter()
             .filter(|(_, is_given, fits)| *is_given && !fits)
             .map(|(key, ..)| key)
             .collect()
     }
+}
+
+/// The inputs of a vector.
+fn vector(name: &str, spec: &ChannelSpec) -> Vec<Input> {
+    if let Some(OneOrMany(columns)) = &spec.column {
+        return vec![Input::sum("column", columns)];
+    }
+    if let Some([east, north, up]) = &spec.enu {
+        let down = Input {
+            is_reversed: !(spec.variance || Channel::is_sigma(name)),
+            ..Input::new("enu", up)
+        };
+        return vec![Input::new("enu", north), Input::new("enu", east), down];
+    }
+    let columns = spec.columns.as_deref().unwrap_or_default();
+    columns.iter().map(|OneOrMany(columns)| Input::sum("columns", columns)).collect()
+}
+
+/// The turns of Euler angles; `Err` is what is wrong with their order.
+pub(super) fn turns(spec: &ChannelSpec) -> Option<Result<Turns, String>> {
+    spec.euler.as_ref().map(|euler| Turns::new(&euler.order))
+}
+
+/// The zone of a position on the grid; `Err` where there is none of this number.
+pub(super) fn zone(spec: &ChannelSpec) -> Option<Result<Zone, String>> {
+    let utm = spec.utm.as_ref()?;
+    let zone = Zone::new(utm.zone, utm.hemisphere == Hemisphere::South);
+    Some(zone.ok_or_else(|| format!("there are zones 1 to 60, not {}", utm.zone)))
 }

@@ -4,6 +4,7 @@ mod convert;
 mod form;
 mod plan;
 mod rotation;
+mod turns;
 
 pub(super) use convert::Wrong;
 pub(super) use plan::ChannelPlan;

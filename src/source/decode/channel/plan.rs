@@ -1,26 +1,29 @@
 //! From the declaration of a channel to what is done with its cells.
 
-use super::convert::Conversion;
-use super::form::{Form, forms};
+use super::convert::{Conversion, Written};
+use super::form::{Form, Input, forms, turns, zone};
 use super::rotation::matrix;
 use crate::source::decode::OneOrMany;
+use crate::source::decode::header_unit::common_unit;
 use crate::source::decode::spec::{ChannelSpec, RotationSpec};
 use fusion_core::time::nanos;
 use fusion_models::block::{BuildError, Channel, Shape, check_delay};
 use fusion_models::units::{Dimension, Dimensional, dim, parse_unit};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
+const NEEDS_ANGLE: &str = "add `unit = \"deg\"` or `unit = \"rad\"`";
+
 /// A channel, checked; columns are still names.
 #[derive(Clone, Debug)]
 pub(in super::super) struct ChannelPlan {
     pub(in super::super) channel: Channel,
     pub(in super::super) delay_ns: i64,
-    /// Field of the declaration and column, in the order in which they are read.
-    pub(in super::super) columns: Vec<(&'static str, String)>,
+    /// The numbers that it reads, in order.
+    pub(in super::super) inputs: Vec<Input>,
     pub(in super::super) increment: bool,
     pub(super) average: bool,
     pub(super) variance: bool,
-    /// Number = factor · cell + add.
+    /// Number = factor · what is read + add.
     pub(super) factor: Vec<f64>,
     pub(super) add: Vec<f64>,
     pub(super) conversion: Conversion,
@@ -33,19 +36,16 @@ impl ChannelPlan {
     pub(in super::super) fn new(name: &str, spec: &ChannelSpec, errors: &mut Vec<BuildError>) -> Option<Self> {
         let before = errors.len();
         let mut planner = Planner { name, spec, errors };
-        let (form, columns) = planner.form()?;
-        let width = columns.len();
-        let (mut factor, mut dimension) = planner.factor(form, width);
+        let (form, inputs) = planner.form()?;
+        let width = inputs.len();
+        let units = planner.units(form, &inputs);
+        let (mut factor, mut dimension) = planner.factor(form, width, &units);
         planner.scale(&mut factor);
         if spec.variance {
             dimension = planner.root(dimension);
         }
-        let add = if form == Form::Euler {
-            let angles = planner.offset(dim::Angle::KIND.dimension, width - 1);
-            angles.into_iter().chain([0.0]).collect()
-        } else {
-            planner.offset(dimension, width)
-        };
+        let offset_dimension = if form.is_angles() { dim::Angle::KIND.dimension } else { dimension };
+        let add = planner.offset(offset_dimension, width);
         if spec.increment {
             dimension = planner.rate(dimension);
         }
@@ -56,12 +56,12 @@ impl ChannelPlan {
         let plan = Self {
             channel: Channel {
                 name: name.to_owned().into(),
-                width,
+                width: if form.is_attitude() { 4 } else { width },
                 dimension,
                 shape,
             },
             delay_ns: nanos(latency),
-            columns,
+            inputs,
             increment: spec.increment,
             average: spec.average,
             variance: spec.variance,
@@ -72,6 +72,12 @@ impl ChannelPlan {
         };
         (errors.len() == before).then_some(plan)
     }
+}
+
+/// The units of a channel: of its columns, and of a height among them.
+struct Units {
+    across: Option<String>,
+    height: Option<String>,
 }
 
 /// Reads the declaration of one channel; what is wrong is noted, and something of the right form
@@ -90,8 +96,8 @@ impl Planner<'_> {
         self.errors.push(if help.is_empty() { error } else { error.help(help) });
     }
 
-    /// How the channel is made, and of which columns.
-    fn form(&mut self) -> Option<(Form, Vec<(&'static str, String)>)> {
+    /// How the channel is made, and of what.
+    fn form(&mut self) -> Option<(Form, Vec<Input>)> {
         let form = match forms(self.spec)[..] {
             [form] => form,
             ref forms => {
@@ -100,27 +106,47 @@ impl Planner<'_> {
                 } else {
                     "this channel is made in two ways"
                 };
-                let help = "give one of `column`, `columns`, `quaternion`, `rpy`, `latitude` with `longitude` and `height`, \
-                            or `north` with `east` and `down` or `up`";
+                let help = "give one of `column`, `columns`, `enu`, `quaternion`, `dcm`, `rpy`, `euler`, `latitude` with `longitude` \
+                            and `height`, `ecef`, `utm` with `height`, or `north` with `east` and `down` or `up`";
                 self.wrong("", message, help);
                 return None;
             }
         };
-        let columns = match form.columns(self.spec) {
-            Ok(columns) => columns,
+        let inputs = match form.inputs(self.name, self.spec) {
+            Ok(inputs) => inputs,
             Err(missing) => {
                 self.wrong("", &format!("this channel misses `{missing}`"), form.example());
                 return None;
             }
         };
-        if columns.is_empty() {
+        if inputs.iter().all(|input| input.columns.is_empty()) {
             self.wrong("columns", "this channel names no columns", "");
             return None;
+        }
+        if let Some(empty) = inputs.iter().find(|input| input.columns.is_empty()) {
+            self.wrong(empty.field, "an empty sum names no column", "");
         }
         for key in form.misfits(self.spec) {
             self.wrong(key, &format!("`{key}` does not apply to {}", form.name()), "");
         }
-        Some((form, columns))
+        Some((form, inputs))
+    }
+
+    /// The units: declared, or stated by the names of the columns.
+    fn units(&mut self, form: Form, inputs: &[Input]) -> Units {
+        let (heights, others): (Vec<&Input>, Vec<&Input>) = inputs.iter().partition(|input| input.field == "height");
+        let columns = |inputs: &[&Input]| -> Vec<String> { inputs.iter().flat_map(|input| input.columns.clone()).collect() };
+        let (heights, others) = (columns(&heights), columns(&others));
+        let stated = |of: Result<Option<&str>, _>| of.ok().flatten().map(str::to_owned);
+        let height = self.spec.height_unit.clone().or_else(|| stated(common_unit(&heights)));
+        let has_unit = self.spec.unit.is_some() || matches!(form, Form::Quaternion | Form::Dcm);
+        let of_header = if has_unit { Ok(None) } else { common_unit(&others) };
+        if let Err((one, other)) = of_header {
+            let message = format!("the columns `{one}` and `{other}` state different units");
+            self.wrong("", &message, "declare the `unit`, or make two channels");
+        }
+        let across = self.spec.unit.clone().or_else(|| stated(of_header));
+        Units { across, height }
     }
 
     /// A unit in SI, with its dimension; that of a number without it.
@@ -142,40 +168,44 @@ impl Planner<'_> {
     }
 
     /// Factors of the units on the columns, and the dimension of the channel.
-    fn factor(&mut self, form: Form, width: usize) -> (Vec<f64>, Dimension) {
-        let (length, angle) = (dim::Length::KIND.dimension, dim::Angle::KIND.dimension);
-        let spec = self.spec;
-        let unit = spec.unit.as_deref();
+    fn factor(&mut self, form: Form, width: usize, units: &Units) -> (Vec<f64>, Dimension) {
+        let length = dim::Length::KIND.dimension;
+        let unit = units.across.as_deref();
+        let height = units.height.as_deref().unwrap_or("m");
         match form {
             Form::Vector => {
                 let (factor, dimension) = self.unit("unit", unit.filter(|unit| !unit.is_empty()), None);
                 (vec![factor; width], dimension)
             }
-            Form::Quaternion => (vec![1.0; 4], Dimension::NONE),
-            Form::Euler => {
-                if unit.is_none() {
-                    self.wrong("", "an angle needs its unit", "add `unit = \"deg\"` or `unit = \"rad\"`");
-                }
-                (
-                    vec![self.unit("unit", Some(unit.unwrap_or("rad")), Some(angle)).0; 4],
-                    Dimension::NONE,
-                )
+            Form::Quaternion | Form::Dcm => (vec![1.0; width], Dimension::NONE),
+            Form::Rpy | Form::Euler => {
+                let factor = self.angle("an angle needs its unit", unit);
+                (vec![factor; width], Dimension::NONE)
             }
             Form::Geodetic => {
-                let across = self.unit("unit", Some(unit.unwrap_or("rad")), Some(angle)).0;
-                let height = Some(spec.height_unit.as_deref().unwrap_or("m"));
-                let up = self.unit("height_unit", height, Some(length)).0;
-                if unit.is_none() {
-                    self.wrong("", "a latitude needs its unit", "add `unit = \"deg\"` or `unit = \"rad\"`");
-                }
+                let across = self.angle("a latitude needs its unit", unit);
+                let up = self.unit("height_unit", Some(height), Some(length)).0;
                 (vec![across, across, up], Dimension::NONE)
             }
-            Form::Local => {
+            Form::Utm => {
+                let across = self.unit("unit", Some(unit.unwrap_or("m")), Some(length)).0;
+                let up = self.unit("height_unit", Some(height), Some(length)).0;
+                (vec![across, across, up], Dimension::NONE)
+            }
+            Form::Ecef | Form::Local => {
                 let factor = self.unit("unit", Some(unit.unwrap_or("m")), Some(length)).0;
-                let down = if spec.up.is_some() { -factor } else { factor };
+                let down = if self.spec.up.is_some() { -factor } else { factor };
                 (vec![factor, factor, down], Dimension::NONE)
             }
         }
+    }
+
+    /// The factor of angles, whose unit has to be known.
+    fn angle(&mut self, missing: &str, unit: Option<&str>) -> f64 {
+        if unit.is_none() {
+            self.wrong("", missing, NEEDS_ANGLE);
+        }
+        self.unit("unit", Some(unit.unwrap_or("rad")), Some(dim::Angle::KIND.dimension)).0
     }
 
     /// Multiplies the declared scale into the factors.
@@ -247,17 +277,28 @@ impl Planner<'_> {
             let m = m.unwrap_or_else(Matrix3::identity);
             UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(m))
         };
-        match form {
-            Form::Vector => Conversion::Vector { rotation: body },
-            Form::Geodetic => Conversion::Geodetic,
-            Form::Local => Conversion::Local { frame: None },
-            Form::Quaternion | Form::Euler => Conversion::Quaternion {
-                is_euler: form == Form::Euler,
-                navigation: turn(navigation),
-                sensor: turn(body).inverse(),
-                inverse: spec.inverse,
-            },
+        let written = match form {
+            Form::Vector => return Conversion::Vector { rotation: body },
+            Form::Geodetic => return Conversion::Geodetic,
+            Form::Ecef => return Conversion::Ecef,
+            Form::Local => return Conversion::Local { frame: None },
+            Form::Utm => return self.checked("utm.zone", zone(spec)).map_or(Conversion::Geodetic, Conversion::Utm),
+            Form::Quaternion => Written::Quaternion,
+            Form::Dcm => Written::Matrix,
+            Form::Rpy => Written::Rpy,
+            Form::Euler => self.checked("euler.order", turns(spec)).map_or(Written::Rpy, Written::Euler),
+        };
+        Conversion::Attitude {
+            written,
+            navigation: turn(navigation),
+            sensor: turn(body).inverse(),
+            inverse: spec.inverse,
         }
+    }
+
+    /// What was read of a field, where nothing is wrong with it.
+    fn checked<T>(&mut self, field: &str, read: Option<Result<T, String>>) -> Option<T> {
+        read?.map_err(|message| self.wrong(field, &message, "")).ok()
     }
 
     fn shape(&mut self, form: Form, dimension: Dimension) -> Shape {
@@ -265,8 +306,8 @@ impl Planner<'_> {
         let shape = match form {
             Form::Vector if is_angle => Shape::Angle,
             Form::Vector => Shape::Vector,
-            Form::Quaternion | Form::Euler => Shape::Quaternion,
-            Form::Geodetic | Form::Local => Shape::Geodetic,
+            Form::Quaternion | Form::Dcm | Form::Rpy | Form::Euler => Shape::Quaternion,
+            Form::Geodetic | Form::Ecef | Form::Utm | Form::Local => Shape::Geodetic,
         };
         if shape == Shape::Angle && self.spec.average {
             self.wrong("average", "angles that wrap have no plain mean", "");

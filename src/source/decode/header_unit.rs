@@ -1,0 +1,53 @@
+//! Units that a header states.
+
+use fusion_models::units::parse_unit;
+
+/// The unit in brackets at the end of a column's name, as of `gyro_x [deg/s]` or `height(m)`; `None` where
+/// there are no brackets, or no known unit within.
+pub(super) fn header_unit(column: &str) -> Option<&str> {
+    let column = column.trim_end();
+    let open = match column.chars().next_back()? {
+        ']' => '[',
+        ')' => '(',
+        _ => return None,
+    };
+    let inner = column.get(column.rfind(open)? + 1..column.len() - 1)?.trim();
+    (!inner.is_empty() && parse_unit(inner).is_ok()).then_some(inner)
+}
+
+/// The unit that all of these columns state, if any; `Err` is two columns that do not agree.
+pub(super) fn common_unit<'a>(columns: impl IntoIterator<Item = &'a String>) -> Result<Option<&'a str>, (&'a str, &'a str)> {
+    let mut columns = columns.into_iter();
+    let Some(first) = columns.next() else { return Ok(None) };
+    let unit = header_unit(first);
+    match columns.find(|column| header_unit(column) != unit) {
+        Some(other) => Err((first, other)),
+        None => Ok(unit),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_unit_is_that_in_brackets_at_the_end() {
+        for (column, unit) in [
+            ("gyro_x [deg/s]", Some("deg/s")),
+            ("-acc_x (m/s^2)", Some("m/s^2")),
+            ("latitude(deg)", Some("deg")),
+            ("B [ uT ] ", Some("uT")),
+            ("f(x) [m]", Some("m")),
+            ("alt_m", None),
+            ("q_w []", None),
+            ("x [raw]", None),
+            ("[m] x", None),
+            ("x (m]", None),
+            ("m]", None),
+            ("", None),
+            ("é]", None),
+        ] {
+            assert_eq!(header_unit(column), unit, "{column}");
+        }
+    }
+}
