@@ -17,6 +17,7 @@ pub mod campaign;
 mod checkpoint;
 pub mod config;
 pub mod design;
+pub mod frames;
 pub mod health;
 mod navigator;
 pub mod observe;

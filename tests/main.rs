@@ -37,6 +37,9 @@ mod files;
 /// Every shipped design with every form of the covariance.
 #[path = "suite/forms.rs"]
 mod forms;
+/// Mistakes of axes, signs, units and lever arms, found from the data.
+#[path = "suite/frames.rs"]
+mod frames;
 /// Gaps and spikes of the inertial unit, recorded and simulated.
 #[path = "suite/gaps.rs"]
 mod gaps;

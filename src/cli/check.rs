@@ -1,12 +1,13 @@
 //! `fusion check`: what a design resolves to.
 
-use super::{DesignArgs, Failure, OutputArgs, builtin, print};
+use super::{DesignArgs, Failure, OutputArgs, builtin, print, report};
 use clap::Args;
 use fusion::assembly::{Assembly, Inside, StreamLayout, assemble, declared_streams};
 use fusion::config::{Diagnostics, Node, Value};
 use fusion::core::state::{Dynamics, Kind};
 use fusion::design::{Design, SensorDesign};
 use fusion::examine::{Missing, is_pipe, opening, variants};
+use fusion::frames::{Judged, judge};
 use fusion::models::block::Listen;
 use fusion::models::units::Dimension;
 use fusion::present::{Cell, Column, Page, Section, Table, Unit, short};
@@ -64,6 +65,11 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
             design.document.flat()
         ));
     }
+    let judged = if args.design.data.is_some() && has_all_files(&design, &options) {
+        judge(&design, &options)?
+    } else {
+        Judged::default()
+    };
     let page = Page {
         title: design.run.description.clone(),
         warnings: Vec::new(),
@@ -77,9 +83,36 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
             Section::new("Streams", [streams(&assembly.streams)]),
             Section::new("Sources", [sources(&design, &options)]),
             Section::new("Faults", [faults(&design)]),
+            Section::new("Frames, judged by the data", [frames(&judged)]),
         ],
     };
-    args.output.print(&page)
+    args.output.print(&page)?;
+    report(&judged.mistakes);
+    Ok(())
+}
+
+/// Whether the data can be read before the run.
+fn has_all_files(design: &Design, options: &Options) -> bool {
+    let dir = data_dir(design, options);
+    let files = design.sources.iter().flat_map(|named| named.block.source.files());
+    files.map(|file| dir.join(file)).all(|path| path.exists() && !is_pipe(&path))
+}
+
+/// What was compared with what, and what came of it.
+fn frames(judged: &Judged) -> Table {
+    let [what, with, verdict] = words(["declared", "compared with", "the data say"]);
+    let mut t = Table::new([what, with, Column::number("samples"), Column::text("correlation"), verdict]);
+    for c in &judged.comparisons {
+        let correlation: Vec<String> = c.correlation.iter().map(|r| format!("{r:.2}")).collect();
+        t.row([
+            Cell::text(&c.what),
+            Cell::text(&c.with),
+            if c.samples == 0 { Cell::Empty } else { Cell::from(c.samples) },
+            Cell::text(correlation.join(", ")),
+            Cell::text(&c.verdict),
+        ]);
+    }
+    t
 }
 
 fn facts(design: &Design, assembly: &mut Assembly) -> Table {

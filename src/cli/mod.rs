@@ -80,6 +80,11 @@ Examples:
     /// 2 if the design has a mistake, or an existing data file does not fit it. A missing data file
     /// is shown as `not found` and is not a mistake. All variants of the file are checked, the
     /// unselected ones each for itself. All mistakes are reported in one run.
+    ///
+    /// With `--data` the recorded data are read, and channels that tell of the same motion are compared:
+    /// velocity with position, angular rate and specific force with velocity and attitude, heading with
+    /// course, and lever arms with what this filter estimates in their place. An axis, a sign or a unit
+    /// that the data clearly contradict is a warning, with what to write instead.
     #[command(after_long_help = "\
 Examples:
   fusion check drive.toml

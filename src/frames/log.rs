@@ -1,0 +1,184 @@
+//! The recorded channels of a design that tell of motion, thinned out while they are read.
+
+use crate::config::Diagnostics;
+use crate::design::Design;
+use crate::rows::RowStream;
+use crate::run::{Options, data_dir, open_one};
+use crate::source::OpenContext;
+use fusion_core::time::Time;
+use fusion_models::block::Channel;
+use fusion_models::vocabulary::channel;
+
+/// Samples of positions, velocities and attitudes are at least this far apart \[s\]: below it the slope of a
+/// position is mostly its noise.
+const APART: f64 = 0.5;
+/// Integrals of rates and forces are kept this often \[s\], and interpolated between.
+const GRID: f64 = 0.1;
+/// What is silent for longer has no mean over the silence \[s\].
+const LONGEST: f64 = 1.0;
+
+/// The channels that are compared; of the first two the means over intervals are wanted, of the others the values.
+pub(super) const COMPARED: [Channel; 6] = [
+    channel::ANGULAR_RATE,
+    channel::SPECIFIC_FORCE,
+    channel::POSITION,
+    channel::VELOCITY,
+    channel::ATTITUDE,
+    channel::HEADING,
+];
+
+/// A channel of a source over time.
+#[derive(Clone, Debug)]
+pub(super) struct Track {
+    /// The number of its source in the design.
+    pub(super) source: usize,
+    /// Its name.
+    pub(super) channel: &'static str,
+    /// Of each kept sample \[s\].
+    pub(super) times: Vec<f64>,
+    /// The numbers; of rates and forces their integral up to then. Those beyond its width are zero.
+    pub(super) values: Vec<[f64; 4]>,
+    /// Rows per second.
+    pub(super) rate: f64,
+    integrates: bool,
+}
+
+impl Track {
+    /// The mean over an interval; `None` where the log does not cover it.
+    pub(super) fn mean(&self, from: f64, to: f64) -> Option<nalgebra::Vector3<f64>> {
+        let (a, b) = (self.integral(from)?, self.integral(to)?);
+        let first = self.times.partition_point(|t| *t <= from);
+        let last = self.times.partition_point(|t| *t < to).min(self.times.len() - 1);
+        let steps = self.times[first.saturating_sub(1)..=last].windows(2);
+        let is_whole = steps.into_iter().all(|w| w[1] - w[0] <= LONGEST);
+        (is_whole && to > from).then(|| (b - a) / (to - from))
+    }
+
+    fn integral(&self, at: f64) -> Option<nalgebra::Vector3<f64>> {
+        let next = self.times.partition_point(|t| *t < at);
+        let vector = |i: usize| nalgebra::Vector3::new(self.values[i][0], self.values[i][1], self.values[i][2]);
+        match next {
+            0 => (*self.times.first()? == at).then(|| vector(0)),
+            n if n == self.times.len() => None,
+            n => {
+                let share = (at - self.times[n - 1]) / (self.times[n] - self.times[n - 1]);
+                Some(vector(n - 1).lerp(&vector(n), share))
+            }
+        }
+    }
+}
+
+/// Takes the rows of one channel.
+struct Keeper {
+    track: Track,
+    offset: usize,
+    width: usize,
+    delay: f64,
+    sum: [f64; 4],
+    last: f64,
+    first: f64,
+    count: f64,
+}
+
+impl Keeper {
+    fn take(&mut self, time: Time, row: &[f64]) {
+        let (t, values) = (time.seconds() - self.delay, &row[self.offset..self.offset + self.width]);
+        // A row that goes back in time or holds no number tells nothing here; the run reports it.
+        if values.iter().any(|v| !v.is_finite()) || t <= self.last {
+            return;
+        }
+        let step = t - self.last;
+        let mut kept = [0.0; 4];
+        kept[..self.width].copy_from_slice(values);
+        if self.track.integrates {
+            let covered = if step <= LONGEST { step } else { 0.0 };
+            self.sum.iter_mut().zip(kept).for_each(|(sum, v)| *sum += v * covered);
+            kept = self.sum;
+        }
+        self.first = self.first.min(t);
+        self.count += 1.0;
+        self.last = t;
+        let apart = if self.track.integrates { GRID } else { APART };
+        // 1 ms: stamps of an even rate jitter by rounding.
+        if self.track.times.last().is_none_or(|last| t - last >= apart - 1e-3) {
+            self.track.times.push(t);
+            self.track.values.push(kept);
+        }
+    }
+
+    fn finish(mut self) -> Track {
+        self.track.rate = (self.count - 1.0).max(0.0) / (self.last - self.first).max(GRID);
+        self.track
+    }
+}
+
+/// Reads the sources of a design, as it decodes them, over the time that it runs.
+pub(super) fn read(design: &Design, options: &Options) -> Result<Vec<Track>, Diagnostics> {
+    let (mut d, mut tracks) = (Diagnostics::new(), Vec::new());
+    for (number, named) in design.sources.iter().enumerate() {
+        let context = OpenContext {
+            data_dir: data_dir(design, options),
+            name: named.name.clone(),
+            origin: design.run.origin.map(Into::into),
+            seed: options.seed.unwrap_or(design.run.seed),
+        };
+        let mut rows = match open_one(&named.block, &context) {
+            Ok(rows) => rows,
+            Err(error) => {
+                d.extend(error.diagnostics(&named.node));
+                continue;
+            }
+        };
+        let mut keepers = keepers(number, rows.as_ref());
+        if let Err(error) = feed(design, rows.as_mut(), &mut keepers) {
+            d.extend(error.diagnostics(&named.node));
+        }
+        tracks.extend(keepers.into_iter().map(Keeper::finish).filter(|t| !t.times.is_empty()));
+    }
+    d.unless_errors(tracks)
+}
+
+fn keepers(source: usize, rows: &dyn RowStream) -> Vec<Keeper> {
+    let wanted = |name: &str| COMPARED.iter().position(|c| c.name == name);
+    let compared = rows.channels().iter().filter_map(|p| {
+        let number = wanted(&p.channel.name)?;
+        let is_so = COMPARED[number].width == p.channel.width && COMPARED[number].shape == p.channel.shape;
+        is_so.then_some((number, p))
+    });
+    let keeper = |(number, p): (usize, &crate::rows::ProvidedChannel)| Keeper {
+        track: Track {
+            source,
+            channel: NAMES[number],
+            times: Vec::new(),
+            values: Vec::new(),
+            rate: 0.0,
+            integrates: number < 2,
+        },
+        offset: p.offset,
+        width: p.channel.width,
+        delay: p.delay_ns as f64 * 1e-9,
+        sum: [0.0; 4],
+        last: f64::NEG_INFINITY,
+        first: f64::INFINITY,
+        count: 0.0,
+    };
+    compared.map(keeper).collect()
+}
+
+/// The names of [`COMPARED`].
+pub(super) const NAMES: [&str; 6] = ["angular_rate", "specific_force", "position", "velocity", "attitude", "heading"];
+
+fn feed(design: &Design, rows: &mut dyn RowStream, keepers: &mut [Keeper]) -> Result<(), crate::rows::SourceError> {
+    if keepers.is_empty() {
+        return Ok(());
+    }
+    let start = design.run.start.map_or(Time::MIN, |t| Time::from_seconds(t.si()));
+    let stop = design.run.stop.map_or(Time::MAX, |t| Time::from_seconds(t.si()));
+    let mut values = Vec::new();
+    while let Some(stamp) = rows.next(&mut values)? {
+        if stamp.time >= start && stamp.time <= stop {
+            keepers.iter_mut().for_each(|k| k.take(stamp.time, &values));
+        }
+    }
+    Ok(())
+}

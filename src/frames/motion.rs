@@ -1,0 +1,157 @@
+//! What positions, velocities and attitudes say of the motion between two of their samples.
+
+use super::log::Track;
+use fusion_core::geometry::so3::{log, rotation, to_rpy, wrap_angle};
+use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::state::{Attitude, Manifold};
+use nalgebra::{UnitQuaternion, Vector3};
+
+/// A course is judged above this horizontal speed \[m/s\]: 0.1 m/s of noise are 3° there.
+pub(super) const MIN_SPEED: f64 = 2.0;
+/// Samples further apart say little of what was between \[s\].
+const LONGEST: f64 = 3.0;
+/// Gravity \[m/s²\], to what a comparison needs.
+pub(super) const GRAVITY: f64 = 9.81;
+
+/// Velocities north, east, down over time.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Velocities {
+    pub(super) times: Vec<f64>,
+    pub(super) values: Vec<Vector3<f64>>,
+}
+
+/// From one velocity to the next.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Leg {
+    pub(super) from: f64,
+    pub(super) to: f64,
+    pub(super) ends: [Vector3<f64>; 2],
+}
+
+impl Velocities {
+    /// As measured.
+    pub(super) fn of(track: &Track) -> Self {
+        Self {
+            times: track.times.clone(),
+            values: track.values.iter().map(|v| Vector3::new(v[0], v[1], v[2])).collect(),
+        }
+    }
+
+    /// The slope between positions, half-way between them.
+    pub(super) fn slope(track: &Track) -> Self {
+        let mut slopes = Self::default();
+        for (t, p) in track.times.windows(2).zip(track.values.windows(2)) {
+            if t[1] - t[0] <= LONGEST {
+                let [a, b] = [Geodetic::read(&p[0][..3]), Geodetic::read(&p[1][..3])];
+                slopes.times.push((t[0] + t[1]) / 2.0);
+                slopes.values.push(b.difference(&a) / (t[1] - t[0]));
+            }
+        }
+        slopes
+    }
+
+    pub(super) fn legs(&self) -> impl Iterator<Item = Leg> + '_ {
+        let steps = self.times.windows(2).zip(self.values.windows(2));
+        let legs = steps.map(|(t, v)| Leg {
+            from: t[0],
+            to: t[1],
+            ends: [v[0], v[1]],
+        });
+        legs.filter(|leg| leg.to - leg.from <= LONGEST)
+    }
+
+    /// Its value at a time between two samples.
+    pub(super) fn at(&self, time: f64) -> Option<Vector3<f64>> {
+        let (i, share) = between(&self.times, time)?;
+        Some(self.values[i].lerp(&self.values[i + 1], share))
+    }
+}
+
+impl Leg {
+    /// Mean acceleration \[m/s²\].
+    pub(super) fn acceleration(&self) -> Vector3<f64> {
+        (self.ends[1] - self.ends[0]) / (self.to - self.from)
+    }
+
+    /// Rate of the course \[rad/s\] and acceleration ahead and to the right of it, where it is fast enough.
+    pub(super) fn turn(&self) -> Option<(f64, [f64; 2])> {
+        let speeds = self.ends.map(|v| v.xy().norm());
+        if speeds.iter().any(|s| *s < MIN_SPEED) {
+            return None;
+        }
+        let dt = self.to - self.from;
+        let [a, b] = self.ends.map(|v| course(&v));
+        let rate = wrap_angle(b - a) / dt;
+        let ahead = (speeds[1] - speeds[0]) / dt;
+        Some((rate, [ahead, (speeds[0] + speeds[1]) / 2.0 * rate]))
+    }
+}
+
+/// Clockwise from north \[rad\].
+pub(super) fn course(v: &Vector3<f64>) -> f64 {
+    v.y.atan2(v.x)
+}
+
+/// Attitudes, body to north-east-down, over time.
+#[derive(Clone, Debug)]
+pub(super) struct Attitudes {
+    times: Vec<f64>,
+    values: Vec<UnitQuaternion<f64>>,
+}
+
+impl Attitudes {
+    pub(super) fn of(track: &Track) -> Self {
+        Self {
+            times: track.times.clone(),
+            values: track.values.iter().map(|v| Attitude::read(v)).collect(),
+        }
+    }
+
+    /// The mean turn between two samples \[rad/s\], body axes, with the interval.
+    pub(super) fn turns(&self) -> impl Iterator<Item = (f64, f64, Vector3<f64>)> + '_ {
+        let steps = self.times.windows(2).zip(self.values.windows(2));
+        let turns = steps.map(|(t, q)| (t[0], t[1], log(&(q[0].inverse() * q[1])) / (t[1] - t[0])));
+        // Half a turn may be one the other way round; the mean of a fast turn is none of its axes.
+        turns.filter(|(from, to, w)| to - from <= LONGEST && w.norm() * (to - from) < 1.0)
+    }
+
+    pub(super) fn at(&self, time: f64) -> Option<UnitQuaternion<f64>> {
+        let (i, share) = between(&self.times, time)?;
+        let turn = log(&(self.values[i].inverse() * self.values[i + 1]));
+        Some(self.values[i] * UnitQuaternion::from_scaled_axis(turn * share))
+    }
+
+    /// The mean specific force of a body that moves so, body axes \[m/s²\], over each leg, or over each step of the
+    /// attitude of what does not accelerate for long.
+    pub(super) fn forces(&self, velocities: Option<&Velocities>) -> Vec<(f64, f64, Vector3<f64>)> {
+        let gravity = Vector3::new(0.0, 0.0, GRAVITY);
+        let force = |from: f64, to: f64, acceleration: Vector3<f64>| {
+            let q = self.at((from + to) / 2.0)?;
+            Some((from, to, rotation(&q).transpose() * (acceleration - gravity)))
+        };
+        match velocities {
+            Some(v) => v.legs().filter_map(|leg| force(leg.from, leg.to, leg.acceleration())).collect(),
+            None => self.turns().filter_map(|(from, to, _)| force(from, to, Vector3::zeros())).collect(),
+        }
+    }
+}
+
+/// Headings, clockwise from north, of attitudes or headings as declared \[rad\].
+pub(super) fn headings(track: &Track) -> Vec<(f64, f64)> {
+    let heading = |v: &[f64; 4]| {
+        if track.channel == "heading" {
+            v[0]
+        } else {
+            to_rpy(&Attitude::read(v)).z
+        }
+    };
+    track.times.iter().copied().zip(track.values.iter().map(heading)).collect()
+}
+
+/// The sample before a time, and how far it lies on the way to the next.
+fn between(times: &[f64], time: f64) -> Option<(usize, f64)> {
+    let next = times.partition_point(|t| *t <= time);
+    let i = next.checked_sub(1)?;
+    let step = times.get(next)? - times[i];
+    (step <= LONGEST).then(|| (i, (time - times[i]) / step))
+}

@@ -1,0 +1,409 @@
+//! Mistakes of axes, signs, units and lever arms, found by `fusion::frames` from the data: each provoked on the log of
+//! the car and on a drive in closed form; none is told of a shipped design.
+
+use super::real::{data, real_design};
+use super::rewind::designs;
+use super::support::{Workspace, stderr, stdout};
+use fusion::config::{Document, Files};
+use fusion::core::geometry::so3::{from_rpy, log, rotation};
+use fusion::design::Design;
+use fusion::frames::{Judged, judge};
+use fusion::run::Options;
+use nalgebra::Vector3;
+use std::fmt::Write;
+use std::path::Path;
+
+/// The warnings, and what the data say.
+fn told(design: &Design, options: &Options) -> (String, Judged) {
+    let judged = judge(design, options).unwrap_or_else(|d| panic!("{d}"));
+    (judged.mistakes.to_string(), judged)
+}
+
+const RATE: &str = "source.imu.channels.angular_rate";
+const FORCE: &str = "source.imu.channels.specific_force";
+const VELOCITY: &str = "source.gnss.channels.velocity";
+
+/// What is declared wrongly, and the two lines that have to be told of it.
+fn provoked() -> Vec<(Vec<String>, Vec<&'static str>)> {
+    let both = |axes: &str| {
+        vec![
+            format!("{RATE}.rotation={{ axes = {axes} }}"),
+            format!("{FORCE}.rotation={{ axes = {axes} }}"),
+        ]
+    };
+    let back = "write `rotation = { axes = [\"x\", \"y\", \"z\"] }`";
+    let mut all = vec![
+        (
+            both("[\"y\", \"-x\", \"z\"]"),
+            vec!["forward is minus the declared y, right is the declared x", back],
+        ),
+        (
+            both("[\"-y\", \"x\", \"z\"]"),
+            vec!["forward is the declared y, right is minus the declared x", back],
+        ),
+        // Upside down.
+        (
+            both("[\"x\", \"-y\", \"-z\"]"),
+            vec!["right is minus the declared y, down is minus the declared z", back],
+        ),
+        // East, north, up.
+        (
+            vec![format!("{VELOCITY}.columns=[\"ve_mps\", \"vn_mps\", \"-vd_mps\"]")],
+            vec![
+                "north is the declared east, east is the declared north, down is minus the declared down",
+                "write `columns = [\"vn_mps\", \"ve_mps\", \"vd_mps\"]`",
+            ],
+        ),
+        (
+            vec![format!("{VELOCITY}.columns.2=\"-vd_mps\"")],
+            vec![
+                "down is minus the declared down",
+                "write `columns = [\"vn_mps\", \"ve_mps\", \"vd_mps\"]`",
+            ],
+        ),
+        (
+            vec![format!("{RATE}.unit=\"deg\"")],
+            vec!["too small by a factor of 5", "degrees are declared, the columns are radians"],
+        ),
+        (
+            vec![format!("{FORCE}.increment=false"), format!("{FORCE}.unit=\"m/s^2\"")],
+            vec!["too small by a factor of 99", "write `increment = true`"],
+        ),
+    ];
+    let bodies = ["forward", "right", "down"];
+    for (i, (letter, is)) in ["x", "y", "z"].into_iter().zip(bodies).enumerate() {
+        for (channel, column) in [(RATE, format!("dth{letter}_rad")), (FORCE, format!("dv{letter}_mps"))] {
+            let sentence: &str = match is {
+                "forward" => "forward is minus the declared x\n",
+                "right" => "right is minus the declared y\n",
+                _ => "down is minus the declared z\n",
+            };
+            let help = if channel == RATE {
+                "write `columns = [\"dthx_rad\", \"dthy_rad\", \"dthz_rad\"]`"
+            } else {
+                "write `columns = [\"dvx_mps\", \"dvy_mps\", \"dvz_mps\"]`"
+            };
+            all.push((vec![format!("{channel}.columns.{i}=\"-{column}\"")], vec![sentence, help]));
+        }
+    }
+    all
+}
+
+/// The design of the car without its reference: the course alone tells the attitude.
+fn car(has_reference: bool, sets: &[String]) -> Option<(Design, Options)> {
+    let base = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/real");
+    let file = base.join("pntos-car.toml");
+    let text = std::fs::read_to_string(&file).unwrap();
+    let mut kept = true;
+    let lines = text.lines().filter(|line| {
+        if line.starts_with('[') {
+            kept = has_reference || !(line.contains("reference") || line.contains("variant"));
+        }
+        kept
+    });
+    let text: String = lines.fold(String::new(), |text, line| text + line + "\n");
+    let (mut document, mistakes) = Document::parse(&file.display().to_string(), &text);
+    assert!(mistakes.is_empty());
+    assert!(document.compose(&file, Files::Disk).is_empty());
+    sets.iter().for_each(|set| document.set(set).unwrap());
+    let options = Options {
+        data: Some(data()?),
+        base,
+        ..Options::default()
+    };
+    Some((Design::read(document).unwrap_or_else(|e| panic!("{e}")), options))
+}
+
+#[test]
+fn every_frame_mistake_on_the_car_is_named_with_and_without_a_reference() {
+    for has_reference in [true, false] {
+        for (sets, expected) in provoked() {
+            let Some((design, options)) = car(has_reference, &sets) else {
+                return;
+            };
+            let (warnings, _) = told(&design, &options);
+            for line in expected {
+                assert!(
+                    warnings.contains(line),
+                    "reference {has_reference}, {sets:?}: {line:?} is not in\n{warnings}"
+                );
+            }
+            let count = warnings.matches("warning: ").count();
+            let channels = if sets[0].contains("rotation") { 2 } else { 1 };
+            assert_eq!(
+                count, channels,
+                "reference {has_reference}, {sets:?}: as many channels are wrong:\n{warnings}"
+            );
+        }
+    }
+}
+
+#[test]
+fn no_frame_of_a_shipped_design_is_doubted() {
+    let mut judged = 0;
+    for file in designs("configs/real") {
+        let name = file.file_stem().unwrap().to_str().unwrap().to_owned();
+        let (document, _) = Document::parse(&name, &std::fs::read_to_string(&file).unwrap());
+        let variants = document.root().get("variant").map_or(&[][..], |v| v.entries());
+        // Only a variant with data of its own is another case; the others would be judged alike.
+        let own = variants.iter().filter(|v| {
+            v.node
+                .at("source")
+                .is_some_and(|s| s.entries().iter().any(|s| s.node.get("path").is_some()))
+        });
+        let own: Vec<&str> = own.map(|v| v.key.as_str()).collect();
+        for variant in own.iter().map(std::slice::from_ref).chain([&[][..]]) {
+            let Some((design, options)) = real_design(&name, variant, &[]) else {
+                return;
+            };
+            let (warnings, found) = told(&design, &options);
+            assert_eq!(warnings, "", "{name} {variant:?}");
+            judged += found.comparisons.len();
+            for c in &found.comparisons {
+                // Half of what is certain: the next log is another one.
+                assert!(c.margin < 3.0, "{name} {variant:?}: {c:?}");
+            }
+        }
+    }
+    assert!(judged >= 15, "{judged} comparisons");
+}
+
+#[test]
+fn a_headings_frame_is_named_by_the_course() {
+    let attitude = "source.reference.channels.attitude";
+    let east = [
+        format!("{attitude}.navigation_rotation={{ axes = [\"y\", \"x\", \"-z\"] }}"),
+        format!("{attitude}.rotation={{ axes = [\"x\", \"-y\", \"-z\"] }}"),
+    ];
+    let quarter = [format!("{attitude}.rotation={{ rpy = [0, 0, \"90 deg\"] }}")];
+    let inverse = [format!("{attitude}.inverse=true")];
+    let cases = [
+        (&east[..], "it is counted anti-clockwise from east"),
+        (&quarter[..], "the course is 90° clockwise of it"),
+        (&inverse[..], "it is counted anti-clockwise from north"),
+    ];
+    for (sets, expected) in cases {
+        let Some((design, options)) = car(true, sets) else { return };
+        let (warnings, _) = told(&design, &options);
+        assert!(warnings.contains(expected), "{sets:?}:\n{warnings}");
+    }
+}
+
+#[test]
+fn a_lever_arm_with_the_wrong_sign_is_named_on_the_car() {
+    // The reference's own point lies 1.2 m ahead of the inertial unit: fused, its velocity has that arm.
+    let fused = |arm: &str| {
+        vec![
+            "source.gnss.path=\"pntos_cobra_car/derived/ref_20hz.csv.gz\"".to_owned(),
+            "source.gnss.keep={ every = 20 }".to_owned(),
+            format!("sensor.gnss_position.lever_arm={arm}"),
+            "run.stop=\"1300 s\"".to_owned(),
+        ]
+    };
+    let Some((design, options)) = car(false, &fused("[\"1.2 m\", 0, 0]")) else {
+        return;
+    };
+    let (warnings, found) = told(&design, &options);
+    assert_eq!(warnings, "", "{:?}", found.comparisons);
+    let (design, options) = car(false, &fused("[\"-1.2 m\", 0, 0]")).unwrap();
+    let (warnings, _) = told(&design, &options);
+    assert!(
+        warnings.contains("the lever arm of `gnss_position` has the wrong sign along x"),
+        "{warnings}"
+    );
+    assert!(warnings.contains("try `lever_arm = [\"1.2 m\", \"0 m\", \"0 m\"]`"), "{warnings}");
+    // The antenna's own arm was found by fusing the log: 0, 0.3, −0.35 m.
+    let (design, options) = car(true, &["sensor.gnss_position.lever_arm=[0, \"-0.3 m\", 0]".to_owned()]).unwrap();
+    let (warnings, _) = told(&design, &options);
+    assert!(
+        warnings.contains("the lever arm of `gnss_position` has the wrong sign along y"),
+        "{warnings}"
+    );
+}
+
+/// Five minutes on roads that bend and tilt, in closed form: rows of an inertial unit at 20 Hz, of positions and
+/// velocities at 1 Hz, and of attitudes.
+fn drive(workspace: &Workspace) {
+    let speed = |t: f64| 10.0 + 4.0 * (0.21 * t).sin();
+    let heading = |t: f64| 4.0 * (0.05 * t).sin() + 0.3 * (0.37 * t).cos();
+    let q = |t: f64| from_rpy(0.06 * (0.53 * t).sin(), 0.05 * (0.71 * t).cos(), heading(t));
+    let velocity = |t: f64| Vector3::new(speed(t) * heading(t).cos(), speed(t) * heading(t).sin(), 0.0);
+    let mut imu = "t,wx,wy,wz,fx,fy,fz\n".to_owned();
+    for i in 1..6000 {
+        let (a, b) = (f64::from(i - 1) * 0.05, f64::from(i) * 0.05);
+        let w = log(&(q(a).inverse() * q(b))) / 0.05;
+        let n = (velocity(b) - velocity(a)) / 0.05 - Vector3::new(0.0, 0.0, 9.8);
+        let f = rotation(&q((a + b) / 2.0)).transpose() * n;
+        writeln!(imu, "{b},{},{},{},{},{},{}", w.x, w.y, w.z, f.x, f.y, f.z).unwrap();
+    }
+    let (mut gnss, mut ahrs) = ("t,n,e,d,vn,ve,vd\n".to_owned(), "t,qw,qx,qy,qz\n".to_owned());
+    let mut place = Vector3::zeros();
+    for i in 0..30_000 {
+        let t = f64::from(i) * 0.01;
+        let (v, q) = (velocity(t), q(t));
+        if i % 100 == 0 {
+            writeln!(gnss, "{t},{},{},{},{},{},{}", place.x, place.y, place.z, v.x, v.y, v.z).unwrap();
+        }
+        if i % 10 == 0 {
+            writeln!(ahrs, "{t},{},{},{},{}", q.w, q.i, q.j, q.k).unwrap();
+        }
+        place += (v + velocity(t + 0.01)) * 0.005;
+    }
+    [("imu.csv", imu), ("gnss.csv", gnss), ("ahrs.csv", ahrs)]
+        .iter()
+        .for_each(|(file, rows)| workspace.write(file, rows));
+}
+
+const DRIVE: &str = r#"
+[run]
+origin = { latitude = "50 deg", longitude = "10 deg", height = "0 m" }
+[process]
+type = "strapdown"
+source = "imu"
+gyro.noise = "0.01 deg/s/sqrt(Hz)"
+accelerometer.noise = "1 mg/sqrt(Hz)"
+[initial.start]
+type = "explicit"
+velocity = [0, 0, 0]
+velocity_sigma = "10 m/s"
+attitude = [0, 0, 0]
+attitude_sigma = "20 deg"
+[initial.fix]
+type = "first_fix"
+source = "gnss"
+position_sigma = "1 m"
+[sensor.gnss]
+type = "gnss_position"
+source = "gnss"
+noise = { sigma = "1 m" }
+[source.imu]
+type = "csv"
+path = "imu.csv"
+time = { column = "t" }
+[source.imu.channels]
+angular_rate = { columns = ["wx", "wy", "wz"], unit = "rad/s" }
+specific_force = { columns = ["fx", "fy", "fz"], unit = "m/s^2" }
+[source.gnss]
+type = "csv"
+path = "gnss.csv"
+time = { column = "t" }
+[source.gnss.channels]
+position = { north = "n", east = "e", down = "d" }
+velocity = { columns = ["vn", "ve", "vd"], unit = "m/s" }
+"#;
+
+const AHRS: &str = r#"
+[source.ahrs]
+type = "csv"
+path = "ahrs.csv"
+time = { column = "t" }
+channels.attitude = { quaternion = ["qw", "qx", "qy", "qz"] }
+[reference]
+source = "ahrs"
+"#;
+
+/// All signed permutations of three columns.
+fn permutations() -> Vec<[(usize, bool); 3]> {
+    let orders = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]];
+    let signs = (0..8).map(|bits: u8| [0, 1, 2].map(|i| bits >> i & 1 == 1));
+    signs.flat_map(|s| orders.map(|o| [0, 1, 2].map(|i| (o[i], s[i])))).collect()
+}
+
+fn read(workspace: &Workspace, text: &str, sets: &[String]) -> (Design, Options) {
+    let (mut document, mistakes) = Document::parse("drive.toml", text);
+    assert!(mistakes.is_empty(), "{mistakes:?}");
+    sets.iter().for_each(|set| document.set(set).unwrap());
+    let options = Options {
+        data: Some(workspace.path("")),
+        ..Options::default()
+    };
+    (Design::read(document).unwrap_or_else(|e| panic!("{e}")), options)
+}
+
+#[test]
+fn every_signed_permutation_of_a_units_axes_is_undone_on_a_drive_in_closed_form() {
+    let workspace = Workspace::new("frames-drive");
+    drive(&workspace);
+    for text in [DRIVE.to_owned(), format!("{DRIVE}{AHRS}")] {
+        for axes in permutations() {
+            let columns = |letter: &str| {
+                let one = |(axis, negative): &(usize, bool)| {
+                    format!("\"{}{letter}{}\"", if *negative { "-" } else { "" }, ["x", "y", "z"][*axis])
+                };
+                format!("[{}]", axes.iter().map(one).collect::<Vec<_>>().join(", "))
+            };
+            let sets = [
+                format!("{RATE}.columns={}", columns("w")),
+                format!("{FORCE}.columns={}", columns("f")),
+            ];
+            let (warnings, _) = told_of(&workspace, &text, &sets);
+            if axes == [(0, false), (1, false), (2, false)] {
+                assert_eq!(warnings, "");
+                continue;
+            }
+            for right in ["[\"wx\", \"wy\", \"wz\"]", "[\"fx\", \"fy\", \"fz\"]"] {
+                assert!(warnings.contains(&format!("write `columns = {right}`")), "{sets:?}:\n{warnings}");
+            }
+        }
+    }
+}
+
+fn told_of(workspace: &Workspace, text: &str, sets: &[String]) -> (String, Judged) {
+    let (design, options) = read(workspace, text, sets);
+    told(&design, &options)
+}
+
+#[test]
+fn a_sign_behind_a_declared_rotation_is_put_right_in_the_columns() {
+    let workspace = Workspace::new("frames-rotation");
+    drive(&workspace);
+    let turned = "rotation={ axes = [\"y\", \"-z\", \"-x\"] }";
+    // x_body = y, y_body = -z, z_body = -x of the sensor: whose x, y, z are -z, x, -y of the body.
+    let sets = |first: &str| {
+        let channels = [(RATE, "w"), (FORCE, "f")].map(|(channel, l)| {
+            let columns = format!("{channel}.columns=[\"{first}{l}z\", \"{l}x\", \"-{l}y\"]");
+            [columns, format!("{channel}.{turned}")]
+        });
+        channels.concat()
+    };
+    let (warnings, _) = told_of(&workspace, DRIVE, &sets("-"));
+    assert_eq!(warnings, "");
+    let (warnings, _) = told_of(&workspace, DRIVE, &sets(""));
+    assert!(warnings.contains("write `columns = [\"-wz\", \"wx\", \"-wy\"]`"), "{warnings}");
+    assert!(warnings.contains("write `columns = [\"-fz\", \"fx\", \"-fy\"]`"), "{warnings}");
+}
+
+#[test]
+fn what_does_not_move_is_not_judged() {
+    let workspace = Workspace::new("frames-noise");
+    drive(&workspace);
+    let mut random = fusion::core::testing::Lcg::new(5);
+    let mut noise = || random.unit() - 0.5;
+    let mut imu = "t,wx,wy,wz,fx,fy,fz\n".to_owned();
+    for i in 1..6000 {
+        let t = f64::from(i) * 0.05;
+        let row = [noise(), noise(), noise(), noise(), noise(), noise() - 9.8];
+        writeln!(imu, "{t},{},{},{},{},{},{}", row[0], row[1], row[2], row[3], row[4], row[5]).unwrap();
+    }
+    workspace.write("imu.csv", imu);
+    let (warnings, found) = told_of(&workspace, DRIVE, &[]);
+    assert_eq!(warnings, "", "{:?}", found.comparisons);
+    assert_eq!(found.comparisons.len(), 3, "{:?}", found.comparisons);
+}
+
+#[test]
+fn check_tells_the_mistake_at_its_place_where_data_are_named() {
+    let workspace = Workspace::new("frames-check");
+    drive(&workspace);
+    workspace.write("drive.toml", DRIVE.replace("\"wz\"]", "\"-wz\"]"));
+    let ran = workspace.fusion(&["check", "drive.toml", "--data", "."]).success();
+    let told = stderr(&ran);
+    assert!(told.contains("drive.toml:28:28"), "{told}");
+    assert!(
+        told.contains("`imu.angular_rate`") && told.contains("down is minus the declared z"),
+        "{told}"
+    );
+    assert!(stdout(&ran).contains("Frames, judged by the data"));
+    let ran = workspace.fusion(&["check", "drive.toml"]).success();
+    assert_eq!(stderr(&ran), "");
+}
