@@ -271,9 +271,9 @@ impl<'a, P> Assembler<'a, P> {
     fn check_restart(&mut self) {
         let is_driven = self.process.is_some_and(|process| !process.block.model.input().is_empty());
         if is_driven && self.design.run.restart_after.is_some() {
-            let message = "this process has an input, whose silence starts the filter anew";
+            let message = "`restart_after` is for a process without `source`; this one restarts when its input is silent";
             let place = self.design.document.root().get("run").map(|run| run.place_of("restart_after"));
-            let mistake = Diagnostic::error(message).help("write `input.longest_gap` under [process] in its place");
+            let mistake = Diagnostic::error(message).help("remove `restart_after` and set `input.longest_gap` under [process]");
             self.d.push(match place {
                 Some(place) => mistake.at(place),
                 None => mistake,

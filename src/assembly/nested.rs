@@ -81,15 +81,15 @@ impl<'a, P> Assembler<'a, P> {
             ..
         } = assembly?;
         if runner.lag() > 0.0 {
-            let message = "this filter would hold rows back, and its estimate would come too late";
-            let help = "inside a filter, let `only_with` name a sensor of the same source, valid no later";
+            let message = "this filter would have to wait for a later row, and its estimate would come too late for the filter outside";
+            let help = "inside a filter, `only_with` must name a sensor of the same source, with no larger delay";
             self.d.push(Diagnostic::error(message).at(named.node.name_place()).help(help));
             return None;
         }
         let driving = driver.and_then(|(stream, delay)| Some((&self.streams[stream?], delay)));
         if process.input_dim() == 0 && runner.sensors().iter().any(|s| s.offset.is_some()) {
-            let message = "a filter inside a stage that time alone drives cannot wait for when a row is valid";
-            let help = "give its sensors time offsets that are fixed, or put the filter outside";
+            let message = "this filter has no process input, and cannot estimate the time offset of its sensors";
+            let help = "write fixed numbers as the `time_offset` of its sensors, or move them to the filter outside";
             self.d.push(Diagnostic::error(message).at(named.node.name_place()).help(help));
             return None;
         }
@@ -131,8 +131,9 @@ impl<'a, P> Assembler<'a, P> {
                 continue;
             }
             let stage = &self.streams[inlet.stream].name;
-            let message = format!("rows of the stage `{stage}` come too late to be valid earlier inside this filter");
-            let help = "declare the time offset where the stage gets its rows, or read the stage outside";
+            let message =
+                format!("the time offset of this sensor cannot be used: the stage `{stage}` inside this filter emits its rows too late");
+            let help = "write it as `latency` of the channels that the stage reads, or move the stage out of this filter";
             self.d.push(Diagnostic::error(message).at(named.node.name_place()).help(help));
         }
     }

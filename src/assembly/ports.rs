@@ -18,7 +18,11 @@ impl<P> Assembler<'_, P> {
         let process = self.process?;
         let channels = process.block.model.input();
         match (&process.block.source, channels.is_empty()) {
-            (Some(source), false) => self.port(source, &channels, &process.node),
+            (Some(source), false) => {
+                let port = self.port(source, &channels, &process.node);
+                self.check_latencies(port.as_ref(), &channels, &process.node);
+                port
+            }
             (None, true) => None,
             (None, false) => {
                 let names = channels.iter().map(|c| format!("`{}`", c.name)).collect::<Vec<_>>().join(" and ");
@@ -99,6 +103,29 @@ impl<P> Assembler<'_, P> {
         Some(port)
     }
 
+    /// What computes with several channels of a row needs them valid at one instant: of unlike latencies all but the
+    /// largest would change nothing.
+    pub(super) fn check_latencies(&mut self, port: Option<&Port>, channels: &[Channel], node: &Node) {
+        let Some(port) = port else { return };
+        let layout = &self.streams[port.stream];
+        let delays: Vec<_> = channels
+            .iter()
+            .filter_map(|c| Some((&c.name, layout.channel(&c.name)?.delay)))
+            .collect();
+        let Some((first, of_first)) = delays.first() else { return };
+        let Some((other, of_other)) = delays.iter().find(|(_, delay)| delay != of_first) else {
+            return;
+        };
+        let seconds = |delay: i64| delay as f64 * 1e-9;
+        let message = format!(
+            "this block needs `{first}` and `{other}` of the same instant, but their latencies are {} s and {} s",
+            seconds(*of_first),
+            seconds(*of_other)
+        );
+        let help = format!("write the same `latency` for both under [source.{}.channels]", layout.name);
+        self.d.push(Diagnostic::error(message).at(node.place_of("source")).help(help));
+    }
+
     /// The stream of that name; one that nobody declares is made up only where the design has no
     /// sources at all: a filter to be fed by its program.
     fn stream(&mut self, name: &str, channels: &[Channel], node: &Node) -> Option<StreamId> {
@@ -153,7 +180,10 @@ impl<P> Assembler<'_, P> {
                 Some(format!("look at the columns and the `unit` under {table}"))
             }
             (Some(_), _) => None,
-            (None, true) => Some(format!("what is simulated is not declared further; {}", has(layout))),
+            (None, true) => Some(format!(
+                "a simulated stream has only the channels that its sensor reads; {}",
+                has(layout)
+            )),
             (None, false) => Some(format!("declare it under [source.{}.channels]; {}", layout.name, has(layout))),
         };
         let wrong = wrong.at(node.place_of("source"));

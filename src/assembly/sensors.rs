@@ -79,6 +79,7 @@ impl<P> Assembler<'_, P> {
             Vec::new()
         };
         let port = self.port(&common.source, &channels, node);
+        self.check_latencies(port.as_ref(), &channels, node);
         let sigma = self.d.keep(sigma(design, &rows));
         let reported = match &port {
             Some(port) if common.noise.from_source => self.reported(port.stream, spec.as_ref(), node),
@@ -203,7 +204,7 @@ impl<P> Assembler<'_, P> {
     /// The columns in which the source reports the sensor's 1σ.
     fn reported(&mut self, stream: StreamId, spec: &dyn SensorSpec, node: &Node) -> Option<Vec<usize>> {
         let Some(sigma) = spec.reported_sigma() else {
-            let message = "no source reports the noise of a pseudo-measurement, or of a measurement of several channels";
+            let message = "`from_source` is for a sensor that reads one channel: no source reports this noise";
             self.d.push(Diagnostic::error(message).at(node.place_of("noise.from_source")));
             return None;
         };
@@ -254,7 +255,10 @@ impl<P> Assembler<'_, P> {
                 let own = core::mem::replace(&mut sensor.gate, Box::new(Open));
                 sensor.gate = Box::new(OnlyWith::new(leader, spec.memory.si(), own));
             } else if infos.iter().any(|info| self.design.sensors[info.design].name == spec.sensor) {
-                let message = format!("the rows of `{}` are judged one by one: none of them stands for it", spec.sensor);
+                let message = format!(
+                    "`only_with` cannot name `{}`: its rows (beams) are gated one by one, and there is no single decision to follow",
+                    spec.sensor
+                );
                 let place = design.node.place_of("only_with");
                 let help = "let both go with a third sensor, or give this one a gate of its own";
                 self.d.push(Diagnostic::error(message).at(place).help(help));
@@ -279,7 +283,7 @@ fn sigma(design: &Named<SensorDesign>, rows: &[Dimension]) -> Result<Vec<f64>, D
         }
     };
     if !from_source && sigma.contains(&0.0) {
-        let singular = Diagnostic::error("a measurement without noise makes the filter singular");
+        let singular = Diagnostic::error("the noise of a measurement must be greater than zero: without noise the filter is singular");
         let help = "write a small sigma instead of zero";
         return Err(singular.at(node.place_of("noise.sigma")).help(help));
     }
@@ -301,12 +305,12 @@ fn gate(design: &Named<SensorDesign>, rows: &[Dimension], has_bank: bool) -> Res
     };
     let node = design.node.at("gate").unwrap_or(&design.node);
     if gate.needs_quality() && design.block.common.quality.is_none() {
-        let message = "this gate judges by a number that the sensor does not name";
+        let message = "this gate needs the `quality` channel of the sensor, and none is declared";
         let help = "write beside `source` which channel says how good a row is, e.g. `quality = \"hdop\"`";
         return Err(Diagnostic::error(message).at(node.place_of("magnitude")).help(help));
     }
     if gate.needs_bank() && !has_bank {
-        let message = "this gate leaves its decisions to a bank of hypotheses, and there is none";
+        let message = "the gate `hypotheses` needs a bank of hypotheses, and this design has none";
         let help = "add `[filter.bank]`, or `bank = {}` under [filter]";
         return Err(Diagnostic::error(message).at(node.place()).help(help));
     }

@@ -385,7 +385,11 @@ fn sources(design: &Design, options: &Options) -> Table {
             t.row([
                 named.name.clone(),
                 type_of(&named.node).to_owned(),
-                size(&path),
+                if design.simulation.is_some() {
+                    "not read: [simulation] takes its place".to_owned()
+                } else {
+                    size(&path)
+                },
                 path.display().to_string(),
             ]);
         }

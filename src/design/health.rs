@@ -118,8 +118,8 @@ impl HealthSpec {
         for (table, degraded, lost, unit) in pairs.into_iter().filter(|(_, degraded, lost, _)| degraded > lost) {
             let [written, default] = ["lost", "degraded"].map(|key| format!("{table}.{key}"));
             let path = if node.at(&written).is_some() { written } else { default };
-            let message = format!("the filter would be lost at {lost}{unit}, before it is degraded at {degraded}{unit}");
-            let help = "let `lost` be no less than `degraded`";
+            let message = format!("`lost` ({lost}{unit}) is smaller than `degraded` ({degraded}{unit})");
+            let help = "write a `lost` that is at least `degraded`";
             d.push(Diagnostic::error(message).at(node.place_of(&path)).help(help));
         }
     }

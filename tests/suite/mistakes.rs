@@ -460,3 +460,28 @@ fn data_files() {
     wrong_data("time_goes_backwards", &with_line(5, "1.5,47.0,8.0,400.0,11.1,0.0,0.0"));
     wrong_data("stamps_repeat", &with_line(5, "2.0,47.0,8.0,400.0,11.1,0.0,0.0"));
 }
+
+#[test]
+fn unlike_latencies_of_channels_that_are_used_together_are_refused_in_a_variant_too() {
+    let w = Workspace::new("mistake-unlike-latencies");
+    let world = INERTIAL.split("[simulation]").next().unwrap();
+    let design = format!(
+        "{}\n[source.imu]\ntype = \"csv\"\npath = \"imu.csv\"\ntime = {{ column = \"t\" }}\n[source.imu.channels]\n\
+         angular_rate = {{ columns = [\"a\", \"b\", \"c\"], unit = \"rad/s\" }}\n\
+         specific_force = {{ columns = [\"d\", \"e\", \"f\"], unit = \"m/s^2\" }}\n\
+         [variant.late.source.imu.channels.specific_force]\nlatency = \"0.1 s\"\n",
+        world.replace("attitude_only", "strapdown").replace(
+            "gyro_noise = \"0.1 deg/sqrt(s)\"",
+            "gyro.noise = \"0.1 deg/s/sqrt(Hz)\"\naccelerometer.noise = \"1 mg/sqrt(Hz)\""
+        )
+    );
+    w.write("design.toml", design);
+    let ran = w.fusion(&["check", "design.toml", "--variant", "late"]).code(2);
+    let told = stderr(&ran);
+    let expected = "this block needs `angular_rate` and `specific_force` of the same instant, but their latencies are 0 s and 0.1 s";
+    assert!(told.contains(expected), "{told}");
+    assert!(
+        told.contains("write the same `latency` for both under [source.imu.channels]"),
+        "{told}"
+    );
+}
