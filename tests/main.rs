@@ -73,6 +73,9 @@ mod oracles;
 /// Order of arrival against order of time.
 #[path = "suite/order.rs"]
 mod order;
+/// report.html in a browser, used by mouse and keys.
+#[path = "suite/page.rs"]
+mod page;
 /// The parts library: every part in a small design of its kind.
 #[path = "suite/parts.rs"]
 mod parts;

@@ -36,6 +36,15 @@ fn searched(probability: f64, dof: f64) -> f64 {
     ChiSquared::new(dof).map_or(0.0, |d| d.inverse_cdf(probability))
 }
 
+/// The probability that a χ² variable of `dof` degrees of freedom exceeds `x`: the share of the measurements of a
+/// consistent filter that a gate with this threshold rejects.
+///
+/// A `dof` that is not positive gives 0.
+#[must_use]
+pub fn chi_square_tail(x: f64, dof: f64) -> f64 {
+    ChiSquared::new(dof).map_or(0.0, |d| d.sf(x))
+}
+
 /// The two-sided band in which the mean of `count` independent χ² variables of `dof` degrees of
 /// freedom lies with `probability`. Source: Bar-Shalom, Li, Kirubarajan 2001, §5.4.
 #[must_use]
@@ -64,6 +73,18 @@ mod tests {
                 assert!((chi_square_quantile(p, dof) - want).abs() < 6e-4, "{dof} {p}");
             }
         }
+    }
+
+    #[test]
+    fn the_tail_beyond_a_quantile_is_what_the_quantile_leaves() {
+        for dof in [1.0, 3.0, 15.0] {
+            for p in [0.5, 0.95, 0.999] {
+                let tail = chi_square_tail(chi_square_quantile(p, dof), dof);
+                // The search for the quantile ends at 1e-8 or so of its own size.
+                assert!((tail - (1.0 - p)).abs() < 1e-6, "{dof} {p}: {tail}");
+            }
+        }
+        assert_eq!(chi_square_tail(1.0, 0.0), 0.0);
     }
 
     #[test]

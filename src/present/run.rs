@@ -274,7 +274,7 @@ impl Summary {
 }
 
 /// Name, value and 1σ of each axis of a parameter, in SI; an attitude as roll, pitch, yaw.
-fn axes(state: &FinalState) -> Vec<(String, f64, f64)> {
+pub(crate) fn axes(state: &FinalState) -> Vec<(String, f64, f64)> {
     if state.kind == Kind::Attitude {
         let q = Attitude::read(&state.value);
         let p = Matrix3::from_row_slice(&state.covariance);

@@ -1,10 +1,14 @@
 //! The data of a page: what its script draws, as columns in base64.
 
+use super::consistency::{Judged, Normalised, Share as Inside, band};
 use super::intervals::Bar;
 use super::page::Run;
-use super::recording::{InputTrack, Quantity, SensorTrack, mounted_attitude};
-use super::trace::{Columns, Samples, Trace};
-use crate::health::{FilterHealth, State};
+use super::parameters::ParameterTrack;
+use super::recording::{InputTrack, Quantity, Recording, mounted_attitude};
+use super::sensor::SensorTrack;
+use super::table::TableData;
+use super::trace::{Columns, Samples};
+use crate::health::FilterHealth;
 use crate::present::{Unit, residual_rows};
 use crate::run::Summary;
 use fusion_core::geometry::so3;
@@ -33,12 +37,16 @@ struct RunData {
     true_path: TableData,
     sensors: Vec<SensorData>,
     inputs: Vec<InputData>,
+    parameters: Vec<ParameterData>,
+    nees: Vec<NeesData>,
+    /// Where the run is not the first: position, velocity and attitude less those of the first at the same times.
+    differences: TableData,
     outages: Vec<(f64, f64)>,
     /// Parts of the map to enlarge: title, middle north and east, extent \[m\].
     details: Vec<(String, [f64; 2], f64)>,
     /// The heading that a controller wanted, from each time on \[deg\].
     wanted: TableData,
-    /// From, to and state of the design's own filter, where it was coasting or worse.
+    /// From, to and state of the design's own filter.
     health: Vec<(f64, f64, &'static str)>,
 }
 
@@ -69,6 +77,52 @@ struct SensorData {
     /// The series, and the bars of its histogram; empty for a regular sensor.
     intervals: TableData,
     bars: Vec<Bar>,
+    nis: Option<BandData>,
+    normalised: Vec<NormalisedData>,
+    rejections: Option<RejectionsData>,
+}
+
+/// A parameter's axis: its value and 3σ, and what the simulation drew.
+#[derive(Serialize)]
+struct ParameterData {
+    name: String,
+    unit: String,
+    estimate: TableData,
+    truth: TableData,
+}
+
+/// The band of a statistic, and how many of its values lie inside.
+#[derive(Serialize)]
+struct BandData {
+    dof: usize,
+    low: f64,
+    high: f64,
+    count: u64,
+    inside: u64,
+}
+
+#[derive(Serialize)]
+struct NeesData {
+    name: &'static str,
+    band: BandData,
+    table: TableData,
+}
+
+/// The normalised innovations of a row.
+#[derive(Serialize)]
+struct NormalisedData {
+    count: u64,
+    /// Density per σ in bins of a quarter, from −5.
+    density: Vec<f64>,
+    /// At 1, 2, … measurements.
+    autocorrelation: Vec<f64>,
+}
+
+#[derive(Serialize)]
+struct RejectionsData {
+    judged: u64,
+    rejected: u64,
+    expected: f64,
 }
 
 #[derive(Serialize)]
@@ -79,67 +133,21 @@ struct InputData {
     table: TableData,
 }
 
-/// Columns in base64: times as little-endian f64, values as f32.
-#[derive(Default, Serialize)]
-struct TableData {
-    t: String,
-    c: Vec<String>,
-}
-
-impl TableData {
-    fn of(columns: &Columns) -> Self {
-        let t = base64(columns.time.iter().flat_map(|t| t.to_le_bytes()));
-        let c = columns
-            .values
-            .iter()
-            .map(|c| base64(c.iter().flat_map(|v| v.to_le_bytes())))
-            .collect();
-        Self { t, c }
-    }
-
-    /// Every n-th sample such that no more than `capacity` remain, moved by `shift`.
-    fn of_samples<const N: usize>(samples: &Samples<N>, capacity: usize, shift: &Vector3<f64>) -> Self {
-        let count = samples.iter().count();
-        let every = count.div_ceil(capacity.max(2)).max(1);
-        let kept = samples.iter().enumerate().filter(|(i, _)| i % every == 0 || i + 1 == count);
-        let mut columns = Columns {
-            time: Vec::new(),
-            values: vec![Vec::new(); N],
-        };
-        for (_, (t, row)) in kept {
-            columns.time.push(t);
-            row.iter()
-                .zip(shift.iter())
-                .zip(&mut columns.values)
-                .for_each(|((v, s), c)| c.push((v + s) as f32));
-        }
-        Self::of(&columns)
-    }
-
-    /// A sensor's updates, the innovations in `units`; without their 3σ and the power of the gate
-    /// where there is no room for bands.
-    fn of_updates(sensor: &SensorTrack, capacity: usize, units: &[&Unit], bands: bool) -> Self {
-        let mut columns = sensor.updates.columns(capacity, true);
-        columns.values.truncate(drawn(sensor, bands));
-        let rows = columns.values.iter_mut().skip(SensorTrack::JUDGED);
-        for (column, unit) in rows.zip(units.iter().cycle()) {
-            column.iter_mut().for_each(|v| *v = unit.of(f64::from(*v)) as f32);
-        }
-        Self::of(&columns)
-    }
-
-    fn of_trace(trace: &Trace, capacity: usize, shift: &[f64], breaks: bool) -> Self {
-        let mut columns = trace.columns(capacity, breaks);
-        for (column, shift) in columns.values.iter_mut().zip(shift).filter(|(_, s)| **s != 0.0) {
-            column.iter_mut().for_each(|v| *v = (f64::from(*v) + shift) as f32);
-        }
-        Self::of(&columns)
-    }
-}
-
 /// Channels of a sensor's updates in the page.
 const fn drawn(sensor: &SensorTrack, bands: bool) -> usize {
     SensorTrack::JUDGED + sensor.rows * if bands { 4 } else { 2 }
+}
+
+/// A sensor's updates, the innovations in `units`; without their 3σ and the power of the gate
+/// where there is no room for bands.
+fn updates(sensor: &SensorTrack, capacity: usize, units: &[&Unit], bands: bool) -> TableData {
+    let mut columns = sensor.updates.columns(capacity, true);
+    columns.values.truncate(drawn(sensor, bands));
+    let rows = columns.values.iter_mut().skip(SensorTrack::JUDGED);
+    for (column, unit) in rows.zip(units.iter().cycle()) {
+        column.iter_mut().for_each(|v| *v = unit.of(f64::from(*v)) as f32);
+    }
+    TableData::of(&columns)
 }
 
 /// Buckets per series such that the page keeps its budget.
@@ -156,6 +164,10 @@ fn capacity(runs: &[Run<'_>]) -> usize {
             let points = |n: usize, width: usize| n.min(capacity + 1) * (8 + 4 * width);
             let extra = r.sensors.iter().flat_map(|s| [&s.apart, &s.intervals.series]);
             let series = series + extra.map(|t| t.rows(capacity) * (8 + 4 * t.channels())).sum::<usize>();
+            let parameters = r.parameters.tracks().flat_map(|p| [&p.estimate, &p.truth]);
+            let judged = parameters.chain(r.nees.iter().map(|n| &n.series));
+            let series = series + judged.map(|t| t.rows(capacity) * (8 + 4 * t.channels())).sum::<usize>();
+            let series = series + if runs.len() > 1 { points(r.states.iter().count(), 9) } else { 0 };
             let fixes = r.sensors.iter().flat_map(|s| &s.fixes).map(|f| points(f.iter().count(), 3));
             let paths = [&r.path, &r.true_path].map(|p| points(p.iter().count(), 2));
             series + mounted + fixes.chain(paths).sum::<usize>()
@@ -180,7 +192,7 @@ pub(super) fn data(runs: &[Run<'_>]) -> Data {
     };
     Data {
         span,
-        runs: runs.iter().map(|run| share.run(run)).collect(),
+        runs: runs.iter().map(|run| share.run(run, runs[0].recording)).collect(),
     }
 }
 
@@ -195,7 +207,7 @@ struct Share {
 }
 
 impl Share {
-    fn run(&self, run: &Run<'_>) -> RunData {
+    fn run(&self, run: &Run<'_>, first: &Recording) -> RunData {
         let r = run.recording;
         let shift = match (self.origin, r.origin()) {
             (Some(common), Some(own)) => common.to_ned(&own.origin()),
@@ -210,7 +222,7 @@ impl Share {
             (attitude.truth, attitude.error) = mounted_attitude(&r.mounted, &so3::from_rpy(roll, pitch, yaw));
         }
         let none = Vector3::zeros();
-        let points = |samples: &Samples<2>| TableData::of_samples(samples, self.capacity, &shift);
+        let points = |samples: &Samples<2>| TableData::of_samples(samples, self.capacity, shift.as_slice());
         let sensors = r.sensors.iter().filter(|s| !s.updates.is_empty());
         RunData {
             name: run.name.to_owned(),
@@ -223,9 +235,12 @@ impl Share {
             true_path: points(&r.true_path),
             sensors: sensors.map(|s| self.sensor(s, run.summary, &shift)).collect(),
             inputs: r.inputs.iter().filter(|i| !i.trace.is_empty()).map(|i| self.input(i)).collect(),
+            parameters: r.parameters.tracks().map(|p| self.parameter(p)).collect(),
+            nees: self.nees(&r.nees),
+            differences: self.differences(r, first, &shift),
             details: r.details.iter().map(|d| (d.title.clone(), d.centre.si(), d.size.si())).collect(),
             wanted: wanted(run.summary),
-            health: ill_health(run.summary),
+            health: health(run.summary),
             outages: run.summary.score.iter().flat_map(|s| &s.drift).map(|d| (d.from, d.to)).collect(),
         }
     }
@@ -263,9 +278,9 @@ impl Share {
             dof: statistics.and_then(|t| t.nis).map(|n| n.dof),
             gated: s.gated,
             own_statistic: s.own_statistic,
-            updates: TableData::of_updates(s, self.capacity, &units, self.bands),
-            used: TableData::of_samples(&s.fixes[0], self.capacity, shift),
-            rejected: TableData::of_samples(&s.fixes[1], self.capacity, shift),
+            updates: updates(s, self.capacity, &units, self.bands),
+            used: TableData::of_samples(&s.fixes[0], self.capacity, shift.as_slice()),
+            rejected: TableData::of_samples(&s.fixes[1], self.capacity, shift.as_slice()),
             apart: TableData::of_trace(&s.apart, self.capacity, &[], false),
             intervals: if irregular {
                 TableData::of_trace(&s.intervals.series, self.capacity, &[], false)
@@ -273,8 +288,49 @@ impl Share {
                 TableData::default()
             },
             bars: if irregular { s.intervals.bars() } else { Vec::new() },
+            nis: BandData::of(&s.nis),
+            normalised: s.normalised.iter().map(NormalisedData::of).collect(),
+            rejections: (s.rejections.judged > 0 && !s.own_statistic).then(|| RejectionsData {
+                judged: s.rejections.judged,
+                rejected: s.rejections.rejected,
+                expected: s.rejections.expected,
+            }),
             rows: rows.iter().map(|(name, unit)| unit.beside(name)).collect(),
         }
+    }
+
+    fn parameter(&self, p: &ParameterTrack) -> ParameterData {
+        ParameterData {
+            name: p.name.clone(),
+            unit: p.unit.symbol().to_owned(),
+            estimate: TableData::of_trace(&p.estimate, self.capacity, &[], true),
+            truth: TableData::of_trace(&p.truth, self.capacity, &[], true),
+        }
+    }
+
+    fn nees(&self, judged: &[Judged; 3]) -> Vec<NeesData> {
+        let named = ["Position", "Velocity", "Attitude"].into_iter().zip(judged);
+        let of = |(name, nees): (&'static str, &Judged)| {
+            let table = TableData::of_trace(&nees.series, self.capacity, &[], false);
+            BandData::of(&nees.share).map(|band| NeesData { name, band, table })
+        };
+        named.filter_map(of).collect()
+    }
+
+    /// Whole estimates less those of the first run at the same times; none of that itself.
+    fn differences(&self, run: &Recording, first: &Recording, shift: &Vector3<f64>) -> TableData {
+        let mut all = Samples::<9>::new(self.capacity);
+        if core::ptr::eq(run, first) {
+            return TableData::default();
+        }
+        let mut of_first = first.states.iter().peekable();
+        for (t, own) in run.states.iter() {
+            while of_first.next_if(|(other, _)| *other < t).is_some() {}
+            if let Some((_, other)) = of_first.next_if(|(other, _)| *other == t) {
+                all.push(t, std::array::from_fn(|k| difference(k, own[k], other[k], shift)));
+            }
+        }
+        TableData::of_samples(&all, self.capacity, &[0.0; 9])
     }
 
     fn input(&self, i: &InputTrack) -> InputData {
@@ -284,6 +340,16 @@ impl Share {
             angle: i.is_angle(),
             table: TableData::of_trace(&i.trace, self.capacity, &[], true),
         }
+    }
+}
+
+/// Number `k` of an estimate less that of another: positions by `shift`, the last three as angles within ±180°.
+fn difference(k: usize, own: f64, other: f64, shift: &Vector3<f64>) -> f64 {
+    let d = own - other;
+    match k {
+        0..3 => d + shift[k],
+        6.. => d - 360.0 * (d / 360.0).round(),
+        _ => d,
     }
 }
 
@@ -297,34 +363,41 @@ fn wanted(summary: &Summary) -> TableData {
     })
 }
 
-/// When the design's own filter was coasting, degraded or lost.
-fn ill_health(summary: &Summary) -> Vec<(f64, f64, &'static str)> {
+/// How the design's own filter was, from the first estimate on.
+fn health(summary: &Summary) -> Vec<(f64, f64, &'static str)> {
     let spells = summary.health.first().map(FilterHealth::spells).unwrap_or_default();
-    let ill = spells.into_iter().filter(|s| s.state >= State::Coasting);
-    ill.map(|s| (s.from, s.to, s.state.word())).collect()
+    spells.into_iter().map(|s| (s.from, s.to, s.state.word())).collect()
 }
 
-/// RFC 4648, padded.
-fn base64(bytes: impl Iterator<Item = u8>) -> String {
-    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut out = String::new();
-    let mut bytes = bytes.peekable();
-    while bytes.peek().is_some() {
-        let three: [Option<u8>; 3] = std::array::from_fn(|_| bytes.next());
-        let word = three.iter().fold(0_u32, |w, b| w << 8 | u32::from(b.unwrap_or(0)));
-        for digit in 0..4 {
-            let wanted = digit == 0 || three[digit - 1].is_some();
-            let value = (word >> (18 - 6 * digit)) & 63;
-            out.push(if wanted { char::from(DIGITS[value as usize]) } else { '=' });
+impl NormalisedData {
+    fn of(row: &Normalised) -> Self {
+        Self {
+            count: row.count,
+            density: row.density(),
+            autocorrelation: row.autocorrelation(),
         }
     }
-    out
+}
+
+impl BandData {
+    /// None where nothing was counted.
+    fn of(share: &Inside) -> Option<Self> {
+        let (low, high) = band(share.dof).into_inner();
+        (share.count > 0).then_some(Self {
+            dof: share.dof,
+            low,
+            high,
+            count: share.count,
+            inside: share.inside,
+        })
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::observe::{Innovations, SensorStatistics};
+    use crate::report::table::base64;
     use crate::report::{Frame, Recording};
     use fusion_core::filter::{Update, Verdict};
     use fusion_core::gate::Mode;
@@ -377,20 +450,5 @@ mod tests {
         assert_eq!(alone.updates.c[9..11], [stored(3.0 * 0.1), stored(3.0 * 0.1)]);
         let both = super::data(&[run, run]);
         assert!(both.runs.iter().all(|r| r.sensors[0].updates.c.len() == 5 + 2 * 2));
-    }
-
-    #[test]
-    fn base64_gives_the_vectors_of_rfc_4648() {
-        for (text, encoded) in [
-            ("", ""),
-            ("f", "Zg=="),
-            ("fo", "Zm8="),
-            ("foo", "Zm9v"),
-            ("foob", "Zm9vYg=="),
-            ("foobar", "Zm9vYmFy"),
-        ] {
-            assert_eq!(base64(text.bytes()), encoded);
-        }
-        assert_eq!(base64([0xfb, 0xff].into_iter()), "+/8=");
     }
 }

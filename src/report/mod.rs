@@ -6,10 +6,14 @@
 //!
 //! Plots: uPlot 1.6.32 (MIT), in `vendor/`.
 
+mod consistency;
 mod data;
 mod intervals;
 mod page;
+mod parameters;
 mod recording;
+mod sensor;
+mod table;
 mod trace;
 
 #[cfg(test)]

@@ -11,8 +11,30 @@ use std::io::Write;
 /// Loads nothing, from nowhere.
 const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:";
 
+/// Scripts of a page, in order: each sees the names of those before it.
+pub(super) type Scripts = &'static [&'static [&'static str]];
+
+/// What every page with plots has.
+pub(super) const BASE: &[&str] = &[
+    include_str!("script/base.js"),
+    include_str!("script/time.js"),
+    include_str!("script/page.js"),
+];
+pub(super) const OF_RUNS: Scripts = &[
+    BASE,
+    &[
+        include_str!("script/map.js"),
+        include_str!("script/motion.js"),
+        include_str!("script/sensors.js"),
+        include_str!("script/act.js"),
+    ],
+];
+
 /// How the plots are read.
-const HELP: &str = "Drag over a plot to zoom all of them in time, double-click to reset; on a touch screen pinch. \
+const HELP: &str = "Drag over a plot to zoom all of them in time, with Shift to zoom to an area; Ctrl and the wheel zoom time, Shift and \
+    the wheel the height; double-click to reset; on a touch screen pinch. A click on a key hides its curves. Arrow keys step \
+    the cursor, with Shift they move in time; + and − zoom, 0 resets. On the map, dragging zooms to an area, with Shift it \
+    pans; on a map that has the focus the arrow keys pan. \
     Positions are local north, east, down. Long series are drawn by their extremes; a band much wider than the curves \
     leaves its plot. Innovations are scaled to those accepted: a rejected measurement, or one that re-acquired the \
     sensor, is a cross, at the edge of the plot where it lies beyond. Intervals are drawn of sensors that are not regular.";
@@ -41,6 +63,16 @@ pub fn write(set: &mut FileSet, title: &str, runs: &[Run<'_>]) -> Result<(), Unw
 #[must_use]
 pub fn render(title: &str, runs: &[Run<'_>]) -> String {
     let data = serde_json::to_string(&data(runs)).unwrap_or_default();
+    let main = html! {
+        section #result { h2 { "Result" } (result(runs)) (warnings(runs)) }
+        div #plots { noscript { p { "The plots need JavaScript; the tables do not." } } }
+        section #numbers { h2 { "Numbers" } (numbers(runs)) }
+    };
+    shell(title, &descriptions(title, runs), &main, HELP, &data, OF_RUNS)
+}
+
+/// A page around `main`, with the `data` that `scripts` draw.
+pub(super) fn shell(title: &str, described: &Markup, main: &Markup, help: &str, data: &str, scripts: Scripts) -> String {
     // No markup can begin inside the data.
     let data = data.replace('<', "\\u003c");
     let page = html! {
@@ -48,16 +80,12 @@ pub fn render(title: &str, runs: &[Run<'_>]) -> String {
         html lang="en" {
             (head(title))
             body {
-                header { h1 { (title) } (descriptions(title, runs)) }
-                main {
-                    section #result { h2 { "Result" } (result(runs)) (warnings(runs)) }
-                    div #plots { noscript { p { "The plots need JavaScript; the tables do not." } } }
-                    section #numbers { h2 { "Numbers" } (numbers(runs)) }
-                }
-                footer { p { (HELP) } }
+                header { h1 { (title) } (described) }
+                main { (main) }
+                footer { p { (help) } }
                 script type="application/json" id="data" { (PreEscaped(data)) }
                 script { (PreEscaped(include_str!("vendor/uPlot.iife.min.js"))) }
-                script { (PreEscaped(include_str!("report.js"))) }
+                @for text in scripts.iter().copied().flatten() { script { (PreEscaped(text)) } }
             }
         }
     };

@@ -1,16 +1,17 @@
 //! What a report draws, collected while a run goes on, in memory that does not grow with it.
 
-use super::intervals::Intervals;
+use super::consistency::Judged;
+use super::parameters::Parameters;
+use super::sensor::SensorTrack;
 use super::trace::{Samples, Trace};
 use crate::assembly::{Assembly, StreamChannel, StreamLayout};
 use crate::design::{Design, MapDetailSpec};
 use crate::observe::{Filters, RunEvent, RunObserver, Thinning};
 use crate::present::Unit;
 use crate::rows::Row;
-use crate::score::{EpochError, ReferenceEpoch, attitude_error};
+use crate::score::{EpochError, ReferenceEpoch, attitude_error, nees_of};
 use crate::solution::{Solution, sigmas};
-use fusion_core::filter::{Update, Verdict};
-use fusion_core::gate::Mode;
+use fusion_core::filter::Update;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::memory::{Memory, Tape};
@@ -22,9 +23,13 @@ use fusion_models::earth::LocalFrame;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 /// Buckets of a series: at two rows each, more than a wide screen has pixels.
-const BUCKETS: usize = 8192;
+pub(super) const BUCKETS: usize = 8192;
 /// Points of a path, and fixes of a sensor.
-const POINTS: usize = 8192;
+pub(super) const POINTS: usize = 8192;
+/// Whole estimates.
+const STATES: usize = 4096;
+/// Buckets of the NEES.
+const NEES: usize = 2048;
 /// Estimates are drawn this often at most \[ns\]: 50 Hz shows every motion of a vehicle or a hand. What is measured
 /// is drawn at its own rate.
 const PERIOD: i64 = 20_000_000;
@@ -63,10 +68,16 @@ pub struct Recording {
     /// Estimated and reference attitude and the 1σ of roll, pitch, yaw, where the mounting
     /// between the two is only known in the end.
     pub(super) mounted: Samples<11>,
+    /// Whole estimates, for runs beside each other: position, velocity, roll pitch yaw; those of equal times are of
+    /// equal numbers in all of them.
+    pub(super) states: Samples<9>,
     pub(super) path: Samples<2>,
     pub(super) true_path: Samples<2>,
     pub(super) sensors: Vec<SensorTrack>,
     pub(super) inputs: Vec<InputTrack>,
+    pub(super) parameters: Parameters,
+    /// NEES of position, velocity, attitude.
+    pub(super) nees: [Judged; 3],
     true_angles: Unwrapped<3>,
     angles: Unwrapped<3>,
     /// Parts of the map that are enlarged.
@@ -98,29 +109,6 @@ impl Quantity {
     }
 }
 
-/// What became of a sensor's measurements.
-#[derive(Clone, Debug)]
-pub(super) struct SensorTrack {
-    pub name: String,
-    /// The gate's statistic, where it is one other than the NIS.
-    pub own_statistic: bool,
-    pub gated: bool,
-    /// Residual rows that are kept.
-    pub rows: usize,
-    /// Whether it measures a place.
-    is_place: bool,
-    /// NIS of the used, NIS of the rejected, statistic, threshold, mode (1 denied); then, of
-    /// every row in SI, the innovation of the accepted, that of the rejected and reacquired, its 3σ,
-    /// and the smallest error that the gate would have refused.
-    pub updates: Trace,
-    /// North, east, down of the fixes: used, rejected.
-    pub fixes: [Samples<3>; 2],
-    /// How far fixes lie from the estimate before them over the ground \[m\]: used, rejected.
-    pub apart: Trace,
-    /// From one measurement to the next.
-    pub intervals: Intervals,
-}
-
 /// A group of input channels.
 #[derive(Clone, Debug)]
 pub(super) struct InputTrack {
@@ -130,28 +118,6 @@ pub(super) struct InputTrack {
     /// Factor from what the row holds.
     scale: f64,
     angle: Option<Unwrapped<1>>,
-}
-
-impl SensorTrack {
-    /// Channels of the updates before those of the rows.
-    pub(super) const JUDGED: usize = 5;
-    /// A sensor with more residual rows is no vector in space: its rows are not kept.
-    const ROWS: usize = 3;
-
-    fn new(name: &str, residual: usize) -> Self {
-        let rows = if residual <= Self::ROWS { residual } else { 0 };
-        Self {
-            name: name.to_owned(),
-            own_statistic: false,
-            gated: false,
-            rows,
-            is_place: false,
-            updates: Trace::new(Self::JUDGED + 4 * rows, BUCKETS),
-            fixes: [Samples::new(POINTS), Samples::new(POINTS)],
-            apart: Trace::new(2, BUCKETS),
-            intervals: Intervals::new(BUCKETS),
-        }
-    }
 }
 
 impl InputTrack {
@@ -186,10 +152,13 @@ impl Memory for Recording {
         self.velocity.remember(tape);
         self.attitude.remember(tape);
         self.mounted.remember(tape);
+        self.states.remember(tape);
         self.path.remember(tape);
         self.true_path.remember(tape);
         self.sensors.as_mut_slice().remember(tape);
         self.inputs.as_mut_slice().remember(tape);
+        self.parameters.remember(tape);
+        self.nees.remember(tape);
         self.true_angles.remember(tape);
         self.angles.remember(tape);
     }
@@ -201,7 +170,6 @@ fusion_core::memory!(Quantity {
     error,
     turns
 });
-fusion_core::memory!(SensorTrack { own_statistic, gated, updates, fixes, apart, intervals; name, rows, is_place });
 
 impl Memory for InputTrack {
     fn remember(&mut self, tape: &mut Tape<'_>) {
@@ -236,10 +204,13 @@ impl Recording {
             velocity: Quantity::new(),
             attitude: Quantity::new(),
             mounted: Samples::new(POINTS),
+            states: Samples::new(STATES),
             path: Samples::new(POINTS),
             true_path: Samples::new(POINTS),
             sensors: Vec::new(),
             inputs: Vec::new(),
+            parameters: Parameters::default(),
+            nees: std::array::from_fn(|_| Judged::new(NEES)),
             true_angles: Unwrapped::NONE,
             angles: Unwrapped::NONE,
             details: Vec::new(),
@@ -257,7 +228,9 @@ impl Recording {
             remove_mean_mounting: reference.is_some_and(|r| r.remove_mean_mounting),
         });
         recording.details.clone_from(&design.run.map_details);
-        for sensor in Filters::of(assembly).sensors() {
+        let filters = Filters::of(assembly);
+        recording.parameters = Parameters::of(&filters);
+        for sensor in filters.sensors() {
             let track = recording.sensor(&sensor.name, sensor.rows.len());
             recording.sensors[track].is_place = sensor.is_place;
         }
@@ -314,18 +287,23 @@ impl Recording {
     /// An estimate, in order of time.
     pub fn estimate(&mut self, solution: &Solution) {
         let t = solution.time.seconds();
+        let mut state = [f64::NAN; 9];
         if let Some((place, p)) = solution.position {
             let ned = self.ned(&self.at_the_reference(solution, place));
+            state[..3].copy_from_slice(ned.as_slice());
             self.path.push(t, [ned.x, ned.y]);
             self.position.estimate.push(t, &six(&ned, &sigmas(&p)));
         }
         if let Some((v, p)) = solution.velocity {
+            state[3..6].copy_from_slice(v.as_slice());
             self.velocity.estimate.push(t, &six(&v, &sigmas(&p)));
         }
         if let Some((rpy, sigma)) = solution.rpy() {
             let rpy: Vector3<f64> = self.angles.next(rpy.map(f64::to_degrees).into()).into();
+            state[6..].copy_from_slice(rpy.as_slice());
             self.attitude.estimate.push(t, &six(&rpy, &sigma.map(f64::to_degrees)));
         }
+        self.states.push(t, state);
     }
 
     /// An epoch of the reference, in order of time, with the error of the estimates told before it.
@@ -351,9 +329,11 @@ impl Recording {
     fn error(&mut self, t: f64, error: &EpochError) {
         if let Some(d) = &error.position {
             self.position.error.push(t, &six(&d.error, &d.sigma()));
+            self.nees[0].add(t, nees_of(d));
         }
         if let Some(d) = &error.velocity {
             self.velocity.error.push(t, &six(&d.error, &d.sigma()));
+            self.nees[1].add(t, nees_of(d));
         }
         let Some(a) = &error.attitude else { return };
         let sigma = a.rpy.sigma().map(f64::to_degrees);
@@ -363,6 +343,7 @@ impl Recording {
             self.mounted.push(t, std::array::from_fn(|i| row[i]));
         } else {
             self.attitude.error.push(t, &six(&a.rpy.error.map(f64::to_degrees), &sigma));
+            self.nees[2].add(t, nees_of(&a.body));
         }
         if let (None, Some(estimate), Some(truth)) = (self.attitude.turns, self.angles.last, self.true_angles.last) {
             let apart = Vector3::from(truth) - Vector3::from(estimate);
@@ -377,47 +358,8 @@ impl Recording {
     }
 
     fn judged(&mut self, sensor: usize, time: Time, position: Option<Geodetic>, update: &Update<'_>) {
-        let rejected = update.verdict == Verdict::Rejected;
         let ned = position.map(|p| self.ned(&p));
-        let track = &mut self.sensors[sensor];
-        let differs = (update.statistic - update.nis).abs() > 1e-9 * update.nis.abs();
-        track.own_statistic |= differs;
-        track.gated |= update.threshold.is_finite() || update.mode == Mode::Denied;
-        let pick = |chosen: bool| if chosen && update.nis.is_finite() { update.nis } else { f64::NAN };
-        let finite = |v: f64| if v.is_finite() { v } else { f64::NAN };
-        let denied = f64::from(u8::from(update.mode == Mode::Denied));
-        let mut row = [f64::NAN; SensorTrack::JUDGED + 4 * SensorTrack::ROWS];
-        row[..SensorTrack::JUDGED].copy_from_slice(&[
-            pick(!rejected),
-            pick(rejected),
-            finite(update.statistic),
-            finite(update.threshold),
-            denied,
-        ]);
-        let kind = match update.verdict {
-            Verdict::Accepted => Some(0),
-            // Reacquired against the estimate, it is as far off as the rejected before it.
-            Verdict::Rejected | Verdict::Reacquired => Some(1),
-            Verdict::Undefined(_) | Verdict::Unusable => None,
-        };
-        for (i, (r, sigma)) in update.residual.iter().zip(update.innovation_sigma).take(track.rows).enumerate() {
-            let own = |kind: usize| SensorTrack::JUDGED + kind * track.rows + i;
-            if let Some(kind) = kind {
-                row[own(kind)] = *r;
-            }
-            row[own(2)] = 3.0 * sigma;
-            row[own(3)] = update.power.get(i).copied().map_or(f64::NAN, finite);
-        }
-        track.updates.push(time.seconds(), &row[..track.updates.channels()]);
-        track.intervals.add(time.seconds());
-        if let Some(ned) = ned {
-            let over_ground = |k: usize| update.residual.get(k).copied().unwrap_or(0.0);
-            let apart = over_ground(0).hypot(over_ground(1));
-            let mut row = [f64::NAN; 2];
-            row[usize::from(kind != Some(0))] = finite(apart);
-            track.apart.push(time.seconds(), &row);
-            track.fixes[usize::from(rejected)].push(time.seconds(), ned.into());
-        }
+        self.sensors[sensor].judged(time.seconds(), ned, update);
     }
 
     /// Sensor data in `unit`: one number, or three along the body's axes.
@@ -464,9 +406,11 @@ impl Recording {
         let traces = quantities.into_iter().flat_map(|q| [&q.estimate, &q.truth, &q.error]);
         let traces = traces
             .chain(self.sensors.iter().flat_map(|s| [&s.updates, &s.apart, &s.intervals.series]))
-            .chain(self.inputs.iter().map(|i| &i.trace));
+            .chain(self.inputs.iter().map(|i| &i.trace))
+            .chain(self.parameters.tracks().flat_map(|p| [&p.estimate, &p.truth]))
+            .chain(self.nees.iter().map(|n| &n.series));
         let fixes = self.sensors.iter().flat_map(|s| &s.fixes).map(Samples::bytes);
-        let paths = [self.path.bytes(), self.true_path.bytes(), self.mounted.bytes()];
+        let paths = [self.states.bytes(), self.path.bytes(), self.true_path.bytes(), self.mounted.bytes()];
         traces.map(Trace::bytes).chain(fixes).chain(paths).sum()
     }
 
@@ -524,9 +468,13 @@ impl RunObserver for Recording {
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
         match event {
             RunEvent::Row(row) => self.row(row),
-            RunEvent::Estimate { filter, solution, belief } if filter.is_outermost() && self.thinning.takes(belief.time) => {
-                self.estimate(solution);
+            RunEvent::Estimate { filter, solution, belief } => {
+                self.parameters.estimate(filter, belief);
+                if filter.is_outermost() && self.thinning.takes(belief.time) {
+                    self.estimate(solution);
+                }
             }
+            RunEvent::Truth { filter, belief, truth } => self.parameters.truth(filter, belief, truth),
             RunEvent::Reference { filter, epoch, error } if filter.is_outermost() => self.reference(epoch, *error),
             RunEvent::Filter {
                 filter,

@@ -195,9 +195,10 @@ fn names_cannot_break_out_of_the_page() {
         }],
     );
     assert!(!page.contains("<script>alert") && !page.contains("<img"));
-    // The page's own four scripts, and nothing that ends one early.
-    assert_eq!(page.matches("<script").count(), 4);
-    assert_eq!(page.matches("</script").count(), 4);
+    // The page's own scripts and its data, and nothing that ends one early.
+    let own = super::page::OF_RUNS.concat().len() + 3;
+    assert_eq!(page.matches("<script").count(), own);
+    assert_eq!(page.matches("</script").count(), own);
     assert!(page.contains("&lt;/script&gt;&lt;script&gt;alert(1)"));
 }
 
@@ -384,14 +385,15 @@ fn root_in_browser(browser: &Path, name: &str, page: &str) -> String {
     let _ = std::fs::remove_dir_all(&dir);
     std::fs::create_dir_all(&dir).unwrap();
     let file = dir.join("report.html");
-    std::fs::write(&file, page).unwrap();
+    let check = concat!("<script>", include_str!("check.js"), "</script></body>");
+    std::fs::write(&file, page.replace("</body>", check)).unwrap();
     let quiet = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking \
                  --disable-component-update --disable-sync --hide-scrollbars --window-size=1280,900 --virtual-time-budget=8000";
     let output = Command::new(browser)
         .args(quiet.split_whitespace())
         .arg(format!("--user-data-dir={}", dir.join("profile").display()))
         .arg("--dump-dom")
-        .arg(format!("file://{}#check", file.display()))
+        .arg(format!("file://{}", file.display()))
         .output()
         .unwrap();
     let dom = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -455,17 +457,19 @@ fn a_browser_draws_every_plot_without_error_or_request() {
     );
     for (name, page) in [("one", &alone), ("two", &both)] {
         let root = root_in_browser(&browser, name, page);
-        // 3 × 3 values, as many errors, the NIS of 2 sensors with 3 and 1 innovations, 4 plots of
-        // sensor data, the distance of the fixes, and the map.
+        // 3 × 3 values, as many errors, 3 NEES, the NIS of 2 sensors with 3 and 1 innovations, each with its histogram
+        // and its autocorrelation, 4 plots of sensor data, the distance of the fixes, and the map; beside another run
+        // 3 × 3 differences.
+        let (drawn, timed) = if name == "one" { ("41", "32") } else { ("50", "41") };
         let wanted = [
             ("error", None),
-            ("drawn", Some("30")),
-            ("canvases", Some("30")),
+            ("drawn", Some(drawn)),
+            ("canvases", Some(drawn)),
             ("blank", Some("0")),
         ];
         let acted = [
-            ("linked", Some("29")),
-            ("reset", Some("29")),
+            ("linked", Some(timed)),
+            ("reset", Some(timed)),
             ("overflow", Some("0")),
             ("checked", Some("1")),
         ];

@@ -24,6 +24,7 @@ pub use consistency::{Consistency, Verdict};
 pub use convergence::{Convergence, Limits};
 pub use drift::{Drift, Outage};
 pub use episodes::{Episodes, PartScore};
+pub(crate) use nees::of as nees_of;
 pub use reference::{ReferenceEpoch, ReferenceSigma, differentiate};
 pub(crate) use scorer::median;
 pub use scorer::{Rules, Scorer};

@@ -105,8 +105,8 @@ fn nees_in_part(error: &DVector<f64>, own: DMatrix<f64>, reference: &DMatrix<f64
     Some((e.dot(&solved), known.len()))
 }
 
-/// The NEES of a deviation.
-pub(super) fn of(d: &Deviation) -> Option<(f64, usize)> {
+/// The NEES of a deviation, with its degrees of freedom.
+pub(crate) fn of(d: &Deviation) -> Option<(f64, usize)> {
     nees(&d.error, &d.own, &d.reference)
 }
 
