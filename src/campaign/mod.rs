@@ -1,10 +1,13 @@
 //! Many runs: Monte Carlo over seeds.
 
+mod history;
 mod runs;
+
+pub use history::{History, Together, together};
 
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
-use crate::observe::SensorStatistics;
+use crate::observe::{RunObserver, SensorStatistics};
 use crate::run::{Options, Smoothing, Summary, run_sharing};
 use crate::score::{Axes, BlockScore, Consistency, Convergence, Episodes, median};
 use fusion_models::sim::{Record, SharedCourse};
@@ -153,11 +156,40 @@ pub fn monte_carlo(
     threads: usize,
     progress: &(dyn Fn(usize) + Sync),
 ) -> Result<Campaign, Diagnostics> {
+    let nothing = |_: &Design| None;
+    Ok(runs_of(design, options, (count, seed), threads, progress, nothing)?.0)
+}
+
+/// The same, with the errors of every run over time.
+///
+/// # Errors
+/// Those of [`monte_carlo`].
+pub fn monte_carlo_over_time(
+    design: &Design,
+    options: &Options,
+    count: u64,
+    seed: u64,
+    threads: usize,
+    progress: &(dyn Fn(usize) + Sync),
+) -> Result<(Campaign, Vec<History>), Diagnostics> {
+    let history = |design: &Design| Some(History::new(design));
+    runs_of(design, options, (count, seed), threads, progress, history)
+}
+
+/// The runs, and those of their histories that are wanted.
+fn runs_of(
+    design: &Design,
+    options: &Options,
+    (count, seed): (u64, u64),
+    threads: usize,
+    progress: &(dyn Fn(usize) + Sync),
+    history: impl Fn(&Design) -> Option<History> + Sync,
+) -> Result<(Campaign, Vec<History>), Diagnostics> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|e| Diagnostics::from(Diagnostic::error(format!("no threads to run on: {e}"))))?;
     let begun = Instant::now();
     let (done, course) = (AtomicUsize::new(0), SharedCourse::default());
-    let one = |number: u64| -> Result<RunRow, Diagnostics> {
+    let one = |number: u64| -> Result<(RunRow, Option<History>), Diagnostics> {
         let seed = seed_of(seed, number);
         let options = Options {
             seed: Some(seed),
@@ -167,19 +199,23 @@ pub fn monte_carlo(
             smooth: Smoothing::Never,
             ..Options::default()
         };
-        let summary = run_sharing(design, &options, &course)?;
+        let mut history = history(design);
+        let mut observers: Vec<&mut dyn RunObserver> = Vec::new();
+        observers.extend(history.as_mut().map(|h| h as &mut dyn RunObserver));
+        let summary = run_sharing(design, &options, &course, &mut observers)?;
         progress(done.fetch_add(1, Ordering::Relaxed) + 1);
-        Ok(RunRow::new(number, seed, &summary))
+        Ok((RunRow::new(number, seed, &summary), history))
     };
-    let rows: Result<Vec<RunRow>, Diagnostics> = pool.install(|| (0..count).into_par_iter().map(one).collect());
-    let rows = rows?;
+    let runs: Result<Vec<_>, Diagnostics> = pool.install(|| (0..count).into_par_iter().map(one).collect());
+    let (rows, histories): (Vec<RunRow>, Vec<Option<History>>) = runs?.into_iter().unzip();
     let pace = Pace {
         epochs: rows.iter().map(|row| row.epochs).sum(),
         seconds: begun.elapsed().as_secs_f64(),
         threads: pool.current_num_threads(),
     };
     let independence = Independence::of(design, &rows);
-    Ok(Campaign { rows, independence, pace })
+    let campaign = Campaign { rows, independence, pace };
+    Ok((campaign, histories.into_iter().flatten().collect()))
 }
 
 /// Mean, standard deviation, smallest and largest over the runs.

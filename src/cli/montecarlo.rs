@@ -4,10 +4,16 @@ use super::progress::Runs;
 use super::run::written;
 use super::{DesignArgs, Failure, OutputArgs};
 use clap::Args;
-use fusion::campaign::monte_carlo;
+use fusion::campaign::{Campaign, History, RunRow, monte_carlo, monte_carlo_over_time};
+use fusion::design::Design;
 use fusion::output::FileSet;
+use fusion::report::{Look, Run, record, render, render_campaign, worst_first};
 use fusion::run::Options;
-use std::path::PathBuf;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Runs with the largest errors whose reports are written.
+const WORST: usize = 3;
 
 #[derive(Debug, Args)]
 pub(super) struct MonteCarloArgs {
@@ -22,7 +28,8 @@ pub(super) struct MonteCarloArgs {
     /// Threads; as many as there are cores without it. The results do not depend on it.
     #[arg(long, value_name = "T", default_value_t = 0, hide_default_value = true)]
     threads: usize,
-    /// Writes runs.csv here, one row per run; the folder is made if need be.
+    /// Writes here runs.csv, one row per run, montecarlo.html with the errors of all runs over time, and the reports of the
+    /// three worst, worst-1.html and so on; the folder is made if need be.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -39,16 +46,97 @@ pub(super) fn montecarlo(args: &MonteCarloArgs) -> Result<(), Failure> {
     // What cannot be written is told before the runs.
     let files = args.out.as_deref().map(FileSet::begin).transpose()?;
     let bar = Runs::new();
-    let campaign = monte_carlo(&design, &options, args.n, args.seed, args.threads, &|done| {
-        bar.at(done as u64, args.n);
-    });
+    let told = |done| bar.at(done as u64, args.n);
+    let (campaign, histories) = match args.out {
+        Some(_) => monte_carlo_over_time(&design, &options, args.n, args.seed, args.threads, &told)?,
+        None => (monte_carlo(&design, &options, args.n, args.seed, args.threads, &told)?, Vec::new()),
+    };
     drop(bar);
-    let campaign = campaign?;
     let mut page = campaign.page();
     if let (Some(out), Some(mut files)) = (&args.out, files) {
         files.write("runs.csv", |file| campaign.write(file))?;
+        let reports = args.pages(&mut files, &design, &options, (&campaign, &histories))?;
         files.commit()?;
-        page.sections.push(written([out.join("runs.csv")]));
+        let names = ["runs.csv", "montecarlo.html"].into_iter();
+        page.sections.push(written(
+            names
+                .chain(reports.iter().map(|(_, name)| name.as_str()))
+                .map(|name| out.join(name)),
+        ));
     }
     args.output.print(&page)
+}
+
+impl MonteCarloArgs {
+    /// Writes montecarlo.html, and the reports of the worst runs: their numbers and files.
+    fn pages(
+        &self,
+        files: &mut FileSet,
+        design: &Design,
+        options: &Options,
+        (campaign, histories): (&Campaign, &[History]),
+    ) -> Result<Vec<(u64, String)>, Failure> {
+        let mut reports = Vec::new();
+        for row in worst_first(campaign).into_iter().take(WORST) {
+            let again = Options {
+                seed: Some(row.seed),
+                data: options.data.clone(),
+                base: options.base.clone(),
+                ..Options::default()
+            };
+            let (finished, recording) = record(design, &again, &mut |_| {})?;
+            let run = Run {
+                name: "estimate",
+                recording: &recording,
+                summary: &finished.summary,
+            };
+            let title = format!("{} · run {}, seed {}", design.run.description, row.run, row.seed);
+            let name = format!("worst-{}.html", reports.len() + 1);
+            let text = render(title.trim_start_matches(" · "), &[run]);
+            files.write(&name, |file| file.write_all(text.as_bytes()))?;
+            reports.push((row.run, name));
+        }
+        let look = |row: &RunRow| Look {
+            command: self.command(row),
+            report: reports.iter().find(|(run, _)| *run == row.run).map(|(_, name)| name.clone()),
+        };
+        let text = render_campaign(&design.run.description, campaign, histories, &look);
+        files.write("montecarlo.html", |file| file.write_all(text.as_bytes()))?;
+        Ok(reports)
+    }
+
+    /// The command that makes the report of a run.
+    fn command(&self, row: &RunRow) -> String {
+        let path = |path: &Path| quoted(&path.display().to_string());
+        let mut words = vec!["fusion run".to_owned()];
+        words.extend(self.design.config.iter().map(|file| path(file)));
+        words.extend(self.design.variant.iter().map(|name| format!("--variant {}", quoted(name))));
+        words.extend(self.design.set.iter().map(|set| format!("--set {}", quoted(set))));
+        words.extend(self.design.data.iter().map(|data| format!("--data {}", path(data))));
+        words.push(format!("--seed {} --out run-{}", row.seed, row.run));
+        words.join(" ")
+    }
+}
+
+/// A word as a shell takes it.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./=,+:".contains(c);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::quoted;
+
+    #[test]
+    fn a_shell_takes_back_the_words_that_were_quoted() {
+        assert_eq!(quoted("sensor.gnss.noise=3"), "sensor.gnss.noise=3");
+        assert_eq!(quoted("sensor.gnss.noise=3 m"), "'sensor.gnss.noise=3 m'");
+        assert_eq!(quoted("it's"), "'it'\\''s'");
+        assert_eq!(quoted(""), "''");
+    }
 }

@@ -6,6 +6,7 @@
 //!
 //! Plots: uPlot 1.6.32 (MIT), in `vendor/`.
 
+mod campaign;
 mod consistency;
 mod data;
 mod intervals;
@@ -19,6 +20,7 @@ mod trace;
 #[cfg(test)]
 mod tests;
 
+pub use campaign::{Look, render_campaign, worst_first};
 pub use page::{Run, render, write};
 pub use recording::{Frame, Recording};
 

@@ -89,11 +89,17 @@ pub fn run(design: &Design, options: &Options, progress: &mut dyn FnMut(Time)) -
 
 /// Runs `design` as [`run`] does, and shares with others what does not depend on the seed. What no row of a
 /// campaign tells is not followed: health, consumers, and parameters of filters inside stages.
+/// Runs `design` as [`run`] does, and shares with others what does not depend on the seed; `further` hear it.
 ///
 /// # Errors
 /// Those of [`run`].
-pub(crate) fn run_sharing(design: &Design, options: &Options, course: &SharedCourse) -> Result<Summary, Diagnostics> {
-    Ok(Run::open_sharing(design, options, Some(course))?.go(&mut [], &mut |_| {})?.keep()?)
+pub(crate) fn run_sharing(
+    design: &Design,
+    options: &Options,
+    course: &SharedCourse,
+    further: &mut [&mut dyn RunObserver],
+) -> Result<Summary, Diagnostics> {
+    Ok(Run::open_sharing(design, options, Some(course))?.go(further, &mut |_| {})?.keep()?)
 }
 
 /// A run whose data are open.
