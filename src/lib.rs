@@ -19,6 +19,7 @@ pub mod config;
 pub mod design;
 pub mod frames;
 pub mod health;
+pub mod inspect;
 mod navigator;
 pub mod observe;
 pub mod output;

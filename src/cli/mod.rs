@@ -9,6 +9,7 @@ mod blocks;
 mod builtin;
 mod check;
 mod compare;
+mod inspect;
 mod montecarlo;
 mod progress;
 mod run;
@@ -106,6 +107,20 @@ Examples:
   fusion compare drive.toml --variant base,outages --set filter.backend=ekf
   fusion compare drive.toml --backend ekf,error_state,iekf,invariant,invariant+iterated,ukf")]
     Compare(compare::CompareArgs),
+    /// Look at logs that nobody has described: columns, units, rates, gaps, an inertial unit and how it sits
+    /// in its vehicle; and write a first design.
+    ///
+    /// Prints, with the reason of each guess: columns of time and of the quantities that a filter can use,
+    /// their units, gaps, repeated and empty rows; which axis of the accelerometers points up; what they
+    /// and the gyros read at rest; whether gyros and course agree, how late the positions are, which axis
+    /// is ahead. In the design that `--write` makes, a comment says of every guess why. Compare it with
+    /// what you know of your instruments: a guess is not a measurement.
+    #[command(after_long_help = "\
+Examples:
+  fusion inspect ~/logs/drive-3                          every .csv, .csv.gz and .txt of the folder
+  fusion inspect imu.csv gnss.csv --write first.toml     and a first design
+  fusion run first.toml")]
+    Inspect(inspect::InspectArgs),
     /// Run a design many times with independent seeds: spread of the errors, NEES and NIS.
     ///
     /// Runs in parallel. The seed of a run depends only on the seed of the campaign and the number
@@ -385,6 +400,7 @@ pub fn main() -> ExitCode {
         Command::Check(args) => check::check(&args),
         Command::Blocks(args) => blocks::blocks(&args),
         Command::Compare(args) => compare::compare(&args),
+        Command::Inspect(args) => inspect::inspect(&args),
         Command::Montecarlo(args) => montecarlo::montecarlo(&args),
         Command::Stress(args) => stress::stress(&args),
         Command::Schema => print(&format!("{:#}\n", fusion::schema::design())),

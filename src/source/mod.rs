@@ -12,6 +12,7 @@ mod csv;
 mod decode;
 mod file;
 mod rtklib;
+pub mod table;
 pub mod testing;
 
 pub use self::csv::CsvSpec;

@@ -137,6 +137,11 @@ impl CsvSpec {
             (None, Header::Within(Within::Comment)) => Names::Comment,
         }
     }
+
+    /// Its rows as they lie in the file.
+    pub(super) fn raw(&self, context: &OpenContext) -> Result<CsvRows, SourceError> {
+        CsvRows::open(self.dialect(), self.names(), &DataFile::new(&self.path, context), context)
+    }
 }
 
 /// The character that can be a delimiter or begin a comment.
@@ -160,7 +165,6 @@ impl SourceSpec for CsvSpec {
     fn open(&self, context: &OpenContext) -> Result<Box<dyn RowStream>, SourceError> {
         let plan = self.plan()?;
         let file = DataFile::new(&self.path, context);
-        let rows = CsvRows::open(self.dialect(), self.names(), &file, context)?;
-        plan.decode(rows, &file, context)
+        plan.decode(self.raw(context)?, &file, context)
     }
 }

@@ -54,7 +54,7 @@ impl<'a> Cell<'a> {
     }
 
     /// The number that it holds, finite or not.
-    pub(super) fn number(self) -> Option<f64> {
+    pub(in super::super) fn number(self) -> Option<f64> {
         match self {
             Self::Text(_) => self.text()?.parse().ok(),
             Self::Number(number) => Some(number),

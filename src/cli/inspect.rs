@@ -1,0 +1,46 @@
+//! `fusion inspect`.
+
+use super::{Failure, OutputArgs};
+use clap::Args;
+use fusion::config::{Diagnostic, Diagnostics};
+use fusion::inspect::{Inspection, files};
+use fusion::present::Section;
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, Args)]
+pub(super) struct InspectArgs {
+    /// The logs, or folders with logs.
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+    /// Writes a first design made of what was guessed; a file that is there is not replaced.
+    #[arg(long, value_name = "DESIGN.toml")]
+    write: Option<PathBuf>,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+pub(super) fn inspect(args: &InspectArgs) -> Result<(), Failure> {
+    if let Some(path) = args.write.as_ref().filter(|path| path.exists()) {
+        let there = Diagnostic::error(format!("`{}` is there already", path.display()));
+        return Err(Diagnostics::from(there.help("name another file, or remove this one")).into());
+    }
+    let inspection = Inspection::of(&files(&args.files)?)?;
+    let mut page = inspection.page();
+    let Some(path) = &args.write else {
+        return args.output.print(&page);
+    };
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let design = inspection.design(folder);
+    if let Ok(text) = &design {
+        write(path, text)?;
+        let next = format!("`{0}` is written: `fusion run {0}`", path.display());
+        page.sections.push(Section::new("", []).note(next));
+    }
+    args.output.print(&page)?;
+    design.map(drop).map_err(|missing| Failure::Mistakes(missing.into()))
+}
+
+fn write(path: &Path, text: &str) -> Result<(), Diagnostics> {
+    let written = std::fs::File::create_new(path).and_then(|mut file| std::io::Write::write_all(&mut file, text.as_bytes()));
+    written.map_err(|e| Diagnostic::error(format!("`{}` cannot be written: {e}", path.display())).into())
+}

@@ -1,0 +1,219 @@
+//! A first design, made of what was guessed: a text with a comment at every guess.
+
+mod attitude;
+mod odometry;
+mod reckoning;
+mod sensors;
+mod sources;
+mod strapdown;
+mod toml;
+
+use self::toml::Text;
+use super::signal::Kind::{AngularRate, Euler, Local, SpecificForce, Speed, YawRate};
+use super::{Inspection, Log, Track};
+use crate::config::Diagnostic;
+use std::path::{Path, PathBuf};
+
+/// Slower units cannot be integrated \[Hz\].
+const INTEGRABLE: f64 = 20.0;
+/// Fixes that come faster are thinned; the others judge the filter \[Hz\].
+const WITHHELD: f64 = 1.9;
+
+/// What drives the filter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Driver {
+    /// An odometer, and a rate of turn.
+    Odometer,
+    /// An inertial unit with positions.
+    Inertial,
+    /// An attitude reference with positions.
+    Attitude,
+    /// An inertial unit alone.
+    Gyros,
+}
+
+impl Inspection {
+    /// A first design as text, to be saved in `folder`.
+    ///
+    /// # Errors
+    /// What is missing, in words.
+    pub fn design(&self, folder: &Path) -> Result<String, Diagnostic> {
+        let resets = |log: &Log| log.clock.as_ref().is_some_and(|c| c.resets > 0);
+        let driver = self.driver().filter(|_| !self.logs.iter().any(resets));
+        let Some(driver) = driver else {
+            let what = Diagnostic::error("no design can be guessed from these files");
+            let lacks = self.missing().into_iter().map(|m| format!("missing: {m}"));
+            return Err(lacks.fold(what, Diagnostic::and_help));
+        };
+        let mut text = Text::default();
+        self.head(&mut text, folder, driver);
+        match driver {
+            Driver::Odometer => self.odometry(&mut text),
+            Driver::Inertial => self.strapdown(&mut text),
+            Driver::Attitude => self.reckoning(&mut text),
+            Driver::Gyros => self.attitude(&mut text),
+        }
+        self.judge(&mut text);
+        Ok(text.finish())
+    }
+
+    fn driver(&self) -> Option<Driver> {
+        let rate = self.imu.as_ref().map_or(0.0, |(k, _)| self.logs[*k].rate());
+        let has = |kind| self.with(kind).is_some();
+        let turns = has(YawRate) || has(AngularRate);
+        let is_placed = self.position.is_some();
+        let candidates = [
+            (is_placed && has(Speed) && turns, Driver::Odometer),
+            (is_placed && has(SpecificForce) && rate >= INTEGRABLE, Driver::Inertial),
+            (is_placed && has(Euler), Driver::Attitude),
+            (rate >= INTEGRABLE, Driver::Gyros),
+        ];
+        candidates.into_iter().find(|(fits, _)| *fits).map(|(_, driver)| driver)
+    }
+
+    /// What stands before the process.
+    fn head(&self, text: &mut Text, folder: &Path, driver: Driver) {
+        text.comment("A first design, guessed by `fusion inspect` from the values of these files. Every guess says why.");
+        text.comment("Check each against what you know of your instruments, above all noise, axes and lever arms.");
+        text.table("run");
+        let what = match driver {
+            Driver::Odometer => "odometer, rate of turn and positions, in the plane",
+            Driver::Inertial => "inertial unit and positions",
+            Driver::Attitude => "dead reckoning by an attitude reference, with positions",
+            Driver::Gyros => "attitude by gyros and gravity",
+        };
+        text.quoted("description", &format!("first design: {what}"));
+        text.quoted("data_dir", &self.data_dir(folder).display().to_string());
+        self.origin(text);
+        let is_fast = self.imu.as_ref().is_some_and(|(k, _)| self.logs[*k].rate() > 40.0);
+        if is_fast {
+            text.quoted("output_rate", "10 Hz");
+        }
+        text.table("filter");
+        text.quoted("backend", "error_state");
+        if driver == Driver::Inertial && !self.has_course() {
+            text.line(
+                "bank = { hypotheses = 24, headings = 24, switch = 1 }",
+                "guessed: no velocity tells the heading; 24 are tried, the one whose innovations fit stays",
+            );
+        }
+    }
+
+    /// The folder that all files lie in, from `folder`.
+    fn data_dir(&self, folder: &Path) -> PathBuf {
+        let absolute = |p: &Path| std::fs::canonicalize(p).unwrap_or_else(|_| p.to_owned());
+        let common = self.common();
+        if absolute(&common) == absolute(folder) {
+            PathBuf::from(".")
+        } else {
+            absolute(&common)
+        }
+    }
+
+    /// The innermost folder that holds all files.
+    fn common(&self) -> PathBuf {
+        let folder = |log: &Log| log.table.path.parent().unwrap_or(Path::new("")).to_owned();
+        let mut common = self.logs.first().map(folder).unwrap_or_default();
+        while !self.logs.iter().all(|log| log.table.path.starts_with(&common)) && common.pop() {}
+        if common.as_os_str().is_empty() {
+            PathBuf::from(".")
+        } else {
+            common
+        }
+    }
+
+    fn origin(&self, text: &mut Text) {
+        let place = self
+            .position
+            .as_ref()
+            .or(self.reference.as_ref())
+            .and_then(|(_, track)| track.origin);
+        match place {
+            Some([lat, lon, height]) => text.line(
+                &format!(
+                    "origin = {{ latitude = \"{:.7} deg\", longitude = \"{:.7} deg\", height = \"{height:.1} m\" }}",
+                    lat.to_degrees(),
+                    lon.to_degrees()
+                ),
+                "the first position",
+            ),
+            None => text.line(
+                "origin = { latitude = \"45 deg\", longitude = \"0 deg\", height = \"0 m\" }",
+                "guessed: no file says where on Earth this is; gravity and the Earth's rotation follow from it",
+            ),
+        }
+    }
+
+    /// Whether the course can tell the heading: the gyros turn as it does, and the velocity is reported.
+    fn has_course(&self) -> bool {
+        let is_fast = |track: &Track| track.is_reported && track.top_speed() > 3.0;
+        self.position.as_ref().is_some_and(|(_, t)| is_fast(t)) && self.pair.is_some_and(|p| p.correlation.abs() > 0.8)
+    }
+
+    /// What judges the filter.
+    fn judge(&self, text: &mut Text) {
+        if let Some((k, track)) = &self.reference {
+            text.section("judge");
+            text.comment("guessed: this file looks like a ground truth, for it has an attitude or the smaller errors.");
+            text.comment("It only scores the estimate; no filter can use it.");
+            self.source(text, "reference", *k, &self.reference_kinds(*k), "");
+            self.score(text, "reference", *k, track);
+        } else if let Some((k, track)) = self.position.as_ref().filter(|(_, track)| track.rate() > WITHHELD) {
+            text.section("judge");
+            let every = track_stride(&self.logs[*k], track);
+            text.comment("The fixes that the filter does not see: they have errors of their own.");
+            self.source(
+                text,
+                "withheld",
+                *k,
+                &self.reference_kinds(*k),
+                &format!("keep = {{ except_every = {every} }}"),
+            );
+            self.score(text, "withheld", *k, track);
+        } else if self.position.is_none() {
+            self.judge_attitude(text);
+        } else {
+            text.section("judge");
+            text.comment("No reference: nothing here looks like a ground truth. Judge the filter by the NIS of its sensors.");
+        }
+    }
+
+    fn score(&self, text: &mut Text, source: &str, k: usize, track: &Track) {
+        let log = &self.logs[k];
+        text.table("reference");
+        text.quoted("source", source);
+        let mut sigma = Vec::new();
+        if log.has(super::Kind::PositionSigma) {
+            sigma.push("position = { from_source = true }".to_owned());
+        } else {
+            sigma.push(format!("position = \"{:.3} m\"", (track.scatter.max(1e-3) * 1e3).ceil() * 1e-3));
+        }
+        if log.has(super::Kind::VelocitySigma) && log.has(super::Kind::Velocity) {
+            sigma.push("velocity = { from_source = true }".to_owned());
+        }
+        let why = if log.has(super::Kind::PositionSigma) {
+            "as the file reports it"
+        } else {
+            "the scatter of neighbouring positions"
+        };
+        text.line(&format!("sigma = {{ {} }}", sigma.join(", ")), why);
+        if self.reference_kinds(k).iter().any(|s| matches!(s, super::Kind::Quaternion | Euler)) {
+            text.line(
+                "remove_mean_mounting = true",
+                "guessed: the unit is not mounted exactly as the reference",
+            );
+        }
+    }
+}
+
+/// Every how many-th row makes one fix a second of a file.
+fn track_stride(log: &Log, track: &Track) -> usize {
+    // Rows that repeat the fix before are rows of the file all the same.
+    let rows = log.rate() / track.rate();
+    (rows * track.rate()).round().max(2.0) as usize
+}
+
+/// Whether positions are in a room, a basin, or by USBL: not geodetic.
+fn is_local(log: &Log) -> bool {
+    log.has(Local)
+}

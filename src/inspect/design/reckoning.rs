@@ -1,0 +1,67 @@
+//! Dead reckoning by an attitude reference.
+
+use super::toml::Text;
+use crate::inspect::Inspection;
+use crate::inspect::signal::Kind::{BodyVelocity, Euler};
+
+impl Inspection {
+    pub(super) fn reckoning(&self, text: &mut Text) {
+        let (Some((p, track)), Some(attitude)) = (&self.position, self.with(Euler)) else {
+            return;
+        };
+        let whole = self.whole(&self.logs[*p], track).max(0.5);
+        let speed = track.top_speed();
+        text.table("process");
+        text.line("type = \"dead_reckoning\"\nsource = \"attitude_reference\"", "");
+        text.line(&format!("position_sigma = \"{:.1} m\"", 2.0 * whole), "guessed: twice a fix");
+        if self.with(BodyVelocity).is_some() {
+            text.line(
+                &format!(
+                    "velocity_sigma = [\"{speed:.2} m/s\", \"{:.2} m/s\", \"{:.2} m/s\"]",
+                    0.3 * speed,
+                    0.2 * speed
+                ),
+                "guessed: by the usual top speed",
+            );
+            text.line(
+                "velocity_noise = \"0.1 m/s/sqrt(s)\"",
+                "guessed: how a vehicle of this speed changes it",
+            );
+        } else {
+            text.line(
+                &format!("velocity_sigma = [\"{:.2} m/s\", 0, 0]", 0.5 * speed),
+                "guessed: half the usual top speed, ahead only",
+            );
+            text.line("velocity_time = \"20 s\"", "guessed: how long it keeps a speed; nobody measures it");
+            text.line("position_noise = \"5 cm/sqrt(s)\"", "guessed");
+            text.line(
+                &format!("drift = {{ estimate = true, initial = [0, 0, 0], sigma = [\"{0:.2} m/s\", \"{0:.2} m/s\", 0], correlation_time = \"10 s\" }}", 0.3 * speed),
+                "guessed: what is not ahead, and the current",
+            );
+        }
+        let known = self.yaw.filter(|y| y.agreement > 0.8);
+        let sigma = if known.is_some() { "10 deg" } else { "100 deg" };
+        let left = self.yaw.map_or(0.0, |y| {
+            let degrees = y.offset.to_degrees();
+            degrees - 90.0 * (degrees / 90.0).round()
+        });
+        let why = self.yaw.map_or_else(
+            || "guessed: nothing tells the course".to_owned(),
+            |y| format!("guessed: course minus heading; they agree to {:.2} of 1", y.agreement),
+        );
+        text.line(
+            &format!("heading_offset = {{ estimate = true, initial = \"{left:.1} deg\", sigma = \"{sigma}\", random_walk = \"0.05 deg/sqrt(s)\" }}"),
+            &why,
+        );
+        text.line("input.longest_interval = \"5 s\"", "guessed: gaps of the reference");
+        text.table("initial.fix");
+        text.line("type = \"first_fix\"\nsource = \"gnss\"", "");
+        text.line(&format!("position_sigma = \"{whole:.2} m\""), "of a fix");
+        text.section("aids");
+        self.position_sensors(text, false);
+        self.water(text);
+        text.section("data");
+        self.source(text, "attitude_reference", attitude, &[Euler], "");
+        self.position_source(text);
+    }
+}

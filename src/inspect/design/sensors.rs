@@ -1,0 +1,194 @@
+//! Positions and what else aids: the tables of sensors.
+
+use super::toml::Text;
+use super::{WITHHELD, is_local, track_stride};
+use crate::inspect::signal::Kind::{self, BodyVelocity, Depth, Euler, Geodetic, Local, PositionSigma, Quaternion, Velocity, VelocitySigma};
+use crate::inspect::{Inspection, Log, Track};
+
+/// Positions whose fixes differ by less are of centimetre grade \[m\].
+const PRECISE: f64 = 0.05;
+
+impl Inspection {
+    /// The kinds that score.
+    pub(super) fn reference_kinds(&self, k: usize) -> Vec<Kind> {
+        let log = &self.logs[k];
+        let is_file = self.reference.as_ref().is_some_and(|(r, _)| *r == k);
+        let is_room = log.has(Quaternion) && is_local(log);
+        let attitude = if log.has(Quaternion) && (is_file || is_room) {
+            Some(Quaternion)
+        } else {
+            (log.has(Euler) && is_file).then_some(Euler)
+        };
+        let all = [Some(place(log)), Some(Velocity), attitude, Some(PositionSigma), Some(VelocitySigma)];
+        let sigma_of = |kind| kind != VelocitySigma || log.has(Velocity);
+        all.into_iter().flatten().filter(|kind| log.has(*kind) && sigma_of(*kind)).collect()
+    }
+
+    /// Whether positions have a height.
+    pub(super) fn has_height(&self) -> bool {
+        self.position.as_ref().is_some_and(|(k, _)| {
+            let log = &self.logs[*k];
+            log.signal(place(log)).is_some_and(|s| s.columns.len() > 2)
+        })
+    }
+
+    /// 1σ of the white part of a position, horizontal and vertical \[m\], and why.
+    pub(super) fn white(&self, log: &Log, track: &Track) -> (f64, String) {
+        if is_local(log) {
+            // Acoustic fixes and cameras: neighbours share an error that the scatter does not show.
+            let white = (3.0 * track.scatter).max(0.02);
+            return (
+                white,
+                format!("guessed: three times the scatter of neighbouring fixes, {:.3} m", track.scatter),
+            );
+        }
+        match track.claimed {
+            Some(c) if c < PRECISE => ((2.0 * c).max(0.02), format!("guessed: twice the 1σ reported, {c:.3} m")),
+            _ => (
+                track.scatter.max(0.2),
+                format!("guessed: neighbouring fixes scatter by {:.3} m; 0.2 m at least", track.scatter),
+            ),
+        }
+    }
+
+    /// 1σ of all of the error of a position \[m\].
+    pub(super) fn whole(&self, log: &Log, track: &Track) -> f64 {
+        let (white, _) = self.white(log, track);
+        if self.is_slow(log, track) { white.hypot(1.5) } else { white }
+    }
+
+    /// Whether the error of a position is slow: single-point GNSS.
+    fn is_slow(&self, log: &Log, track: &Track) -> bool {
+        !is_local(log) && track.claimed.is_none_or(|c| c >= PRECISE)
+    }
+
+    /// The position and, if reported, the velocity, as sensors on `gnss`.
+    pub(super) fn position_sensors(&self, text: &mut Text, is_moving: bool) {
+        let Some((k, track)) = &self.position else { return };
+        let log = &self.logs[*k];
+        let (white, why) = self.white(log, track);
+        text.table("sensor.gnss_position");
+        text.quoted("type", if is_local(log) { "usbl_position" } else { "gnss_position" });
+        text.quoted("source", "gnss");
+        if !self.has_height() || !is_moving {
+            text.line("horizontal = true", "guessed: no height, or one that is not needed");
+        }
+        let arm = is_moving && track.is_reported;
+        if arm {
+            text.line(
+                "lever_arm = { estimate = true, initial = [0, 0, 0], sigma = \"1 m\" }",
+                "guessed: the antenna is within a metre or two of the unit; measure it",
+            );
+        }
+        let lag = self.lag();
+        if let Some(lag) = lag.filter(|_| arm) {
+            let share = format!(
+                "time_offset = {{ estimate = true, initial = \"{:.2} s\", sigma = \"50 ms\" }}",
+                0.3 * lag.max(0.0)
+            );
+            text.line(&share, "guessed: positions are smoothed less than velocities, and are less late");
+        }
+        if self.is_slow(log, track) {
+            text.line(
+                "bias = { estimate = true, initial = [0, 0, 0], sigma = [\"1.5 m\", \"1.5 m\", \"2 m\"], correlation_time = \"600 s\" }",
+                "guessed: the slow error of single-point GNSS (configs/parts/gnss/single-point.toml); nothing here tells it",
+            );
+        }
+        text.line(&format!("noise = {{ sigma = \"{white:.3} m\" }}"), &why);
+        if is_local(log) {
+            text.line(
+                "gate = { type = \"nis\", probability = 0.997 }",
+                "guessed: fixes of this kind have outliers",
+            );
+        }
+        if track.is_reported && is_moving {
+            self.velocity_sensor(text, log, track, lag);
+        }
+    }
+
+    fn velocity_sensor(&self, text: &mut Text, log: &Log, track: &Track, lag: Option<f64>) {
+        text.table("sensor.gnss_velocity");
+        text.quoted("type", "gnss_velocity");
+        text.quoted("source", "gnss");
+        text.line("lever_arm = { shared = \"gnss_position.lever_arm\" }", "");
+        if let Some(lag) = lag {
+            let offset = format!("time_offset = {{ estimate = true, initial = \"{lag:.2} s\", sigma = \"50 ms\" }}");
+            text.line(&offset, "guessed: rate of the course against the gyros");
+        }
+        let claimed = log
+            .values(VelocitySigma)
+            .map(|s| crate::inspect::numbers::median(s.iter().map(|s| 0.5 * (s[0] + s[1]))));
+        let (sigma, why) = match claimed {
+            Some(c) => (c.max(0.05), format!("guessed: the 1σ reported, {c:.3} m/s")),
+            None => (0.1, "guessed: what receivers usually reach".to_owned()),
+        };
+        text.line(
+            &format!(
+                "noise = {{ sigma = [\"{sigma:.3} m/s\", \"{sigma:.3} m/s\", \"{:.3} m/s\"] }}",
+                2.0 * sigma
+            ),
+            &why,
+        );
+        let downs = track.agreement.map_or(1.0, |a| a[2]);
+        if downs < 0.0 {
+            text.comment("The reported vertical velocity runs against the height: is it up instead of down?");
+        }
+    }
+
+    /// How late velocities are, where that is known \[s\].
+    pub(super) fn lag(&self) -> Option<f64> {
+        self.pair.filter(|p| p.correlation.abs() > 0.8).map(|p| p.lag)
+    }
+
+    /// The source of the positions.
+    pub(super) fn position_source(&self, text: &mut Text) {
+        let Some((k, track)) = &self.position else { return };
+        let log = &self.logs[*k];
+        let is_withheld = self.reference.is_none() && track.rate() > WITHHELD;
+        let more = if is_withheld {
+            format!("keep = {{ every = {} }}", track_stride(log, track))
+        } else {
+            String::new()
+        };
+        if is_withheld {
+            text.section("positions: about one a second is used, the others judge");
+        }
+        self.source(text, "gnss", *k, &[place(log), Velocity], &more);
+    }
+
+    /// A Doppler log and a depth, where there are.
+    pub(super) fn water(&self, text: &mut Text) {
+        if let Some(k) = self.with(BodyVelocity) {
+            text.table("sensor.dvl");
+            text.quoted("type", "body_velocity");
+            text.quoted("source", "dvl");
+            text.line(
+                "bias = { estimate = true, initial = [0, 0, 0], sigma = [\"0.2 m/s\", \"0.2 m/s\", 0], correlation_time = \"120 s\" }",
+                "guessed: currents, scale and mounting of a Doppler log are slow",
+            );
+            text.line(
+                "noise = { sigma = \"0.1 m/s\" }",
+                "guessed: scatter of a Doppler log on a small vehicle",
+            );
+            text.line("gate = { type = \"nis\", probability = 0.999 }", "guessed: single pings fail");
+            self.source(text, "dvl", k, &[BodyVelocity], "");
+        }
+        let in_position = self.position.as_ref().is_some_and(|(k, _)| is_local(&self.logs[*k]));
+        if let Some(k) = self.with(Depth).filter(|_| !in_position) {
+            text.table("sensor.depth");
+            text.quoted("type", "depth");
+            text.quoted("source", "depth");
+            text.line(
+                "surface = { estimate = true, initial = 0, sigma = \"1 m\" }",
+                "guessed: tide, and the zero of the sensor",
+            );
+            text.line("noise = { sigma = \"2 cm\" }", "guessed: usual for pressure");
+            self.source(text, "depth", k, &[Depth], "");
+        }
+    }
+}
+
+/// Which kind of position a log has.
+pub(super) fn place(log: &Log) -> Kind {
+    if log.has(Geodetic) { Geodetic } else { Local }
+}

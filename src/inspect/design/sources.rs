@@ -1,0 +1,279 @@
+//! The tables of sources.
+
+use super::toml::{Text, array, quoted};
+use crate::inspect::log::Log;
+use crate::inspect::pair::{cross, horizontal};
+use crate::inspect::signal::{Kind, Signal};
+use crate::inspect::words::{Words, contains};
+use crate::inspect::{Clock, Inspection};
+
+/// Repeated rows above this share are not measurements of their own.
+const REPEATED: f64 = 0.1;
+/// A position of zero in more rows than this share stands for none.
+const ZEROS: f64 = 0.01;
+/// Clocks that move apart by more over the log than can be seen are brought together \[s\].
+const DRIFT: f64 = 0.1;
+
+impl Inspection {
+    /// `[source.NAME]` with the channels of these kinds, and a line more.
+    pub(super) fn source(&self, text: &mut Text, name: &str, k: usize, kinds: &[Kind], more: &str) {
+        let log = &self.logs[k];
+        let Some(clock) = &log.clock else { return };
+        text.table(&format!("source.{name}"));
+        text.quoted("type", "csv");
+        let path = log.table.path.strip_prefix(self.common()).unwrap_or(&log.table.path);
+        text.quoted("path", &path.display().to_string());
+        if log.table.delimiter != "," {
+            text.quoted("delimiter", &log.table.delimiter);
+        }
+        if !log.table.header {
+            text.line(
+                "header = false",
+                "guessed: the first line holds numbers only; columns are called 1, 2, …",
+            );
+        }
+        self.time(text, name, log, clock);
+        let signals: Vec<&Signal> = kinds.iter().filter_map(|kind| log.signal(*kind)).collect();
+        self.rows(text, log, &signals);
+        if name == "imu" || name == "attitude_reference" {
+            let increments = signals.iter().any(|s| s.increment);
+            text.line(&format!("rate = \"{:.3} Hz\"", clock.rate), "the median interval");
+            if increments {
+                text.line("interval = \"nominal\"", "guessed: the unit samples evenly, its stamps jitter");
+            }
+        }
+        if !more.is_empty() {
+            text.line(more, "");
+        }
+        text.line(&format!("[source.{name}.channels]"), "");
+        for signal in signals {
+            self.channel(text, log, signal);
+        }
+    }
+
+    fn time(&self, text: &mut Text, name: &str, log: &Log, clock: &Clock) {
+        let mut parts = vec![format!("column = {}", quoted(&log.table.columns[clock.column].name))];
+        if clock.unit != "s" {
+            parts.push(format!("unit = \"{}\"", clock.unit));
+        }
+        let begin = self.begin().floor();
+        if begin > 1e6 {
+            parts.push(format!("epoch = {}", epoch(begin, clock.unit)));
+        }
+        if let Some(scale) = self.drift().filter(|_| name == "imu") {
+            parts.push(format!("scale = {scale:.9}"));
+        }
+        if clock.ties > 0 {
+            parts.push("ties = \"skip\"".to_owned());
+        }
+        if clock.backwards > 0 {
+            parts.push("backwards = \"skip\"".to_owned());
+        }
+        let mut why = vec![format!("unit: {}", clock.why)];
+        if parts.iter().any(|p| p.starts_with("scale")) {
+            why.push("scale guessed: the lag against the positions changes over the log".to_owned());
+        }
+        text.line(&format!("time = {{ {} }}", parts.join(", ")), &why.join("; "));
+    }
+
+    /// The scale of the unit's clock, where it drifts against that of the positions.
+    fn drift(&self) -> Option<f64> {
+        let (first, last) = self.pair?.lags?;
+        let (k, _) = self.imu.as_ref()?;
+        let between = self.logs[*k].duration() * 2.0 / 3.0;
+        ((last - first).abs() > DRIFT).then(|| 1.0 + (last - first) / between)
+    }
+
+    /// Which rows are used.
+    fn rows(&self, text: &mut Text, log: &Log, signals: &[&Signal]) {
+        if log.table.malformed > 0 || signals.iter().any(|s| log.missing(s) > 0.0) {
+            text.line("bad_rows = \"skip\"", "some rows are cut off or lack numbers");
+        }
+        let repeated = signals.iter().map(|s| log.repeats(s).share).fold(1.0, f64::min);
+        if repeated > REPEATED {
+            let why = format!("{:.0} % of the rows repeat the one before", 100.0 * repeated);
+            text.line("repeats = \"drop\"", &why);
+        }
+        let position = signals.iter().find(|s| matches!(s.kind, Kind::Geodetic | Kind::Local));
+        let Some(position) = position else { return };
+        if let Some((condition, why)) = validity(log, position) {
+            text.line(&format!("valid = {{ {condition} }}"), &why);
+        }
+    }
+
+    fn channel(&self, text: &mut Text, log: &Log, signal: &Signal) {
+        let names = signal.names(&log.table);
+        let unit = |u: &str| if u.is_empty() { String::new() } else { format!(", unit = \"{u}\"") };
+        let columns = format!("columns = {}{}", array(&names), unit(&signal.unit));
+        let body = match signal.kind {
+            Kind::SpecificForce | Kind::AngularRate | Kind::MagneticField => {
+                let mut body = match (signal.kind, signal.unit.as_str()) {
+                    (Kind::SpecificForce, "counts") => {
+                        format!("columns = {}, unit = \"m/s^2\", scale = {:.9}", array(&names), signal.factor)
+                    }
+                    (Kind::MagneticField, "") => format!("columns = {}, unit = \"uT\"", array(&names)),
+                    _ => columns,
+                };
+                body += &self.axes();
+                body += if signal.increment { ", increment = true" } else { "" };
+                body
+            }
+            Kind::Velocity | Kind::BodyVelocity | Kind::PositionSigma | Kind::VelocitySigma => columns,
+            Kind::Speed | Kind::YawRate | Kind::Depth => format!("column = {}{}", quoted(&names[0]), unit(&signal.unit)),
+            Kind::Geodetic => {
+                // Nobody uses the height where there is none: any column stands for it.
+                let height = names.get(2).unwrap_or(&names[0]);
+                format!(
+                    "latitude = {}, longitude = {}, height = {}, unit = \"{}\"",
+                    quoted(&names[0]),
+                    quoted(&names[1]),
+                    quoted(height),
+                    signal.unit
+                )
+            }
+            Kind::Local => {
+                let vertical = if signal.columns.get(2).is_some_and(|c| c.1) { "up" } else { "down" };
+                let third = names.get(2).map_or(String::new(), |n| n.trim_start_matches('-').to_owned());
+                format!(
+                    "north = {}, east = {}, {vertical} = {}",
+                    quoted(&names[0]),
+                    quoted(&names[1]),
+                    quoted(&third)
+                )
+            }
+            Kind::Quaternion => {
+                let world = if !log.has(Kind::Geodetic) {
+                    ", navigation_rotation = { axes = [\"y\", \"x\", \"-z\"] }"
+                } else {
+                    ""
+                };
+                let body = if log.has(Kind::Geodetic) { String::new() } else { self.axes() };
+                format!("quaternion = {}{world}{body}", array(&names))
+            }
+            Kind::Euler => self.euler(&names, &signal.unit),
+            Kind::Wheels | Kind::Pressure => return,
+        };
+        text.line(
+            &format!("{} = {{ {body} }}", channel_name(signal.kind)),
+            &format!("guessed {}", signal.why),
+        );
+    }
+
+    /// Roll, pitch, yaw: as of an aeroplane, or of axes forward, left, up where the heading counts anti-clockwise.
+    fn euler(&self, names: &[String], unit: &str) -> String {
+        let Some(yaw) = self.yaw else {
+            return format!("rpy = {}, unit = \"{unit}\"", array(names));
+        };
+        // To a quarter turn: the rest is how the instrument is mounted.
+        let quarter = 90.0 * (yaw.offset.to_degrees() / 90.0).round();
+        let offset = if quarter == 0.0 {
+            String::new()
+        } else {
+            format!(", offset = [0, 0, \"{quarter} deg\"]")
+        };
+        let against = |name: &String| if yaw.is_clockwise { name.clone() } else { format!("-{name}") };
+        let all = [names[0].clone(), against(&names[1]), against(&names[2])];
+        format!("rpy = {}, unit = \"{unit}\"{offset}", array(&all))
+    }
+
+    /// `rotation` from the sensor's axes to forward, right, down; empty where they are that.
+    fn axes(&self) -> String {
+        let Some((_, imu)) = &self.imu else { return String::new() };
+        let (first, second) = horizontal(imu.up);
+        let down = cross(first, second);
+        let quarters = self.quarters();
+        let turn = |a: [f64; 3], b: [f64; 3]| match quarters {
+            0 => a,
+            1 => b,
+            2 => a.map(|x| -x),
+            _ => b.map(|x| -x),
+        };
+        let forward = turn(first, second);
+        let right = cross(down, forward);
+        let named = |v: [f64; 3]| {
+            let k = (0..3).find(|k| v[*k].abs() > 0.5).unwrap_or(0);
+            crate::inspect::page::axis((k, v[k] < 0.0))
+        };
+        let all = [forward, right, down].map(named);
+        if all == ["x", "y", "z"] {
+            return String::new();
+        }
+        format!(", rotation = {{ axes = {} }}", array(&all))
+    }
+
+    /// By how many quarter turns the vehicle's forward axis is to the right of the first horizontal one.
+    pub(super) fn quarters(&self) -> i32 {
+        let forward = self.pair.and_then(|p| p.forward).filter(|(_, correlation)| *correlation > 0.6);
+        let angle = forward.map_or(0.0, |(angle, _)| angle);
+        ((angle / core::f64::consts::FRAC_PI_2).round() as i32).rem_euclid(4)
+    }
+}
+
+/// The name of a channel.
+const fn channel_name(kind: Kind) -> &'static str {
+    match kind {
+        Kind::SpecificForce => "specific_force",
+        Kind::AngularRate => "angular_rate",
+        Kind::MagneticField => "magnetic_field",
+        Kind::Geodetic | Kind::Local => "position",
+        Kind::Velocity => "velocity",
+        Kind::BodyVelocity => "body_velocity",
+        Kind::Quaternion | Kind::Euler => "attitude",
+        Kind::Speed => "speed",
+        Kind::YawRate => "yaw_rate",
+        Kind::Depth => "depth",
+        Kind::PositionSigma => "position_sigma",
+        Kind::VelocitySigma => "velocity_sigma",
+        Kind::Wheels => "wheels",
+        Kind::Pressure => "pressure",
+    }
+}
+
+/// A whole second as stamps of this unit count it.
+fn epoch(seconds: f64, unit: &str) -> String {
+    let zeros = match unit {
+        "ms" => 3,
+        "us" => 6,
+        "ns" => 9,
+        _ => 0,
+    };
+    format!("{seconds:.0}{}", "0".repeat(zeros))
+}
+
+/// The condition on which a position is one, and why.
+fn validity(log: &Log, position: &Signal) -> Option<(String, String)> {
+    let words: Vec<Words> = log.table.columns.iter().map(|c| Words::of(&c.name)).collect();
+    let first = words[position.columns[0].0].stem.split('_').next().unwrap_or_default().to_owned();
+    let flag = words
+        .iter()
+        .position(|w| contains(&w.stem, &["valid"]) && w.stem.starts_with(&first));
+    if let Some(k) = flag {
+        let name = quoted(&log.table.columns[k].name);
+        return Some((format!("column = {name}, equals = 1"), "guessed by its name".to_owned()));
+    }
+    let quality = words
+        .iter()
+        .position(|w| w.ends_with(&["q", "quality", "fix", "fixtype"]) && w.stem.len() < 10);
+    if let Some(k) = quality {
+        let usual = log.typical(k);
+        let others = log.table.columns[k].values.iter().filter(|v| **v != usual).count();
+        if others > 0 && usual.fract() == 0.0 {
+            let name = quoted(&log.table.columns[k].name);
+            return Some((
+                format!("column = {name}, equals = {usual}"),
+                format!("guessed: the usual one; {others} rows have another"),
+            ));
+        }
+    }
+    if log.zeros(position) < ZEROS {
+        return None;
+    }
+    let share = format!(
+        "guessed: {:.0} % of the rows have a position of zero: none",
+        100.0 * log.zeros(position)
+    );
+    // A third column that is zero wherever the others are tells a fix from none.
+    let (k, is_against) = *position.columns.get(2)?;
+    let name = quoted(&log.table.columns[k].name);
+    (!is_against).then(|| (format!("column = {name}, at_least = 0.001"), share))
+}

@@ -1,0 +1,214 @@
+//! An inertial unit with positions.
+
+use super::toml::Text;
+use crate::inspect::page::vector;
+use crate::inspect::signal::Kind::{AngularRate, SpecificForce};
+use crate::inspect::{Imu, Inspection, Rest};
+
+/// What is added to densities at rest for the shaking of motion.
+const SHAKEN: f64 = 3.0;
+/// Nothing is believed to be better in motion \[m/s²/√Hz\], \[rad/s/√Hz\].
+const FLOOR: (f64, f64) = (8e-3, 2e-4);
+
+impl Inspection {
+    pub(super) fn strapdown(&self, text: &mut Text) {
+        let (Some((k, imu)), Some((p, track))) = (&self.imu, &self.position) else {
+            return;
+        };
+        text.table("process");
+        text.quoted("type", "strapdown");
+        text.quoted("source", "imu");
+        self.noise(text, imu.rest.as_ref());
+        self.start(text, imu);
+        let is_car = self.is_road_vehicle();
+        text.section("aids");
+        self.position_sensors(text, true);
+        if is_car {
+            self.road(text, imu);
+        }
+        self.water(text);
+        text.section("data");
+        text.comment(&format!(
+            "guessed: mean force {} m/s² in sensor axes: {} is up",
+            vector(imu.gravity, 2),
+            crate::inspect::page::axis(imu.up)
+        ));
+        text.comment(&self.ahead());
+        self.source(text, "imu", *k, &[AngularRate, SpecificForce], "");
+        self.position_source(text);
+        let _ = (p, track);
+    }
+
+    /// Why the forward axis is what it is.
+    pub(super) fn ahead(&self) -> String {
+        let found = self.pair.and_then(|p| p.forward).filter(|(_, c)| *c > 0.6);
+        found.map_or_else(
+            || "guessed: the first horizontal axis is ahead; nothing here tells it".to_owned(),
+            |(angle, c)| {
+                let rest = angle.to_degrees() - 90.0 * (angle.to_degrees() / 90.0).round();
+                format!("guessed: ahead by forces and accelerations of the track (correlation {c:.2}), to a quarter turn; {rest:.1} deg are left")
+            },
+        )
+    }
+
+    /// Noise and biases.
+    pub(super) fn noise(&self, text: &mut Text, rest: Option<&Rest>) {
+        let shaken = |of: fn(&Rest) -> f64, floor: f64| rest.map_or(floor, |r| (SHAKEN * of(r)).max(floor));
+        let (force, rate) = (shaken(|r| r.accel_noise, FLOOR.0), shaken(|r| r.gyro_noise, FLOOR.1));
+        let why = |measured: Option<f64>| match measured {
+            Some(m) => format!("guessed: three times the {m:.1e} at rest, or the least that a shaken unit has"),
+            None => "guessed: it never rests; what a shaken unit has".to_owned(),
+        };
+        text.line(
+            &format!("gyro.noise = \"{rate:.1e} rad/s/sqrt(Hz)\""),
+            &why(rest.map(|r| r.gyro_noise)),
+        );
+        text.line(
+            &format!("accelerometer.noise = \"{force:.1e} m/s^2/sqrt(Hz)\""),
+            &why(rest.map(|r| r.accel_noise)),
+        );
+        let sigma = if rest.is_some() { "0.05 deg/s" } else { "0.5 deg/s" };
+        text.line(
+            &format!("gyro.bias = {{ estimate = true, initial = [0, 0, 0], sigma = \"{sigma}\", random_walk = \"1e-5 rad/s/sqrt(s)\" }}"),
+            "guessed: a micro-mechanical unit; see configs/parts/imu for data sheets",
+        );
+        text.line(
+            "accelerometer.bias = { estimate = true, initial = [0, 0, 0], sigma = \"0.1 m/s^2\", random_walk = \"1e-4 m/s^2/sqrt(s)\" }",
+            "guessed: the same",
+        );
+    }
+
+    /// The initialisers.
+    fn start(&self, text: &mut Text, imu: &Imu) {
+        let Some((k, track)) = &self.position else { return };
+        self.levelling(text, imu);
+        text.table("initial.fix");
+        text.quoted("type", "first_fix");
+        text.quoted("source", "gnss");
+        let sigma = self.whole(&self.logs[*k], track);
+        text.line(
+            &format!("position_sigma = \"{:.2} m\"", 1.5 * sigma),
+            "one and a half of the 1σ guessed below",
+        );
+        if self.has_course() {
+            text.line("velocity_sigma = \"1 m/s\"", "guessed: it is late while the vehicle pulls away");
+            text.table("initial.heading");
+            text.quoted("type", "course");
+            text.quoted("source", "gnss");
+            let speed = (0.3 * track.top_speed()).clamp(1.0, 3.0);
+            text.line(
+                &format!("min_speed = \"{speed:.1} m/s\""),
+                "guessed: a third of the usual top speed, 3 m/s at most",
+            );
+            text.line(
+                "sigma = \"10 deg\"",
+                "guessed: noise of the course, and how the unit sits in the vehicle",
+            );
+        } else {
+            text.table("initial.start");
+            text.quoted("type", "explicit");
+            text.line("velocity = [0, 0, 0]", "");
+            text.line("velocity_sigma = \"0.5 m/s\"", "guessed: it starts slowly");
+            text.line("heading = \"0 deg\"", "");
+            text.line("heading_sigma = \"180 deg\"", "nobody tells it");
+        }
+    }
+
+    /// Roll and pitch at rest.
+    pub(super) fn levelling(&self, text: &mut Text, imu: &Imu) {
+        text.table("initial.level");
+        text.quoted("type", "levelling");
+        text.quoted("source", "imu");
+        match &imu.rest {
+            Some(r) => {
+                let duration = (0.5 * r.first.1).clamp(1.0, 10.0);
+                text.line(
+                    &format!("duration = \"{duration:.1} s\""),
+                    &format!(
+                        "guessed: half of the first rest, which is from {:.1} s for {:.1} s",
+                        self.local(r.first.0),
+                        r.first.1
+                    ),
+                );
+                text.line("tilt_sigma = \"1 deg\"", "guessed: 0.1 m/s² of accelerometer bias is 0.6 deg");
+                text.line(
+                    "gyro_bias_sigma = \"0.05 deg/s\"",
+                    "guessed: the mean at rest, less what motion changes",
+                );
+                text.line(
+                    &format!("still = {}", still(r, 2.0, "1 s")),
+                    "guessed: twice what 95 % of the windows at rest stay below",
+                );
+            }
+            None => {
+                text.line("duration = \"1 s\"", "guessed: it never rests");
+                text.line("tilt_sigma = \"5 deg\"", "guessed: the force of motion");
+            }
+        }
+    }
+
+    /// Whether it is a vehicle that does not slip sideways: fast, level, at rest now and then.
+    fn is_road_vehicle(&self) -> bool {
+        let fits = |t: &crate::inspect::Track| t.top_speed() > 5.0 && self.has_course();
+        let rests = self.imu.as_ref().and_then(|(_, i)| i.rest.as_ref()).is_some_and(|r| r.share > 0.01);
+        let forward = self.pair.and_then(|p| p.forward).is_some_and(|(_, c)| c > 0.7);
+        let is_dry = self.with(super::super::Kind::Depth).is_none();
+        rests && forward && is_dry && self.position.as_ref().is_some_and(|(_, t)| fits(t))
+    }
+
+    /// What a road vehicle cannot do, as configs/parts/vehicle/car.toml.
+    fn road(&self, text: &mut Text, imu: &Imu) {
+        let Some(rest) = &imu.rest else { return };
+        text.section(
+            "guessed: a road vehicle, for it is fast, rests, and accelerates along one axis; delete this for a boat or an aircraft",
+        );
+        text.table("stage.wheels");
+        text.line("type = \"periodic\"\nsource = \"imu\"\nmin_speed = \"1 m/s\"", "");
+        text.line("rate = \"2 Hz\"", "guessed: the error is correlated over half a second");
+        text.table("sensor.wheels");
+        text.line("type = \"nonholonomic\"\nsource = \"wheels\"", "");
+        text.line(
+            "mounting = { estimate = true, initial = [0, 0, 0], sigma = [0, \"5 deg\", \"8 deg\"] }",
+            "guessed: mounted by hand",
+        );
+        text.line(
+            "lever_arm = { estimate = true, initial = [0, 0, 0], sigma = \"1 m\" }",
+            "guessed: from the unit to the rear axle",
+        );
+        text.line(
+            "noise = { sigma = [\"0.1 m/s\", \"0.5 m/s\"] }",
+            "guessed: slip, and a body on springs",
+        );
+        text.table("stage.standing");
+        text.line("type = \"stationarity\"\nsource = \"imu\"\nrate = \"1 Hz\"\npersist = 5", "");
+        text.line(
+            &format!("still = {}", still(rest, 1.5, "1 s")),
+            "guessed: half as much again as 95 % of the windows at rest",
+        );
+        text.line("max_mean_acceleration = \"0.2 m/s^2\"", "guessed: braking is no rest");
+        text.line(
+            "gnss = { source = \"gnss\", max_speed = \"0.2 m/s\", max_age = \"1.6 s\" }",
+            "guessed: the noise of the reported speed",
+        );
+        text.line("max_speed = \"2 m/s\"", "guessed: where GNSS is silent");
+        text.table("sensor.standing");
+        text.line("type = \"zero_velocity\"\nsource = \"standing\"", "");
+        text.line(
+            "noise = { sigma = \"0.1 m/s\" }",
+            "guessed: soft, a creeping car passes the test now and then",
+        );
+    }
+}
+
+/// The limits of the test of rest.
+fn still(r: &Rest, times: f64, window: &str) -> String {
+    let list = |v: [f64; 3], unit: &str| {
+        let all = v.map(|x| format!("\"{:.4} {unit}\"", times * x));
+        format!("[{}]", all.join(", "))
+    };
+    format!(
+        "{{ window = \"{window}\", accel_std = {}, gyro_std = {} }}",
+        list(r.accel_std, "m/s^2"),
+        list(r.gyro_std, "rad/s")
+    )
+}

@@ -1,0 +1,215 @@
+//! Logs of which nobody has said anything: what their columns probably are, how regular they are, how an
+//! inertial unit sits in its vehicle, and a first design made of that.
+//!
+//! ```text
+//! files ── source/table ──▶ Log: clock, signals ──▶ Inspection: who is IMU, position, reference ──▶ page
+//!                                                        imu, track, pair                      └─▶ design
+//! ```
+//!
+//! Everything here is a guess, and is shown with its reason. Nothing of it is used by a run: the design that is
+//! written is a text that its owner corrects.
+//!
+//! Memory   all of the files, eight bytes for each cell
+
+mod clock;
+mod design;
+mod imu;
+mod log;
+mod numbers;
+mod page;
+mod pair;
+mod signal;
+mod track;
+mod words;
+mod yaw;
+
+pub use clock::Clock;
+pub use imu::{Imu, Rest};
+pub use log::{Log, Repeats};
+pub use pair::Pair;
+pub use signal::{Kind, Signal};
+pub use track::Track;
+pub use yaw::Yaw;
+
+use crate::config::{Diagnostic, Diagnostics};
+use crate::rows::SourceError;
+use crate::source::table::Table;
+use signal::Kind::{AngularRate, Euler, Geodetic, Local, Quaternion, SpecificForce};
+use std::path::{Path, PathBuf};
+
+/// Names of files that are looked at in a folder end in one of these.
+const ENDINGS: [&str; 4] = [".csv", ".csv.gz", ".txt", ".txt.gz"];
+
+/// Logs, and what they are to a filter.
+#[derive(Clone, Debug)]
+pub struct Inspection {
+    /// The files.
+    pub logs: Vec<Log>,
+    /// The inertial unit: which file, and what it says.
+    pub imu: Option<(usize, Imu)>,
+    /// The positions that a filter would use.
+    pub position: Option<(usize, Track)>,
+    /// The positions that look like a ground truth.
+    pub reference: Option<(usize, Track)>,
+    /// Unit and positions side by side.
+    pub pair: Option<Pair>,
+    /// The recorded heading of the log that an attitude would be read from, against the course.
+    pub yaw: Option<Yaw>,
+}
+
+/// Files, and those of folders whose names end as logs do, in the order of their names.
+///
+/// # Errors
+/// A folder holds none, or cannot be read.
+pub fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Diagnostics> {
+    let mut all = Vec::new();
+    for path in paths {
+        if path.is_dir() {
+            all.extend(inside(path)?);
+        } else {
+            all.push(path.clone());
+        }
+    }
+    Ok(all)
+}
+
+fn inside(folder: &Path) -> Result<Vec<PathBuf>, Diagnostic> {
+    let shown = folder.display();
+    let entries = std::fs::read_dir(folder).map_err(|e| Diagnostic::error(format!("`{shown}` cannot be read: {e}")))?;
+    let paths: Vec<PathBuf> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
+    let is_log = |p: &&PathBuf| p.is_file() && ENDINGS.iter().any(|e| p.to_string_lossy().ends_with(e));
+    let mut logs: Vec<PathBuf> = paths.iter().filter(is_log).cloned().collect();
+    logs.sort_unstable();
+    if !logs.is_empty() {
+        return Ok(logs);
+    }
+    let folders: Vec<String> = paths.iter().filter(|p| p.is_dir()).map(|p| format!("`{}`", p.display())).collect();
+    let error = Diagnostic::error(format!("`{shown}` holds no log: no name ends in {}", ENDINGS.join(", ")));
+    Err(if folders.is_empty() {
+        error.help("name the files themselves")
+    } else {
+        error.help(format!("its folders are {}: name one of them", folders.join(", ")))
+    })
+}
+
+impl Inspection {
+    /// Reads the files and looks at them.
+    ///
+    /// # Errors
+    /// Files that cannot be read, all of them.
+    pub fn of(paths: &[PathBuf]) -> Result<Self, Diagnostics> {
+        let (mut logs, mut d) = (Vec::new(), Diagnostics::new());
+        for path in paths {
+            match Table::read(path) {
+                Ok(table) => logs.push(Log::of(table)),
+                Err(SourceError::Data(error)) => d.push(error.as_ref().into()),
+                Err(other) => d.push(Diagnostic::error(format!("`{}`: {other}", path.display()))),
+            }
+        }
+        d.unless_errors(Self::look(logs))
+    }
+
+    /// Looks at logs.
+    #[must_use]
+    pub fn look(logs: Vec<Log>) -> Self {
+        let (position, reference) = tracks(&logs);
+        let best = position.as_ref().or(reference.as_ref());
+        let speed = |t: f64| best.filter(|(_, track)| track.is_reported).and_then(|(_, track)| track.speed(t));
+        let imu = units(&logs).first().and_then(|k| Some((*k, Imu::of(&logs[*k], &speed)?)));
+        let pair = imu.as_ref().zip(best).and_then(|((k, imu), (_, track))| {
+            let log = &logs[*k];
+            let (force, rate) = (log.values(SpecificForce)?, log.values(AngularRate)?);
+            Pair::of(log.stamps(), &force, &rate, imu.gravity, imu.up, track)
+        });
+        let mut looked = Self {
+            logs,
+            imu,
+            position,
+            reference,
+            pair,
+            yaw: None,
+        };
+        looked.yaw = looked.heading();
+        looked
+    }
+
+    /// The heading of the attitude reference against the course.
+    fn heading(&self) -> Option<Yaw> {
+        let log = &self.logs[self.with(Euler)?];
+        let yaw: Vec<f64> = log.values(Euler)?.iter().map(|v| v[2]).collect();
+        Yaw::of(log.stamps(), &yaw, &self.position.as_ref()?.1)
+    }
+
+    /// The first log with this kind that has time, but for the reference.
+    fn with(&self, kind: Kind) -> Option<usize> {
+        let is_reference = |k: usize| self.reference.as_ref().is_some_and(|(r, _)| *r == k);
+        (0..self.logs.len()).find(|k| !is_reference(*k) && self.logs[*k].clock.is_some() && self.logs[*k].has(kind))
+    }
+
+    /// What keeps a filter from being made of these files, in sentences.
+    #[must_use]
+    pub fn missing(&self) -> Vec<String> {
+        let mut all = Vec::new();
+        for log in self.logs.iter().filter(|l| l.clock.is_none()) {
+            all.push(format!(
+                "`{}` has no column of time: none is called `t`, `time` or `timestamp`, and none rises from row to row",
+                log.name()
+            ));
+        }
+        for log in self.logs.iter() {
+            let resets = log.clock.as_ref().map_or(0, |c| c.resets);
+            if resets > 0 {
+                all.push(format!(
+                    "`{}`: time goes back by more than a second {resets} times: several recordings in one file; declare \
+                     `time.plus` with the column that numbers them",
+                    log.name()
+                ));
+            }
+        }
+        let has = |kind| self.with(kind).is_some();
+        if !(has(SpecificForce) && has(AngularRate)) && !has(Euler) && !has(Kind::Speed) {
+            all.push("what drives a filter: angular rates with specific forces, an attitude, or a speed".to_owned());
+        }
+        if self.position.is_none() {
+            all.push("positions: without them a filter gives the attitude only".to_owned());
+        }
+        all
+    }
+}
+
+/// The logs of inertial units, the one with the smallest rates first: two units on one vehicle turn alike, and
+/// the better one has the smaller biases.
+fn units(logs: &[Log]) -> Vec<usize> {
+    let is_unit = |k: &usize| logs[*k].clock.is_some() && logs[*k].has(SpecificForce) && logs[*k].has(AngularRate);
+    let mut all: Vec<(usize, f64)> = (0..logs.len())
+        .filter(is_unit)
+        .map(|k| {
+            let rates = logs[k].values(AngularRate).unwrap_or_default();
+            (k, numbers::median(rates.into_iter().map(numbers::norm)))
+        })
+        .collect();
+    all.sort_by(|a, b| a.1.total_cmp(&b.1));
+    all.into_iter().map(|(k, _)| k).collect()
+}
+
+type Found = Option<(usize, Track)>;
+
+/// The positions to use, and those that look like a ground truth: of several, the ones that come with an
+/// attitude in a quaternion, or else the ones with the smallest 1σ of their own.
+fn tracks(logs: &[Log]) -> (Found, Found) {
+    let has = |k: &usize| logs[*k].has(Geodetic) || logs[*k].has(Local);
+    let mut all: Vec<(usize, Track)> = (0..logs.len())
+        .filter(has)
+        .filter_map(|k| Some((k, Track::of(&logs[k])?)))
+        .collect();
+    let quality = |(k, track): &(usize, Track)| {
+        let has_attitude = logs[*k].has(Quaternion) || logs[*k].has(Euler);
+        (!has_attitude, track.claimed.unwrap_or(f64::INFINITY))
+    };
+    all.sort_by(|a, b| quality(a).partial_cmp(&quality(b)).unwrap_or(core::cmp::Ordering::Equal));
+    let mut all = all.into_iter();
+    match (all.next(), all.next()) {
+        (Some(best), Some(other)) if quality(&best) < quality(&other) => (Some(other), Some(best)),
+        (first, _) => (first, None),
+    }
+}

@@ -1,0 +1,242 @@
+//! What was found, as tables.
+
+use super::imu::Rest;
+use super::log::Log;
+use super::numbers::{Vec3, norm};
+use super::{Inspection, Pair, Track};
+use crate::present::{Cell, Column, Page, Section, Table, Unit};
+
+impl Inspection {
+    /// What was found, as tables.
+    #[must_use]
+    pub fn page(&self) -> Page {
+        let all = |add: fn(&mut Table, &Log), mut t: Table| {
+            self.logs.iter().for_each(|log| add(&mut t, log));
+            t
+        };
+        let mut sections = vec![
+            Section::new("Files", [all(file, files())]),
+            Section::new("Quantities", [all(quantities, columns())]),
+            Section::new("Inertial unit", [self.unit()]),
+            Section::new("At rest", [self.rest()]),
+            Section::new("Positions", [self.positions()]),
+            Section::new("Attitude and positions", [self.headings()]),
+            Section::new(
+                "Unit and positions",
+                [self.pair.as_ref().map_or_else(Table::list, |p| self.together(p))],
+            ),
+        ];
+        let missing = self.missing();
+        if !missing.is_empty() {
+            let section = Section::new("Missing", []);
+            sections.push(missing.into_iter().fold(section, Section::note));
+        }
+        sections.retain(|s| !s.is_empty());
+        Page {
+            sections,
+            ..Page::default()
+        }
+    }
+
+    fn unit(&self) -> Table {
+        let mut t = Table::list();
+        let Some((k, imu)) = &self.imu else { return t };
+        t.row(["file", &self.logs[*k].name()]);
+        t.row(["up", &format!("{}: mean force {} m/s²", axis(imu.up), vector(imu.gravity, 2))]);
+        t.row_in(Unit::of_si("rad"), [Cell::text("tilt of that axis"), Cell::Real(imu.tilt)]);
+        t.row_in(Unit::of_si("m/s^2"), [Cell::text("|force|"), Cell::Fixed(norm(imu.gravity), 3)]);
+        t
+    }
+
+    fn rest(&self) -> Table {
+        let mut t = Table::list();
+        let Some((_, imu)) = &self.imu else { return t };
+        let Some(r) = &imu.rest else {
+            t.row(["rest", "none found: no two seconds in a row"]);
+            return t;
+        };
+        t.row([Cell::text("share of the log"), Cell::Share(r.share)]);
+        t.row(["first", &format!("from {:.1} s for {:.1} s", self.local(r.first.0), r.first.1)]);
+        t.row(["accelerometer std", &format!("{} m/s²", vector(r.accel_std, 3))]);
+        t.row(["gyro std", &format!("{} deg/s", vector(degrees(r.gyro_std), 3))]);
+        t.row(["gyro bias", &format!("{} deg/s", vector(degrees(r.bias), 3))]);
+        t.row(["noise", &format!("{:.2e} m/s²/√Hz, {:.2e} rad/s/√Hz", r.accel_noise, r.gyro_noise)]);
+        t.row(["in motion", &separation(r)]);
+        t
+    }
+
+    /// A stamp as time since the first one of all files.
+    pub(super) fn local(&self, stamp: f64) -> f64 {
+        stamp - self.begin()
+    }
+
+    /// The first stamp of all files \[s\].
+    pub(super) fn begin(&self) -> f64 {
+        let first = |log: &Log| Some(log.clock.as_ref()?.span().0);
+        self.logs.iter().filter_map(first).fold(f64::INFINITY, f64::min)
+    }
+
+    fn positions(&self) -> Table {
+        let mut t = Table::new([
+            Column::text("file"),
+            Column::text("taken as"),
+            Column::with_unit("rate", Unit::shown("Hz")),
+            Column::with_unit("way", Unit::of_si("m")),
+            Column::with_unit("95 % of speeds", Unit::of_si("m/s")),
+            Column::with_unit("scatter", Unit::of_si("m")),
+            Column::with_unit("1σ reported", Unit::of_si("m")),
+            Column::text("velocity / change of position"),
+        ]);
+        let mut row = |(k, track): &(usize, Track), role: &str| {
+            let agreement = track.agreement.map_or_else(String::new, |a| vector(a, 2));
+            t.row([
+                Cell::text(self.logs[*k].name()),
+                Cell::text(role),
+                Cell::Real(track.rate()),
+                Cell::Real(track.way),
+                Cell::Real(track.top_speed()),
+                Cell::Real(track.scatter),
+                Cell::real(track.claimed),
+                Cell::text(agreement),
+            ]);
+        };
+        self.position.iter().for_each(|p| row(p, "measurements"));
+        self.reference
+            .iter()
+            .for_each(|p| row(p, "reference: it looks like a ground truth"));
+        t
+    }
+
+    fn headings(&self) -> Table {
+        let mut t = Table::list();
+        let Some(yaw) = self.yaw else { return t };
+        let sense = if yaw.is_clockwise { "clockwise" } else { "anti-clockwise" };
+        t.row(["heading counts", sense]);
+        t.row_in(Unit::of_si("rad"), [Cell::text("course minus heading"), Cell::Real(yaw.offset)]);
+        t.row([Cell::text("agreement with the course"), Cell::Fixed(yaw.agreement, 3)]);
+        t
+    }
+
+    fn together(&self, pair: &Pair) -> Table {
+        let mut t = Table::list();
+        let turn = if pair.correlation.abs() < 0.8 {
+            "no agreement: is the unit on this vehicle?"
+        } else if pair.slope < 0.0 {
+            "the rate counts against the course: a sign is wrong, or a left-handed sensor"
+        } else {
+            "the rate counts as the course does, clockwise about down"
+        };
+        t.row([
+            "turns",
+            &format!("{turn} (slope {:.3}, correlation {:.3})", pair.slope, pair.correlation),
+        ]);
+        t.row(["positions are late by", &format!("{:.2} s, by their velocity or course", pair.lag)]);
+        if let Some((first, last)) = pair.lags {
+            t.row(["in the first and the last third", &format!("{first:.2} s, {last:.2} s")]);
+        }
+        if let (Some((angle, correlation)), Some((_, imu))) = (pair.forward, &self.imu) {
+            let (a, b) = super::pair::horizontal(imu.up);
+            let (c, s) = (angle.cos(), angle.sin());
+            let ahead = vector([0, 1, 2].map(|i| a[i] * c + b[i] * s), 3);
+            t.row(["ahead", &format!("{ahead} in sensor axes (correlation {correlation:.2})")]);
+        }
+        t
+    }
+}
+
+/// What the test of rest can go by.
+fn separation(r: &Rest) -> String {
+    let (force, rate) = r.motion;
+    if !force.is_finite() {
+        return "it never moves".to_owned();
+    }
+    let is_apart = |moving: f64, resting: Vec3| moving > norm(resting);
+    let word = match (is_apart(force, r.accel_std), is_apart(rate, r.gyro_std)) {
+        (true, true) => "forces and rates tell rest from motion",
+        (true, false) => "forces tell rest from motion, rates do not",
+        (false, true) => "rates tell rest from motion, forces do not",
+        (false, false) => "neither tells rest from motion alone",
+    };
+    format!("95 % above {force:.3} m/s², {:.3} deg/s: {word}", rate.to_degrees())
+}
+
+pub(super) fn axis((k, is_negative): (usize, bool)) -> String {
+    let sign = if is_negative { "-" } else { "" };
+    format!("{sign}{}", ["x", "y", "z"][k])
+}
+
+pub(super) fn vector(v: Vec3, decimals: usize) -> String {
+    v.map(|x| format!("{x:.decimals$}")).join(", ")
+}
+
+pub(super) fn degrees(v: Vec3) -> Vec3 {
+    v.map(f64::to_degrees)
+}
+
+fn files() -> Table {
+    Table::new([
+        Column::text("file"),
+        Column::number("rows"),
+        Column::text("time"),
+        Column::with_unit("rate", Unit::shown("Hz")),
+        Column::number("jitter"),
+        Column::with_unit("length", Unit::of_si("s")),
+        Column::number("gaps"),
+        Column::with_unit("longest", Unit::of_si("s")),
+        Column::number("equal"),
+        Column::number("back"),
+        Column::number("resets"),
+        Column::number("not sound"),
+    ])
+}
+
+fn file(t: &mut Table, log: &Log) {
+    let name = Cell::text(log.name());
+    let rows = Cell::from(log.table.rows());
+    let Some(c) = &log.clock else {
+        return t.row([name, rows, Cell::text("none found")]);
+    };
+    t.row([
+        name,
+        rows,
+        Cell::text(format!("`{}` {}", log.table.columns[c.column].name, c.unit)),
+        Cell::Real(c.rate),
+        Cell::Share(c.jitter),
+        Cell::Seconds(log.duration()),
+        Cell::from(c.gaps),
+        Cell::Real(c.longest.0),
+        Cell::from(c.ties),
+        Cell::from(c.backwards),
+        Cell::from(c.resets),
+        Cell::from(log.table.malformed),
+    ]);
+}
+
+fn columns() -> Table {
+    Table::new([
+        Column::text("file"),
+        Column::text("quantity"),
+        Column::text("columns"),
+        Column::text("unit"),
+        Column::number("repeated"),
+        Column::with_unit("longest", Unit::of_si("s")),
+        Column::number("empty"),
+        Column::text("why"),
+    ])
+}
+
+fn quantities(t: &mut Table, log: &Log) {
+    for s in &log.signals {
+        let repeats = log.repeats(s);
+        t.row([
+            Cell::text(log.name()),
+            Cell::text(s.kind.name()),
+            Cell::text(s.names(&log.table).join(" ")),
+            Cell::text(&s.unit),
+            Cell::Share(repeats.share),
+            Cell::Real(repeats.longest),
+            Cell::Share(log.missing(s)),
+            Cell::text(&s.why),
+        ]);
+    }
+}

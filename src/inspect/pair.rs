@@ -1,0 +1,218 @@
+//! An inertial unit and a track of positions side by side: do they turn alike, which axis is ahead, how
+//! far are their clocks apart.
+
+use super::numbers::{Integral, Vec3, line, norm};
+use super::track::Track;
+
+/// The largest offset that is tried \[s\], and the step.
+const REACH: f64 = 1.5;
+const STEP: f64 = 0.02;
+/// Courses count above this speed \[m/s\], or above half of the usual top speed where that is less.
+const MOVING: f64 = 2.0;
+/// With fewer intervals of motion nothing is said.
+const ENOUGH: usize = 20;
+
+/// How unit and track agree.
+#[derive(Clone, Copy, Debug)]
+pub struct Pair {
+    /// The rate about down over the rate of the course, at the best offset.
+    pub slope: f64,
+    /// Their correlation there.
+    pub correlation: f64,
+    /// How late the stamps of the velocity are against those of the unit \[s\].
+    pub lag: f64,
+    /// The same of the first and of the last third of the log.
+    pub lags: Option<(f64, f64)>,
+    /// The direction of motion in the sensor's horizontal plane, from the first horizontal axis to the
+    /// second \[rad\], and the correlation it is found with.
+    pub forward: Option<(f64, f64)>,
+}
+
+/// The horizontal axes of a sensor whose axis `up` points up or, `is_down`, down: two unit vectors that with
+/// down make a right-handed system.
+pub(super) fn horizontal((up, is_down): (usize, bool)) -> (Vec3, Vec3) {
+    let mut first = [0.0; 3];
+    first[if up == 0 { 1 } else { 0 }] = 1.0;
+    let mut down = [0.0; 3];
+    down[up] = if is_down { 1.0 } else { -1.0 };
+    (first, cross(down, first))
+}
+
+pub(super) fn cross(a: Vec3, b: Vec3) -> Vec3 {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn dot(a: Vec3, b: Vec3) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// An interval between two fixes, in motion.
+struct Interval {
+    from: f64,
+    to: f64,
+    /// Rate of the course, clockwise \[rad/s\].
+    turn: f64,
+    /// Change of the speed \[m/s²\].
+    along: f64,
+    /// Speed times rate of the course \[m/s²\].
+    across: f64,
+}
+
+impl Pair {
+    /// Of samples and a track; `None` where the vehicle moves too little or too slowly.
+    pub(super) fn of(t: &[f64], force: &[Vec3], rate: &[Vec3], gravity: Vec3, up: (usize, bool), track: &Track) -> Option<Self> {
+        let intervals = intervals(track);
+        if intervals.len() < ENOUGH {
+            return None;
+        }
+        let (rates, forces) = (Integral::of(t, rate), Integral::of(t, force));
+        let down = gravity.map(|g| -g / norm(gravity));
+        let (lag, slope, correlation) = best(&intervals, &rates, down)?;
+        let third = intervals.len() / 3;
+        let lags = (third >= 3 * ENOUGH).then(|| {
+            let first = best(&intervals[..third], &rates, down)?;
+            let last = best(&intervals[intervals.len() - third..], &rates, down)?;
+            (first.2.abs() > 0.8 && last.2.abs() > 0.8).then_some((first.0, last.0))
+        });
+        Some(Self {
+            slope,
+            correlation,
+            lag,
+            lags: lags.flatten(),
+            forward: forward(&intervals, &forces, gravity, up, lag),
+        })
+    }
+}
+
+fn intervals(track: &Track) -> Vec<Interval> {
+    let slowest = MOVING.min(0.5 * track.top_speed());
+    // A second at least: shorter ones differ by the noise of the velocity.
+    let stride = (track.rate().round() as usize).max(1);
+    let mut all = Vec::new();
+    for k in stride..track.t.len() {
+        let (a, b) = (track.velocity[k - stride], track.velocity[k]);
+        let dt = track.t[k] - track.t[k - stride];
+        let (before, after) = (a[0].hypot(a[1]), b[0].hypot(b[1]));
+        if !(before.min(after) > slowest && dt < 3.0) {
+            continue;
+        }
+        let turn = (a[0] * b[1] - a[1] * b[0]).atan2(a[0] * b[0] + a[1] * b[1]) / dt;
+        all.push(Interval {
+            from: track.t[k - stride],
+            to: track.t[k],
+            turn,
+            along: (after - before) / dt,
+            across: 0.5 * (before + after) * turn,
+        });
+    }
+    all
+}
+
+/// The offset at which the turns agree best: lag, slope, correlation.
+fn best(intervals: &[Interval], rates: &Integral, down: Vec3) -> Option<(f64, f64, f64)> {
+    let at = |lag: f64| {
+        let pairs: Vec<(f64, f64)> = intervals
+            .iter()
+            .filter_map(|i| Some((i.turn, dot(down, rates.mean(i.from - lag, i.to - lag)?))))
+            .collect();
+        (pairs.len() >= ENOUGH).then(|| line(&pairs))
+    };
+    let steps = (REACH / STEP).round() as i32;
+    let tried = (-steps..=steps).filter_map(|k| {
+        let lag = STEP * f64::from(k);
+        let (slope, correlation) = at(lag)?;
+        Some((lag, slope, correlation))
+    });
+    tried.filter(|t| t.2.is_finite()).max_by(|a, b| a.2.abs().total_cmp(&b.2.abs()))
+}
+
+/// The angle at which the horizontal force is the acceleration of the track.
+fn forward(intervals: &[Interval], forces: &Integral, gravity: Vec3, up: (usize, bool), lag: f64) -> Option<(f64, f64)> {
+    let (first, second) = horizontal(up);
+    let pairs: Vec<_> = intervals
+        .iter()
+        .filter_map(|i| {
+            let f = forces.mean(i.from - lag, i.to - lag)?;
+            let f = [0, 1, 2].map(|k| f[k] - gravity[k]);
+            Some(((i.along, i.across), (dot(f, first), dot(f, second))))
+        })
+        .collect();
+    let n = pairs.len() as f64;
+    let mean = pairs.iter().fold((0.0, 0.0), |m, p| (m.0 + p.1.0 / n, m.1 + p.1.1 / n));
+    let (mut re, mut im, mut mm, mut ff) = (0.0, 0.0, 0.0, 0.0);
+    for ((along, across), (x, y)) in pairs {
+        let (x, y) = (x - mean.0, y - mean.1);
+        re += along * x + across * y;
+        im += along * y - across * x;
+        mm += along * along + across * across;
+        ff += x * x + y * y;
+    }
+    let correlation = re.hypot(im) / (mm * ff).sqrt();
+    correlation.is_finite().then(|| (im.atan2(re), correlation))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A vehicle on a winding way, and what a unit on it measures whose clock is `lag` ahead of the track's,
+    /// its x axis `ahead` of the first horizontal axis for z up, its rates by `sign`.
+    fn winding(lag: f64, ahead: f64, sign: f64) -> (Vec<f64>, Vec<Vec3>, Vec<Vec3>, Track) {
+        let turn = |t: f64| 0.3 * (0.2 * t).sin() + 0.1 * (0.53 * t).sin();
+        let course = |t: f64| 1.5 * (1.0 - (0.2 * t).cos()) + 0.1 / 0.53 * (1.0 - (0.53 * t).cos());
+        let speed = |t: f64| 8.0 + 3.0 * (0.11 * t).sin();
+        let t: Vec<f64> = (0..30_000).map(|k| 0.01 * f64::from(k)).collect();
+        let force = t.iter().map(|&t| {
+            let (along, across) = (0.33 * (0.11 * t).cos(), speed(t) * turn(t));
+            // With z up, x first and y second towards the right of it is minus the sensor's y.
+            let (x, right) = (
+                along * ahead.cos() - across * ahead.sin(),
+                along * ahead.sin() + across * ahead.cos(),
+            );
+            [x, -right, 9.8]
+        });
+        let rate = t.iter().map(|&t| [0.0, 0.0, -sign * turn(t)]);
+        let stamps: Vec<f64> = (2..295).map(f64::from).collect();
+        let velocity = stamps.iter().map(|&s| {
+            let t = s - lag;
+            [speed(t) * course(t).cos(), speed(t) * course(t).sin(), 0.0]
+        });
+        let track = Track {
+            velocity: velocity.collect(),
+            position: vec![[0.0; 3]; stamps.len()],
+            t: stamps,
+            ..Track::default()
+        };
+        (t.clone(), force.collect(), rate.collect(), track)
+    }
+
+    fn pair(lag: f64, ahead: f64, sign: f64) -> Pair {
+        let (t, force, rate, track) = winding(lag, ahead, sign);
+        Pair::of(&t, &force, &rate, [0.0, 0.0, 9.8], (2, false), &track).unwrap()
+    }
+
+    #[test]
+    fn turns_agree_and_the_lag_is_found() {
+        let p = pair(0.3, 0.0, 1.0);
+        // Steps of 20 ms; the samples hold for 10 ms.
+        assert!((p.lag - 0.3).abs() < 0.021, "{p:?}");
+        assert!((p.slope - 1.0).abs() < 0.01 && p.correlation > 0.999, "{p:?}");
+        let (first, last) = p.lags.unwrap();
+        assert!((first - last).abs() < 0.041, "one clock: {p:?}");
+    }
+
+    #[test]
+    fn gyros_that_count_the_other_way_are_seen() {
+        let p = pair(0.0, 0.0, -1.0);
+        assert!((p.slope + 1.0).abs() < 0.01 && p.correlation < -0.999, "{p:?}");
+    }
+
+    #[test]
+    fn the_axis_ahead_is_found() {
+        for ahead in [0.0, 1.5, 3.0, -1.6] {
+            let (angle, correlation) = pair(0.1, ahead, 1.0).forward.unwrap();
+            // Means over a second of a winding way: within a degree.
+            assert!((angle - ahead).abs() < 0.02 && correlation > 0.99, "{ahead} {angle} {correlation}");
+        }
+    }
+}

@@ -1,0 +1,148 @@
+//! Where a log says the vehicle is: metres north and east, velocity, scatter.
+
+use super::log::Log;
+use super::numbers::{Vec3, median, quantile};
+use super::signal::Kind;
+
+/// Mean radius of the Earth \[m\]: good enough to look at a track.
+const RADIUS: f64 = 6.371e6;
+
+/// Positions over time.
+#[derive(Clone, Debug, Default)]
+pub struct Track {
+    /// Stamps \[s\], increasing.
+    pub t: Vec<f64>,
+    /// Metres north, east, down of the first one.
+    pub position: Vec<Vec3>,
+    /// Velocity north, east, down, as reported or by differences \[m/s\].
+    pub velocity: Vec<Vec3>,
+    /// Whether the velocity is reported.
+    pub is_reported: bool,
+    /// Latitude, longitude \[rad\], height \[m\] of the first one, where it is geodetic.
+    pub origin: Option<Vec3>,
+    /// The length of the way \[m\], by steps of a second.
+    pub way: f64,
+    /// By how much a fix is off the line between its neighbours, 1σ of one fix, horizontal \[m\].
+    pub scatter: f64,
+    /// Median of the 1σ that is reported, horizontal \[m\].
+    pub claimed: Option<f64>,
+    /// Slope of the reported velocity over the differences of position, north, east, down.
+    pub agreement: Option<Vec3>,
+}
+
+impl Track {
+    /// Of a log with positions; rows that repeat the one before, go back in time or hold no numbers are
+    /// left out.
+    pub(super) fn of(log: &Log) -> Option<Self> {
+        let kind = [Kind::Geodetic, Kind::Local].into_iter().find(|k| log.has(*k))?;
+        let (values, reported) = (log.values(kind)?, log.values(Kind::Velocity));
+        let is_geodetic = kind == Kind::Geodetic;
+        let has_height = log.signal(kind)?.columns.len() > 2;
+        // The height is written in metres, whatever the unit of the angles.
+        let height = |row: usize| {
+            if has_height {
+                log.signal(kind).map_or(0.0, |s| s.raw(&log.table, row)[2])
+            } else {
+                0.0
+            }
+        };
+        let mut track = Self::default();
+        let (mut origin, mut last) = (None::<Vec3>, None::<Vec3>);
+        for (row, (t, v)) in log.stamps().iter().zip(&values).enumerate() {
+            let is_new = track.t.last().is_none_or(|l| t > l) && last.is_none_or(|l| l[..2] != v[..2] || reported.is_some());
+            let is_fix = v.iter().all(|x| x.is_finite()) && v[..2] != [0.0, 0.0];
+            if !(is_new && is_fix) {
+                continue;
+            }
+            last = Some(*v);
+            let at = if is_geodetic { [v[0], v[1], height(row)] } else { *v };
+            let o = *origin.get_or_insert(at);
+            track.t.push(*t);
+            track.position.push(if is_geodetic {
+                [(at[0] - o[0]) * RADIUS, (at[1] - o[1]) * RADIUS * o[0].cos(), o[2] - at[2]]
+            } else {
+                at
+            });
+            if let Some(velocity) = &reported {
+                track.velocity.push(velocity[row]);
+            }
+        }
+        track.origin = origin.filter(|_| is_geodetic);
+        track.is_reported = reported.is_some();
+        let differences = track.differences();
+        if track.is_reported {
+            track.agreement = Some(agreement(&differences, &track.velocity));
+        } else {
+            track.velocity = differences;
+        }
+        track.measure();
+        track.claimed = log
+            .values(Kind::PositionSigma)
+            .map(|s| median(s.iter().map(|s| 0.5 * (s[0] + s[1]))));
+        (track.t.len() > 2).then_some(track)
+    }
+
+    /// Velocity by positions at least a second apart.
+    fn differences(&self) -> Vec<Vec3> {
+        let (mut from, mut all) = (0, Vec::with_capacity(self.t.len()));
+        for k in 0..self.t.len() {
+            while from + 1 < k && self.t[k] - self.t[from + 1] >= 1.0 {
+                from += 1;
+            }
+            let dt = self.t[k] - self.t[from];
+            let v = [0, 1, 2].map(|i| (self.position[k][i] - self.position[from][i]) / dt);
+            all.push(if dt > 0.5 && dt < 10.0 { v } else { [f64::NAN; 3] });
+        }
+        all
+    }
+
+    fn measure(&mut self) {
+        let mut from = 0;
+        for k in 1..self.t.len() {
+            if self.t[k] - self.t[from] >= 1.0 {
+                let step = |i: usize| self.position[k][i] - self.position[from][i];
+                self.way += step(0).hypot(step(1));
+                from = k;
+            }
+        }
+        // Of a, b, c with equal intervals, b - (a + c)/2 has the variance 1.5 σ² of white errors.
+        let middle = self.position.windows(3).zip(self.t.windows(3)).filter_map(|(p, t)| {
+            let even = (t[2] - t[1]) / (t[1] - t[0]);
+            let off = |i: usize| p[1][i] - 0.5 * (p[0][i] + p[2][i]);
+            (0.8..1.25).contains(&even).then(|| off(0).hypot(off(1)))
+        });
+        // The median length of two equal normal components is 1.177 σ.
+        self.scatter = median(middle) / 1.177 / 1.5_f64.sqrt();
+    }
+
+    /// The horizontal speed at a time: of the row before it, if it is recent \[m/s\].
+    pub(super) fn speed(&self, t: f64) -> Option<f64> {
+        let k = self.t.partition_point(|s| *s <= t).checked_sub(1)?;
+        let v = self.velocity[k];
+        (t - self.t[k] < 2.0).then(|| v[0].hypot(v[1])).filter(|s| s.is_finite())
+    }
+
+    /// The horizontal speed that 95 % of the rows stay below \[m/s\].
+    #[must_use]
+    pub fn top_speed(&self) -> f64 {
+        quantile(self.velocity.iter().map(|v| v[0].hypot(v[1])), 0.95)
+    }
+
+    /// Fixes a second.
+    #[must_use]
+    pub fn rate(&self) -> f64 {
+        1.0 / median(self.t.windows(2).map(|w| w[1] - w[0]))
+    }
+}
+
+/// Slopes of one velocity over the other, axis by axis, at speed.
+fn agreement(by_position: &[Vec3], reported: &[Vec3]) -> Vec3 {
+    [0, 1, 2].map(|i| {
+        let pairs = by_position
+            .iter()
+            .zip(reported)
+            .filter(|(a, b)| a[i].is_finite() && b[i].is_finite());
+        let (ab, aa) = pairs.fold((0.0, 0.0), |(ab, aa), (a, b)| (ab + a[i] * b[i], aa + a[i] * a[i]));
+        ab / aa
+    })
+}

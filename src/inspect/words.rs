@@ -1,0 +1,124 @@
+//! What the name of a column says: a quantity, an axis, a unit.
+
+/// The name of a column, taken apart.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Words {
+    /// The name without its unit, in lower case, words joined by `_`.
+    pub(super) stem: String,
+    /// Its unit as designs write it, where the name says one.
+    pub(super) unit: Option<&'static str>,
+}
+
+/// Units as headers write them, without blanks and brackets, and as designs do.
+const UNITS: [(&str, &str); 38] = [
+    ("mps2", "m/s^2"),
+    ("ms2", "m/s^2"),
+    ("m/s2", "m/s^2"),
+    ("m/s^2", "m/s^2"),
+    ("m/s²", "m/s^2"),
+    ("ms^-2", "m/s^2"),
+    ("g", "g"),
+    ("mg", "mg"),
+    ("radps", "rad/s"),
+    ("rad/s", "rad/s"),
+    ("rads^-1", "rad/s"),
+    ("degps", "deg/s"),
+    ("deg/s", "deg/s"),
+    ("dps", "deg/s"),
+    ("mps", "m/s"),
+    ("m/s", "m/s"),
+    ("ms^-1", "m/s"),
+    ("km/h", "km/h"),
+    ("kmh", "km/h"),
+    ("rad", "rad"),
+    ("deg", "deg"),
+    ("degree", "deg"),
+    ("degrees", "deg"),
+    ("m", "m"),
+    ("meter", "m"),
+    ("meters", "m"),
+    ("s", "s"),
+    ("sec", "s"),
+    ("ms", "ms"),
+    ("us", "us"),
+    ("ns", "ns"),
+    ("ut", "uT"),
+    ("pa", "Pa"),
+    ("hpa", "hPa"),
+    ("m2", "m^2"),
+    ("m^2", "m^2"),
+    ("pa2", "Pa^2"),
+    ("lsb", "counts"),
+];
+
+fn unit(written: &str) -> Option<&'static str> {
+    let plain: String = written.to_lowercase().chars().filter(|c| !c.is_whitespace()).collect();
+    UNITS.iter().find(|(name, _)| *name == plain).map(|(_, unit)| *unit)
+}
+
+impl Words {
+    /// Takes a name apart.
+    pub(super) fn of(name: &str) -> Self {
+        let bracket = name
+            .find(['[', '('])
+            .map(|at| (&name[..at], name[at + 1..].trim_end_matches([']', ')'])));
+        let (plain, mut found) = match bracket {
+            Some((plain, inside)) => (plain, unit(inside)),
+            None => (name, None),
+        };
+        let words = plain.split(|c: char| !c.is_alphanumeric() && !matches!(c, '/' | '^'));
+        let mut words: Vec<String> = words.filter(|w| !w.is_empty()).map(str::to_lowercase).collect();
+        if let (None, [_, .., last]) = (found, words.as_slice()) {
+            found = unit(last);
+            if found.is_some() {
+                words.pop();
+            }
+        }
+        Self {
+            stem: words.join("_"),
+            unit: found,
+        }
+    }
+
+    /// The words before an axis that the stem ends with: `acc` of `acc_x`, `a` of `ax`.
+    pub(super) fn before(&self, axis: char) -> Option<&str> {
+        Some(self.stem.strip_suffix(axis)?.trim_end_matches('_'))
+    }
+
+    /// Whether its last word is one of these.
+    pub(super) fn ends_with(&self, words: &[&str]) -> bool {
+        let last = self.stem.rsplit('_').next().unwrap_or_default();
+        words.iter().any(|w| *w == last || *w == self.stem)
+    }
+}
+
+/// Whether a stem begins with one of these words.
+pub(super) fn begins(stem: &str, words: &[&str]) -> bool {
+    words.contains(&stem.split('_').next().unwrap_or_default()) || words.contains(&stem)
+}
+
+/// Whether one of its words is one of these.
+pub(super) fn contains(stem: &str, words: &[&str]) -> bool {
+    stem.split('_').any(|w| words.contains(&w))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_taken_apart_as_loggers_write_them() {
+        let of = |name| {
+            let w = Words::of(name);
+            (w.stem, w.unit)
+        };
+        assert_eq!(of("wx_radps"), ("wx".to_owned(), Some("rad/s")));
+        assert_eq!(of("a_RS_S_x [m s^-2]"), ("a_rs_s_x".to_owned(), Some("m/s^2")));
+        assert_eq!(of("latitude(deg)"), ("latitude".to_owned(), Some("deg")));
+        assert_eq!(of("#timestamp [ns]"), ("timestamp".to_owned(), Some("ns")));
+        // A letter alone is a name, not a unit.
+        assert_eq!(of("g"), ("g".to_owned(), None));
+        assert_eq!(Words::of("Acc_X").before('x'), Some("acc"));
+        assert_eq!(Words::of("vn_mps").before('n'), Some("v"));
+    }
+}

@@ -1,0 +1,74 @@
+//! How a recorded heading counts: clockwise or not, and from where, by the course over ground.
+
+use super::track::Track;
+
+/// A heading against the course.
+#[derive(Clone, Copy, Debug)]
+pub struct Yaw {
+    /// It counts clockwise, as courses do.
+    pub is_clockwise: bool,
+    /// Course minus heading, counted clockwise \[rad\].
+    pub offset: f64,
+    /// How well all differences agree: 1 is perfectly, 0 not at all.
+    pub agreement: f64,
+}
+
+impl Yaw {
+    /// Of headings \[rad\] at stamps; `None` where the vehicle hardly moves.
+    pub(super) fn of(t: &[f64], yaw: &[f64], track: &Track) -> Option<Self> {
+        let slowest = 0.5 * track.top_speed();
+        let mut pairs = Vec::new();
+        for (k, v) in track.t.iter().zip(&track.velocity) {
+            let row = t.partition_point(|s| s < k);
+            if v[0].hypot(v[1]) > slowest && t.get(row).is_some_and(|s| s - k < 1.0) && yaw[row].is_finite() {
+                pairs.push((v[1].atan2(v[0]), yaw[row]));
+            }
+        }
+        if pairs.len() < 10 {
+            return None;
+        }
+        let mean = |sign: f64| {
+            let sum = pairs
+                .iter()
+                .map(|(c, y)| (c - sign * y).sin_cos())
+                .fold((0.0, 0.0), |m, p| (m.0 + p.0, m.1 + p.1));
+            (sum.0.atan2(sum.1), sum.0.hypot(sum.1) / pairs.len() as f64)
+        };
+        let (with, against) = (mean(1.0), mean(-1.0));
+        let is_clockwise = with.1 >= against.1;
+        let (offset, agreement) = if is_clockwise { with } else { against };
+        Some(Self {
+            is_clockwise,
+            offset,
+            agreement,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_sense_and_the_origin_of_a_heading_are_found() {
+        let t: Vec<f64> = (0..200).map(f64::from).collect();
+        let course = |t: &f64| 0.05 * t + (0.1 * t).sin();
+        let track = Track {
+            t: t.clone(),
+            velocity: t.iter().map(|t| [course(t).cos(), course(t).sin(), 0.0]).collect(),
+            ..Track::default()
+        };
+        let of = |yaw: &dyn Fn(&f64) -> f64| Yaw::of(&t, &t.iter().map(yaw).collect::<Vec<_>>(), &track).unwrap();
+        let nautical = of(&course);
+        assert!(
+            nautical.is_clockwise && nautical.offset.abs() < 1e-9 && nautical.agreement > 0.999,
+            "{nautical:?}"
+        );
+        // From east, anti-clockwise: course = 90° - yaw.
+        let east = of(&|t| core::f64::consts::FRAC_PI_2 - course(t));
+        assert!(
+            !east.is_clockwise && (east.offset - core::f64::consts::FRAC_PI_2).abs() < 1e-9,
+            "{east:?}"
+        );
+    }
+}
