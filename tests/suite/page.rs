@@ -58,3 +58,55 @@ fn clicks_keys_and_the_wheel_do_what_the_page_says() {
         "{root}"
     );
 }
+
+#[test]
+fn a_campaign_has_a_page_that_leads_to_its_worst_runs() {
+    let w = Workspace::new("page-campaign");
+    w.fusion(&[
+        "montecarlo",
+        "-n",
+        "5",
+        "--set",
+        "sensor.gps_position.noise.sigma=2 m",
+        "--out",
+        "out",
+    ])
+    .success();
+    let page = w.read("out/montecarlo.html");
+    let runs = w.read("out/runs.csv");
+    let mut reader = csv::Reader::from_reader(runs.as_bytes());
+    let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
+    // Three runs have a report, which tells their seed; the others the command that makes it.
+    for file in ["worst-1.html", "worst-2.html", "worst-3.html"] {
+        assert!(page.contains(&format!("<a href=\"{file}\">")), "{file}");
+        let report = w.read(&format!("out/{file}"));
+        assert_eq!(
+            rows.iter().filter(|row| report.contains(&format!("seed {}<", &row[1]))).count(),
+            1,
+            "{file}"
+        );
+    }
+    let command = |row: &csv::StringRecord| {
+        format!(
+            "fusion run --set 'sensor.gps_position.noise.sigma=2 m' --seed {} --out run-{}",
+            &row[1], &row[0]
+        )
+    };
+    let told: Vec<_> = rows
+        .iter()
+        .filter(|row| page.contains(&format!("<code>{}</code>", command(row))))
+        .collect();
+    assert_eq!(told.len(), 2, "{rows:?}");
+    let Some(browser) = chromium() else {
+        println!("skipped: plots of montecarlo.html: no chromium on the PATH");
+        return;
+    };
+    // Errors and NEES of position, velocity, attitude; the worst run is never better than the median.
+    let script = "drawNow(plots); root.dataset.plots = plots.map(p => p.spec.title.split(' ')[0]).join(); \
+                  root.dataset.ordered = String(data.fans.every(f => { const { t, c } = table(f.table); \
+                  return t.length > 100 && t.every((_, i) => c[5][i] >= c[2][i] && c[2][i] >= c[0][i]); }));";
+    let root = after(&browser, &w, &page, script, 5_000);
+    let found = ["error", "plots", "ordered"].map(|name| attribute(&root, name));
+    let six = "Position,Velocity,Attitude,Position,Velocity,Attitude";
+    assert_eq!(found, [None, Some(six), Some("true")], "{root}");
+}
