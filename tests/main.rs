@@ -52,6 +52,9 @@ mod health;
 /// Designs put together from parts, and how they read when flat.
 #[path = "suite/includes.rs"]
 mod includes;
+/// First designs that are guessed from logs, beside those made by hand.
+#[path = "suite/inspect.rs"]
+mod inspect;
 /// Time offsets that are estimated: recorded logs, and a simulated drive with noisy accelerometers.
 #[path = "suite/latency.rs"]
 mod latency;

@@ -97,7 +97,7 @@ fn rising(table: &Table) -> Option<(usize, Words)> {
     let rises = |k: &usize| {
         let values = &table.columns[*k].values;
         let up = values.windows(2).filter(|w| w[1] > w[0]).count();
-        values.len() > 10 && up * 100 >= values.len() * 99
+        values.len() > 10 && up * 100 >= (values.len() - 1) * 99
     };
     (0..table.columns.len()).find(rises).map(|k| (k, Words::default()))
 }

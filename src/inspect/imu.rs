@@ -6,6 +6,8 @@ use super::signal::Kind;
 
 /// How long a window of the rest test is \[s\].
 const WINDOW: f64 = 1.0;
+/// Gyros whose mean rate is larger turn: 5 deg/s is the turn-on bias of consumer units \[rad/s\].
+const TURNING: f64 = 0.1;
 /// What separates rest from motion where nobody tells the speed: this many times the quietest windows.
 const QUIET: f64 = 3.0;
 
@@ -20,6 +22,8 @@ pub struct Imu {
     pub tilt: f64,
     /// What it reads at rest; `None` if it never rests.
     pub rest: Option<Rest>,
+    /// Strength \[T\] and dip \[rad\] of the magnetic field during the first rest.
+    pub field: Option<(f64, f64)>,
 }
 
 /// Samples at rest.
@@ -74,7 +78,9 @@ impl Imu {
         let up = [0, 1, 2]
             .into_iter()
             .max_by(|a, b| gravity[*a].abs().total_cmp(&gravity[*b].abs()))?;
+        let field = rest.as_ref().and_then(|r| field(log, r.first, gravity));
         Some(Self {
+            field,
             gravity,
             up: (up, gravity[up] < 0.0),
             tilt: (gravity[up].abs() / norm(gravity)).min(1.0).acos(),
@@ -116,8 +122,8 @@ fn resting(windows: &[Window]) -> Vec<bool> {
     let quiet = |of: fn(&Window) -> f64| quantile(windows.iter().map(of), 0.05);
     let (force, rate) = (quiet(|w| w.shaking().0), quiet(|w| w.shaking().1));
     let bias = [0, 1, 2].map(|i| median(windows.iter().filter(|w| w.shaking().1 <= QUIET * rate).map(|w| w.rate[i].0)));
-    // As small as biases are: 0.02 rad/s, 1 deg/s.
-    let is_steady = |w: &Window| norm([0, 1, 2].map(|i| w.rate[i].0 - bias[i])) < 0.02;
+    // A mean of a second at rest moves by less than 0.02 rad/s, 1 deg/s.
+    let is_steady = |w: &Window| norm([0, 1, 2].map(|i| w.rate[i].0 - bias[i])) < 0.02 && norm(bias) < TURNING;
     let is_quiet = |w: &Window| w.shaking().0 <= QUIET * force && w.shaking().1 <= QUIET * rate.min(0.05) && is_steady(w);
     windows.iter().map(is_quiet).collect()
 }
@@ -155,4 +161,14 @@ fn longest_first(windows: &[Window], resting: &[bool]) -> Option<(f64, f64)> {
     let begin = (1..resting.len()).find(|k| resting[*k] && resting[k - 1])? - 1;
     let end = (begin..resting.len()).find(|k| !resting[*k]).unwrap_or(resting.len());
     Some((windows[begin].from, windows[end - 1].from + WINDOW - windows[begin].from))
+}
+
+/// Strength and dip of the field from `begin` on.
+fn field(log: &Log, (begin, duration): (f64, f64), gravity: Vec3) -> Option<(f64, f64)> {
+    let values = log.values(Kind::MagneticField)?;
+    let during = log.stamps().iter().map(|t| (begin..begin + duration).contains(t));
+    let chosen: Vec<&Vec3> = values.iter().zip(during).filter(|(_, is)| *is).map(|(v, _)| v).collect();
+    let mean = [0, 1, 2].map(|i| median(chosen.iter().map(|v| v[i])));
+    let down: f64 = (0..3).map(|i| -mean[i] * gravity[i]).sum::<f64>() / norm(gravity);
+    Some((norm(mean), (down / norm(mean)).asin())).filter(|(s, _)| s.is_finite() && *s > 0.0)
 }

@@ -156,7 +156,7 @@ impl Inspection {
                 log.name()
             ));
         }
-        for log in self.logs.iter() {
+        for log in &self.logs {
             let resets = log.clock.as_ref().map_or(0, |c| c.resets);
             if resets > 0 {
                 all.push(format!(
@@ -166,7 +166,7 @@ impl Inspection {
                 ));
             }
         }
-        let has = |kind| self.with(kind).is_some();
+        let has = |kind| self.logs.iter().any(|log| log.has(kind));
         if !(has(SpecificForce) && has(AngularRate)) && !has(Euler) && !has(Kind::Speed) {
             all.push("what drives a filter: angular rates with specific forces, an attitude, or a speed".to_owned());
         }

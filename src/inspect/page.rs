@@ -44,6 +44,12 @@ impl Inspection {
         t.row(["file", &self.logs[*k].name()]);
         t.row(["up", &format!("{}: mean force {} m/s²", axis(imu.up), vector(imu.gravity, 2))]);
         t.row_in(Unit::of_si("rad"), [Cell::text("tilt of that axis"), Cell::Real(imu.tilt)]);
+        if let Some((strength, dip)) = imu.field {
+            t.row([
+                "magnetic field",
+                &format!("{:.1} uT, dips by {:.1} deg", 1e6 * strength, dip.to_degrees()),
+            ]);
+        }
         t.row_in(Unit::of_si("m/s^2"), [Cell::text("|force|"), Cell::Fixed(norm(imu.gravity), 3)]);
         t
     }

@@ -181,11 +181,10 @@ impl Finder<'_> {
         if self.found.iter().any(|s| s.kind == kind) {
             return;
         }
-        let names: Vec<&str> = columns.iter().map(|(k, _)| self.table.columns[*k].name.as_str()).collect();
         let unit = columns.first().and_then(|(k, _)| self.words[*k].unit);
         self.found.push(Signal {
             kind,
-            why: format!("by the names {}", names.join(", ")),
+            why: "by name".to_owned(),
             unit: unit.unwrap_or_default().to_owned(),
             factor: 1.0,
             increment: false,
@@ -340,7 +339,7 @@ impl Finder<'_> {
         if let Some(g) = gyro {
             self.add(Kind::AngularRate, (g..g + 3).map(|k| (k, false)).collect());
         }
-        self.found.iter_mut().for_each(|s| s.why = "by their values".to_owned());
+        self.found.iter_mut().for_each(|s| s.why = "by its values".to_owned());
     }
 }
 
@@ -381,6 +380,11 @@ fn unit_by_values(s: &Signal, table: &Table, rate: f64) -> Option<(&'static str,
         Kind::AngularRate => match length(s, table, 0.99) {
             p if p > 10.0 => ("deg/s", format!("99 % are within {p:.1}: more than 10 rad/s is rare")),
             p => ("rad/s", format!("99 % are within {p:.2}")),
+        },
+        // The field of the Earth is 22 to 67 uT; iron adds to it.
+        Kind::MagneticField => match length(s, table, 0.5) {
+            m if (15.0..120.0).contains(&m) => ("uT", format!("median length {m:.1}")),
+            _ => return None,
         },
         Kind::Geodetic if reach(1) > core::f64::consts::PI => ("deg", format!("longitudes reach {:.3}", reach(1))),
         Kind::Geodetic => ("rad", format!("longitudes reach {:.4}", reach(1))),

@@ -37,6 +37,7 @@ chapters! {
     about_the_book: "README.md",
     a_first_filter: "first-filter.md",
     logs: "logs.md",
+    inspecting: "inspecting.md",
     backends: "backends.md",
     latency_and_lever_arms: "latency-lever-arms.md",
     consistency: "consistency.md",

@@ -1,13 +1,13 @@
 //! An inertial unit alone: attitude by gyros and gravity.
 
 use super::toml::Text;
-use crate::inspect::Inspection;
 use crate::inspect::signal::Kind::{AngularRate, MagneticField, Quaternion, SpecificForce};
+use crate::inspect::{Imu, Inspection, Rest};
 
 impl Inspection {
     pub(super) fn attitude(&self, text: &mut Text) {
         let Some((k, imu)) = &self.imu else { return };
-        let has_field = self.logs[*k].has(MagneticField);
+        let has_field = imu.field.is_some() && self.logs[*k].signal(MagneticField).is_some_and(|s| s.unit == "uT");
         text.table("process");
         text.line("type = \"attitude_only\"\nsource = \"imu\"", "");
         text.line(
@@ -39,6 +39,9 @@ impl Inspection {
             "noise = { sigma = \"0.5 m/s^2\" }",
             "guessed: rows within the time constant share their error",
         );
+        if let Some(rest) = &imu.rest {
+            self.resting(text, rest);
+        }
         if has_field {
             text.table("stage.compass");
             text.line("type = \"compass\"\nsource = \"imu\"\nlevel_source = \"imu\"\nrate = \"30 Hz\"", "");
@@ -46,13 +49,58 @@ impl Inspection {
                 "gate = { magnitude = \"12 %\", dip = \"6 deg\", smooth_over = \"0.2 s\", hold_off = \"1 s\" }",
                 "guessed: fields in a room",
             );
-            text.table("sensor.field");
-            text.line("type = \"attitude\"\npart = \"heading\"\nsource = \"compass\"", "");
-            text.line("noise = { sigma = \"20 deg\" }", "guessed: 30 rows a second share their error");
+            text.line(
+                "noise = { sigma = \"0.8 uT\", difference = 10 }",
+                "guessed: a field that differs is believed less",
+            );
+            self.field(text, imu);
         }
         text.section("data");
         text.comment(&format!("guessed: {} is up", crate::inspect::page::axis(imu.up)));
-        self.source(text, "imu", *k, &[AngularRate, SpecificForce, MagneticField], "");
+        let field = has_field.then_some(MagneticField);
+        let kinds: Vec<_> = [Some(AngularRate), Some(SpecificForce), field].into_iter().flatten().collect();
+        self.source(text, "imu", *k, &kinds, "");
+    }
+
+    /// The magnetic field, as it was at the start.
+    fn field(&self, text: &mut Text, imu: &Imu) {
+        let (strength, dip) = imu.field.unwrap_or((50e-6, 1.1));
+        text.table("sensor.field");
+        text.line(
+            "type = \"magnetometer\"\nsource = \"compass\"\ndeclination = 0",
+            "north is that of the field",
+        );
+        text.line(
+            &format!(
+                "strength = {{ estimate = true, initial = \"{:.1} uT\", sigma = \"5 uT\", random_walk = \"0.2 uT/sqrt(s)\" }}",
+                1e6 * strength
+            ),
+            "guessed: as during the first rest",
+        );
+        text.line(
+            &format!(
+                "inclination = {{ estimate = true, initial = \"{:.1} deg\", sigma = \"3 deg\", random_walk = \"0.3 deg/sqrt(s)\" }}",
+                dip.to_degrees()
+            ),
+            "guessed: the same",
+        );
+        text.line("noise = { from_source = true }", "");
+    }
+
+    /// While it rests, gyros show their bias.
+    fn resting(&self, text: &mut Text, rest: &Rest) {
+        text.table("stage.still");
+        text.line("type = \"stationarity\"\nsource = \"imu\"\nrate = \"1 Hz\"", "");
+        text.line(
+            &format!("still = {}", super::strapdown::still(rest, 2.0, "1 s")),
+            "guessed: twice what 95 % of the windows at rest stay below",
+        );
+        text.table("sensor.still");
+        text.line("type = \"zero_angular_rate\"\nsource = \"still\"", "");
+        text.line(
+            "noise = { sigma = \"0.01 deg/s\" }",
+            "guessed: means of a second at rest differ by about that",
+        );
     }
 
     /// The attitude that some other system recorded.

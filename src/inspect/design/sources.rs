@@ -12,7 +12,7 @@ const REPEATED: f64 = 0.1;
 /// A position of zero in more rows than this share stands for none.
 const ZEROS: f64 = 0.01;
 /// Clocks that move apart by more over the log than can be seen are brought together \[s\].
-const DRIFT: f64 = 0.1;
+const DRIFT: f64 = 0.05;
 
 impl Inspection {
     /// `[source.NAME]` with the channels of these kinds, and a line more.
@@ -89,8 +89,8 @@ impl Inspection {
         if log.table.malformed > 0 || signals.iter().any(|s| log.missing(s) > 0.0) {
             text.line("bad_rows = \"skip\"", "some rows are cut off or lack numbers");
         }
-        let repeated = signals.iter().map(|s| log.repeats(s).share).fold(1.0, f64::min);
-        if repeated > REPEATED {
+        let repeated = signals.iter().map(|s| log.repeats(s).share).reduce(f64::min);
+        if let Some(repeated) = repeated.filter(|share| *share > REPEATED) {
             let why = format!("{:.0} % of the rows repeat the one before", 100.0 * repeated);
             text.line("repeats = \"drop\"", &why);
         }
@@ -111,23 +111,26 @@ impl Inspection {
                     (Kind::SpecificForce, "counts") => {
                         format!("columns = {}, unit = \"m/s^2\", scale = {:.9}", array(&names), signal.factor)
                     }
-                    (Kind::MagneticField, "") => format!("columns = {}, unit = \"uT\"", array(&names)),
                     _ => columns,
                 };
                 body += &self.axes();
-                body += if signal.increment { ", increment = true" } else { "" };
+                body += if signal.increment {
+                    ", increment = true"
+                } else {
+                    ", average = true"
+                };
                 body
             }
             Kind::Velocity | Kind::BodyVelocity | Kind::PositionSigma | Kind::VelocitySigma => columns,
             Kind::Speed | Kind::YawRate | Kind::Depth => format!("column = {}{}", quoted(&names[0]), unit(&signal.unit)),
             Kind::Geodetic => {
-                // Nobody uses the height where there is none: any column stands for it.
-                let height = names.get(2).unwrap_or(&names[0]);
+                // No sensor uses the height where there is none: the column that is nearest to zero stands for it.
+                let height = names.get(2).cloned().unwrap_or_else(|| smallest(log));
                 format!(
                     "latitude = {}, longitude = {}, height = {}, unit = \"{}\"",
                     quoted(&names[0]),
                     quoted(&names[1]),
-                    quoted(height),
+                    quoted(&height),
                     signal.unit
                 )
             }
@@ -227,6 +230,14 @@ const fn channel_name(kind: Kind) -> &'static str {
         Kind::Wheels => "wheels",
         Kind::Pressure => "pressure",
     }
+}
+
+/// The column whose largest number is the smallest.
+fn smallest(log: &Log) -> String {
+    let reach = |values: &[f64]| values.iter().map(|v| v.abs()).fold(0.0, f64::max);
+    let columns = log.table.columns.iter().filter(|c| c.values.iter().all(|v| v.is_finite()));
+    let least = columns.min_by(|a, b| reach(&a.values).total_cmp(&reach(&b.values)));
+    least.map_or_else(String::new, |c| c.name.clone())
 }
 
 /// A whole second as stamps of this unit count it.

@@ -12,9 +12,7 @@ const FLOOR: (f64, f64) = (8e-3, 2e-4);
 
 impl Inspection {
     pub(super) fn strapdown(&self, text: &mut Text) {
-        let (Some((k, imu)), Some((p, track))) = (&self.imu, &self.position) else {
-            return;
-        };
+        let Some((k, imu)) = &self.imu else { return };
         text.table("process");
         text.quoted("type", "strapdown");
         text.quoted("source", "imu");
@@ -36,7 +34,6 @@ impl Inspection {
         text.comment(&self.ahead());
         self.source(text, "imu", *k, &[AngularRate, SpecificForce], "");
         self.position_source(text);
-        let _ = (p, track);
     }
 
     /// Why the forward axis is what it is.
@@ -201,9 +198,9 @@ impl Inspection {
 }
 
 /// The limits of the test of rest.
-fn still(r: &Rest, times: f64, window: &str) -> String {
+pub(super) fn still(r: &Rest, times: f64, window: &str) -> String {
     let list = |v: [f64; 3], unit: &str| {
-        let all = v.map(|x| format!("\"{:.4} {unit}\"", times * x));
+        let all = v.map(|x| format!("\"{:.5} {unit}\"", times * x));
         format!("[{}]", all.join(", "))
     };
     format!(

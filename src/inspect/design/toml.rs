@@ -32,7 +32,8 @@ impl Text {
         let _ = match why {
             "" => writeln!(self.0, "{line}"),
             _ if line.len().max(MARGIN) + why.chars().count() + 3 > WIDTH => writeln!(self.0, "# {why}:\n{line}"),
-            _ => writeln!(self.0, "{line:MARGIN$}# {why}"),
+            _ if line.len() < MARGIN => writeln!(self.0, "{line:MARGIN$}# {why}"),
+            _ => writeln!(self.0, "{line}  # {why}"),
         };
     }
 
