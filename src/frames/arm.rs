@@ -97,8 +97,13 @@ fn compare(sensor: &Named<SensorDesign>, arm: &[f64; 3], estimate: &[f64], sigma
         axes.join(" and ")
     );
     let place = sensor.node.place_of(ARM);
+    let key = if sensor.node.at(&format!("{ARM}.initial")).is_some() {
+        "initial"
+    } else {
+        ARM
+    };
     let help = format!(
-        "it points from the body origin to the sensor, forward, right, down: try `{ARM} = {}`",
+        "it points from the body origin to the sensor, forward, right, down: try `{key} = {}`",
         written(&other)
     );
     found.mistakes.push(Diagnostic::warning(message).at(place).help(help));

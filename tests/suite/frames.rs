@@ -196,7 +196,7 @@ fn a_lever_arm_with_the_wrong_sign_is_named_on_the_car() {
         vec![
             "source.gnss.path=\"pntos_cobra_car/derived/ref_20hz.csv.gz\"".to_owned(),
             "source.gnss.keep={ every = 20 }".to_owned(),
-            format!("sensor.gnss_position.lever_arm={arm}"),
+            format!("sensor.gnss_position.lever_arm={{ estimate = true, initial = {arm}, sigma = \"0.1 m\" }}"),
             "run.stop=\"1300 s\"".to_owned(),
         ]
     };
@@ -211,9 +211,13 @@ fn a_lever_arm_with_the_wrong_sign_is_named_on_the_car() {
         warnings.contains("the lever arm of `gnss_position` has the wrong sign along x"),
         "{warnings}"
     );
-    assert!(warnings.contains("try `lever_arm = [\"1.2 m\", \"0 m\", \"0 m\"]`"), "{warnings}");
+    assert!(warnings.contains("try `initial = [\"1.2 m\", \"0 m\", \"0 m\"]`"), "{warnings}");
     // The antenna's own arm was found by fusing the log: 0, 0.3, −0.35 m.
-    let (design, options) = car(true, &["sensor.gnss_position.lever_arm=[0, \"-0.3 m\", 0]".to_owned()]).unwrap();
+    let (design, options) = car(
+        true,
+        &["sensor.gnss_position.lever_arm={ estimate = true, initial = [0, \"-0.3 m\", 0], sigma = \"0.1 m\" }".to_owned()],
+    )
+    .unwrap();
     let (warnings, _) = told(&design, &options);
     assert!(
         warnings.contains("the lever arm of `gnss_position` has the wrong sign along y"),
