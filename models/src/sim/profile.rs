@@ -58,6 +58,13 @@ pub(super) fn step7(u: f64) -> Jet {
     }
 }
 
+/// The third derivative of [`step7`].
+pub(super) fn step7_third(u: f64) -> f64 {
+    let u = u.clamp(0.0, 1.0);
+    let (uv, slope) = (u * (1.0 - u), 1.0 - 2.0 * u);
+    840.0 * uv * (slope * slope - uv)
+}
+
 /// sin 2πu sin²πu over its maximum, and its integral, on \[0, 1\].
 pub(super) fn pulse(u: f64) -> (f64, Jet) {
     use core::f64::consts::{PI, TAU};

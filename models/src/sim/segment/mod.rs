@@ -8,8 +8,10 @@
 
 mod circle;
 mod climb;
+mod fly;
 mod run;
 mod turn;
+mod walk;
 
 use crate::block::BuildError;
 use core::fmt::Debug;
@@ -122,4 +124,30 @@ pub trait SegmentSpec: Debug + Send + Sync {
     /// # Errors
     /// [`BuildError`] naming the field.
     fn build(&self, from: &Junction) -> Result<Box<dyn Segment>, BuildError>;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// That velocity, acceleration and the rates of the angles are the derivatives of what they belong to.
+    pub(super) fn assert_derivatives(segment: &dyn Segment) {
+        const H: f64 = 1e-5;
+        let n = 997; // no instant at a seam
+        for k in 1..n {
+            let t = segment.duration() * f64::from(k) / f64::from(n);
+            let (before, here, after) = (segment.at(t - H), segment.at(t), segment.at(t + H));
+            let compare = |a: Vector3<f64>, b: Vector3<f64>, exact: Vector3<f64>| {
+                let difference = (b - a) / (2.0 * H);
+                // 1e-6 of the size: truncation H²/6 times some thousand, rounding ε/H.
+                assert!(
+                    (difference - exact).norm() < 1e-6 * (1.0 + exact.norm()),
+                    "{t}: {difference} {exact}"
+                );
+            };
+            compare(before.position, after.position, here.velocity);
+            compare(before.velocity, after.velocity, here.acceleration);
+            compare(before.rpy, after.rpy, here.rpy_rate);
+        }
+    }
 }
