@@ -70,6 +70,9 @@ mod montecarlo;
 /// The navigators of a tracked vehicle side by side, and the gains of the published one.
 #[path = "suite/navigators.rs"]
 mod navigators;
+/// Designs to begin with: what `fusion new` writes runs at once.
+#[path = "suite/new.rs"]
+mod new;
 /// Closed forms of inertial navigation: drift, coning, clean data, the seam of the heading.
 #[path = "suite/oracles.rs"]
 mod oracles;

@@ -16,7 +16,8 @@ macro_rules! parts {
 /// Every part under configs/parts/, by its path from configs/.
 pub(super) const PARTS: Files = Files::Embedded(FILES);
 
-const FILES: &[(&str, &str)] = parts! {
+/// The same, as data.
+pub(super) const FILES: &[(&str, &str)] = parts! {
     "parts/barometer/bmp280.toml"
     "parts/compass/tcm.toml"
     "parts/depth/bar30.toml"

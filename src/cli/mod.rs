@@ -11,6 +11,7 @@ mod check;
 mod compare;
 mod inspect;
 mod montecarlo;
+mod new;
 mod progress;
 mod run;
 #[cfg(unix)]
@@ -99,6 +100,16 @@ Examples:
   fusion blocks                  every block by role, a line each
   fusion blocks gnss_position    its fields, their units and defaults, and an example")]
     Blocks(blocks::BlocksArgs),
+    /// Write a design to begin with: commented, on the parts of the library, ready to run in simulation.
+    ///
+    /// Writes NAME.toml, and the parts that it includes in the folder `parts` beside it. Nothing that is
+    /// there is overwritten.
+    #[command(after_long_help = "\
+Examples:
+  fusion new --list                 the vehicles that there are
+  fusion new mycar --from car       writes mycar.toml
+  fusion run mycar.toml             runs it, simulated")]
+    New(new::NewArgs),
     /// Run variants of a design, or several designs, on the same data, side by side.
     #[command(after_long_help = "\
 Examples:
@@ -399,6 +410,7 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run::run(&args),
         Command::Check(args) => check::check(&args),
         Command::Blocks(args) => blocks::blocks(&args),
+        Command::New(args) => new::new(&args),
         Command::Compare(args) => compare::compare(&args),
         Command::Inspect(args) => inspect::inspect(&args),
         Command::Montecarlo(args) => montecarlo::montecarlo(&args),

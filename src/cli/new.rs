@@ -1,0 +1,165 @@
+//! `fusion new`: a design to begin with, and the parts that it includes, as files.
+
+use super::{Failure, builtin, print};
+use clap::{Args, ValueEnum};
+use fusion::config::{Diagnostic, Diagnostics, Document, Value};
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// What a design is made for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Vehicle {
+    /// Inertial unit, GNSS, odometer, motion constraints.
+    Car,
+    /// Inertial unit, GNSS, barometer, magnetometer; take-off, hover, landing.
+    Drone,
+    /// A boat in current: inertial unit, GNSS, magnetometer, water log.
+    Boat,
+    /// Skid steering: inertial unit, RTK, track speeds; steered by its estimate.
+    Rover,
+    /// Under water: inertial unit, Doppler log, depth, USBL.
+    Auv,
+    /// Inertial unit on a foot, zero-velocity updates.
+    Person,
+}
+
+impl Vehicle {
+    /// Its template: the text of `configs/templates/NAME.toml`.
+    const fn template(self) -> &'static str {
+        match self {
+            Self::Car => include_str!("../../configs/templates/car.toml"),
+            Self::Drone => include_str!("../../configs/templates/drone.toml"),
+            Self::Boat => include_str!("../../configs/templates/boat.toml"),
+            Self::Rover => include_str!("../../configs/templates/rover.toml"),
+            Self::Auv => include_str!("../../configs/templates/auv.toml"),
+            Self::Person => include_str!("../../configs/templates/person.toml"),
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+pub(super) struct NewArgs {
+    /// The design to write: NAME.toml, and what it includes in the folder `parts` beside it.
+    #[arg(required_unless_present = "list")]
+    name: Option<PathBuf>,
+    /// What to begin with.
+    #[arg(
+        long,
+        value_enum,
+        value_name = "VEHICLE",
+        required_unless_present = "list",
+        hide_possible_values = true
+    )]
+    from: Option<Vehicle>,
+    /// Lists the vehicles.
+    #[arg(long, conflicts_with_all = ["name", "from"])]
+    list: bool,
+}
+
+/// Writes a design that runs in simulation at once.
+pub(super) fn new(args: &NewArgs) -> Result<(), Failure> {
+    let (Some(name), Some(vehicle)) = (&args.name, args.from) else {
+        return print(&list());
+    };
+    let mut path = name.clone();
+    if path.extension().is_none_or(|e| e != "toml") {
+        path.as_mut_os_string().push(".toml");
+    }
+    let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+    let shown = path.display().to_string();
+    let design = design(vehicle, &shown);
+    if path.exists() {
+        let help = "give another name; a design is never overwritten";
+        return Err(Failure::Mistakes(Diagnostic::error(format!("`{shown}` exists")).help(help).into()));
+    }
+    let mut parts = BTreeMap::new();
+    collect(Path::new(""), &design, &mut parts);
+    let absent = absent(&folder, &parts)?;
+    for part in &absent {
+        write(&folder.join(part), parts[part])?;
+    }
+    write(&path, &design)?;
+    print(&next_steps(&shown, &folder, absent.len()))
+}
+
+/// Every vehicle with what it is made of.
+fn list() -> String {
+    let line = |vehicle: &Vehicle| {
+        let value = vehicle.to_possible_value()?;
+        let help = value.get_help().map(ToString::to_string).unwrap_or_default();
+        Some(format!("  {:<7}{help}\n", value.get_name()))
+    };
+    let lines: String = Vehicle::value_variants().iter().filter_map(line).collect();
+    format!("{lines}\nfusion new NAME --from VEHICLE writes NAME.toml\n")
+}
+
+/// The template as it reads at the place where it is written.
+fn design(vehicle: Vehicle, name: &str) -> String {
+    vehicle.template().replace("\"../parts/", "\"parts/").replace("NAME.toml", name)
+}
+
+/// The parts that a text at `folder` includes, and those that these include: their paths from configs/ with their texts.
+fn collect(folder: &Path, text: &str, parts: &mut BTreeMap<PathBuf, &'static str>) {
+    let document = Document::parse("", text).0;
+    let Some(Value::Array(paths)) = document.root().get("include").map(|list| list.value()) else {
+        return;
+    };
+    for included in paths.iter().filter_map(|path| path.as_str()) {
+        let path = folder.join(included);
+        let Some((_, text)) = builtin::FILES.iter().find(|(name, _)| Path::new(name) == path) else {
+            continue;
+        };
+        if parts.insert(path.clone(), text).is_none() {
+            collect(path.parent().unwrap_or(Path::new("")), text, parts);
+        }
+    }
+}
+
+/// The parts that are not there yet; one that is there has to be the same.
+fn absent(folder: &Path, parts: &BTreeMap<PathBuf, &'static str>) -> Result<Vec<PathBuf>, Diagnostics> {
+    let (mut absent, mut d) = (Vec::new(), Diagnostics::new());
+    for (part, text) in parts {
+        let path = folder.join(part);
+        match std::fs::read(&path) {
+            Ok(there) if there == text.as_bytes() => {}
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => absent.push(part.clone()),
+            Ok(_) => d.extend([Diagnostic::error(format!("`{}` exists and is another one", path.display()))
+                .help("begin in another folder; a part is never overwritten")]),
+            Err(e) => d.extend([Diagnostic::error(format!("`{}` cannot be read: {e}", path.display()))]),
+        }
+    }
+    d.unless_errors(absent)
+}
+
+/// Writes a file that is not there yet, and the folders that it lies in.
+fn write(path: &Path, text: &str) -> Result<(), Diagnostics> {
+    let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
+    folder
+        .map_or(Ok(()), std::fs::create_dir_all)
+        .and_then(|()| std::fs::File::create_new(path))
+        .and_then(|mut file| file.write_all(text.as_bytes()))
+        .map_err(|e| {
+            let message = format!("`{}` cannot be written: {e}", path.display());
+            Diagnostic::error(message).help("name a folder that you may write to").into()
+        })
+}
+
+fn next_steps(design: &str, folder: &Path, parts: usize) -> String {
+    let quoted = if design.contains(char::is_whitespace) {
+        format!("'{design}'")
+    } else {
+        design.to_owned()
+    };
+    let parts = match parts {
+        0 => String::new(),
+        n => format!(", and {n} parts in {}", folder.join("parts").display()),
+    };
+    format!(
+        "Wrote {design}{parts}.\n\nNext\n  \
+         fusion run {quoted} --out results     simulated; open results/report.html\n  \
+         fusion montecarlo {quoted} -n 20      is the 1σ of the filter true, over many seeds\n  \
+         fusion check {quoted} --resolved      every value with its file and line\n\
+         The comments in {design} say what to change for your own vehicle and log.\n"
+    )
+}
