@@ -1,7 +1,7 @@
 //! Sensors: a measurement model with its port, its noise, its gate and its loss.
 
 use super::assemble::Assembler;
-use crate::config::{Diagnostic, Node};
+use crate::config::{Diagnostic, Node, Place};
 use crate::design::{Named, NoiseSpec, SensorDesign};
 use fusion_core::gate::{Gate, OnlyWith, Open};
 use fusion_core::loss::{Loss, Quadratic};
@@ -274,20 +274,26 @@ fn sigma(design: &Named<SensorDesign>, rows: &[Dimension]) -> Result<Vec<f64>, D
     let sigma = match sigma {
         Some(sigma) => sigma
             .si::<range::NonNegative>(rows)
-            .map_err(|why| Diagnostic::error(why.to_string()).at(node.place_of("noise.sigma")))?,
+            .map_err(|why| Diagnostic::error(why.to_string()).at(sigma_place(node)))?,
         None if *from_source => vec![0.0; rows.len()],
         None => {
             let message = format!("`{}` has no noise", design.name);
-            let help = "add `noise = { sigma = … }`, or `noise = { from_source = true }` to take the 1σ the source reports";
+            let help = "add `sigma = …` to it, or write the 1σ alone, as in `noise = \"5 cm\"`; or `noise = { from_source = true }` to take the 1σ the source reports";
             return Err(Diagnostic::error(message).at(node.name_place()).help(help));
         }
     };
     if !from_source && sigma.contains(&0.0) {
         let singular = Diagnostic::error("the noise of a measurement must be greater than zero: without noise the filter is singular");
         let help = "write a small sigma instead of zero";
-        return Err(singular.at(node.place_of("noise.sigma")).help(help));
+        return Err(singular.at(sigma_place(node)).help(help));
     }
     Ok(sigma)
+}
+
+/// Where the 1σ is written: in the table of the noise, or as the noise itself.
+fn sigma_place(node: &Node) -> &Place {
+    let noise = node.at("noise").unwrap_or(node);
+    noise.at("sigma").unwrap_or(noise).place()
 }
 
 fn noise(spec: &NoiseSpec, sigma: &[f64], reported: Vec<usize>) -> Noise {

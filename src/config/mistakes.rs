@@ -163,7 +163,7 @@ fn a_quantity_of_the_wrong_dimension_names_both() {
 
 #[test]
 fn an_unknown_unit_suggests_a_known_one() {
-    let expected = r#"error: unknown unit `meters` in "5 meters"; did you mean `m`?
+    let expected = r#"error: unknown unit `meters` in "5 meters"; a length [m] is expected here, e.g. "0.5 m"; did you mean `m`?
  --> filter.toml:5:8
   |
 5 | mast = '5 meters'
@@ -292,7 +292,7 @@ latncy = 0
 gate = { type = 'nis', prob = 2, recover_after = -1 }
 loss = 'hubber'
 ";
-    let expected = r#"error: unknown unit `x` in "2 x"
+    let expected = r#"error: unknown unit `x` in "2 x"; a length [m] is expected here, e.g. "0.5 m"
  --> filter.toml:3:13
   |
 3 | sigma = [1, '2 x', '3 s']

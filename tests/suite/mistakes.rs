@@ -165,6 +165,13 @@ fn values() {
     wrong("noise_of_wrong_dimension", "sigma = \"2 m\"", "sigma = \"2 m/s\"");
     wrong("noise_of_wrong_count", "sigma = \"2 m\"", "sigma = [\"2 m\", \"3 m\"]");
     wrong("negative_noise", "sigma = \"2 m\"", "sigma = \"-2 m\"");
+    let bare = |name: &str, to: &str| wrong(name, "{ sigma = \"2 m\" }", to);
+    bare("bare_noise_of_wrong_dimension", "\"2 m/s\"");
+    bare("bare_noise_of_wrong_count", "[\"2 m\", \"3 m\"]");
+    bare("bare_noise_without_a_known_unit", "\"2 metres\"");
+    bare("bare_zero_noise", "0");
+    bare("noise_of_a_wrong_type", "true");
+    bare("noise_with_an_unknown_key", "{ sigm = \"2 m\" }");
     wrong("zero_noise", "sigma = \"2 m\"", "sigma = 0");
     wrong("out_of_range", "\"0.5 m/s^2/sqrt(Hz)\"", "\"-0.5 m/s^2/sqrt(Hz)\"");
     wrong(
@@ -406,7 +413,11 @@ fn tables_are_no_arrays() {
         "origin = { latitude = \"47 deg\", longitude = \"8 deg\" }",
         "origin = [0, 0, 0]",
     );
-    wrong("array_for_a_block", "noise = { sigma = \"2 m\" }", "noise = [\"2 m\"]");
+    wrong(
+        "array_for_a_block",
+        "gate = { type = \"nis\", probability = 0.999 }",
+        "gate = [0.999]",
+    );
 }
 
 #[test]

@@ -49,6 +49,13 @@ pub enum UnitError {
         /// The text that was probably meant.
         meant: Option<String>,
     },
+    /// Another error of reading, where the dimension that is wanted is known.
+    Expected {
+        /// What is wrong.
+        why: Box<UnitError>,
+        /// What it should have been.
+        wanted: Kind,
+    },
     /// There are more or fewer quantities than axes.
     Count {
         /// How many are written.
@@ -66,12 +73,21 @@ impl fmt::Display for UnitError {
             Self::Number { text } => {
                 write!(f, "{text:?} is not a finite number followed by a unit")
             }
-            Self::UnknownUnit { text, unit, suggestion } => {
+            Self::UnknownUnit { text, unit, .. } => {
                 write!(f, "unknown unit `{unit}`")?;
                 if text != unit {
                     write!(f, " in {text:?}")?;
                 }
-                suggestion.iter().try_for_each(|known| write!(f, "; did you mean `{known}`?"))
+                self.write_suggestion(f)
+            }
+            Self::Expected { why, wanted } => {
+                match &**why {
+                    Self::UnknownUnit { text, unit, .. } => write!(f, "unknown unit `{unit}` in {text:?}")?,
+                    other => write!(f, "{other}")?,
+                }
+                write!(f, "; {wanted} is expected here")?;
+                write_example(f, wanted)?;
+                why.write_suggestion(f)
             }
             Self::Syntax { text, problem } => write!(f, "{text:?} is not a unit: {problem}"),
             Self::WrongDimension { text, found, wanted } => {
@@ -100,6 +116,18 @@ impl fmt::Display for UnitError {
                 }
             }
             Self::Count { given, wanted } => write!(f, "one quantity per axis is expected: {wanted}, not {given}"),
+        }
+    }
+}
+
+impl UnitError {
+    /// The unit that was probably meant.
+    fn write_suggestion(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::UnknownUnit {
+                suggestion: Some(known), ..
+            } => write!(f, "; did you mean `{known}`?"),
+            _ => Ok(()),
         }
     }
 }

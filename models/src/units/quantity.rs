@@ -103,7 +103,10 @@ impl<D: Dimensional, R: Range> Quantity<D, R> {
     /// # Errors
     /// Where the text is no quantity, has another dimension or is out of range.
     pub fn from_text(text: &str) -> Result<Self, UnitError> {
-        let (si, found) = parse(text)?;
+        let (si, found) = parse(text).map_err(|why| UnitError::Expected {
+            why: Box::new(why),
+            wanted: D::KIND,
+        })?;
         if found == D::KIND.dimension {
             return Self::checked(si, Some(text));
         }
@@ -452,7 +455,10 @@ mod tests {
             message(read("'5'")),
             r#""5" has no unit; a length [m] is expected here, e.g. "0.5 m""#
         );
-        assert_eq!(message(read("inf")), r#""inf" is not a finite number followed by a unit"#);
+        assert_eq!(
+            message(read("inf")),
+            r#""inf" is not a finite number followed by a unit; a length [m] is expected here, e.g. "0.5 m""#
+        );
         assert_eq!(
             message(read("true")),
             r#"invalid type: boolean `true`, expected a length [m], e.g. "0.5 m""#
