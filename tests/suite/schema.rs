@@ -1,25 +1,14 @@
 use fusion::models::registry::{self, Role};
 use jsonschema::Validator;
-use jsonschema::error::{ValidationError, ValidationErrorKind};
+use jsonschema::error::ValidationError;
 use serde_json::{Value, json};
 use std::sync::LazyLock;
 
 /// What of a design the schema does not allow, each as `/path/to/the/value keyword: what is wrong`.
 fn against_schema(design: &Value) -> Vec<String> {
     static SCHEMA: LazyLock<Validator> = LazyLock::new(|| jsonschema::draft202012::new(&fusion::schema::design()).unwrap());
-    SCHEMA.iter_errors(design).flat_map(|error| innermost(&error)).collect()
-}
-
-/// Where none of several choices fits, why the nearest one does not: of blocks the one of that type.
-fn innermost(error: &ValidationError<'_>) -> Vec<String> {
-    let (ValidationErrorKind::AnyOf { context } | ValidationErrorKind::OneOfNotValid { context }) = error.kind() else {
-        return vec![format!("{} {}: {error}", error.instance_path(), error.kind().keyword())];
-    };
-    let other_type = format!("{}/type ", error.instance_path());
-    let choices = context.iter().map(|errors| errors.iter().flat_map(innermost).collect::<Vec<_>>());
-    choices
-        .min_by_key(|errors| (errors.iter().any(|e| e.starts_with(&other_type)), errors.len()))
-        .unwrap_or_default()
+    let told = |error: ValidationError<'_>| format!("{} {}: {error}", error.instance_path(), error.kind().keyword());
+    SCHEMA.iter_errors(design).map(told).collect()
 }
 
 fn read(toml: &str) -> Value {
@@ -112,22 +101,40 @@ fn slips_are_invalid() {
         // Parts.
         ("include = \"part.toml\"".to_owned(), &["/include type"]),
         // Names that there are not: of a table, a key, a block, a choice.
-        ("[sensors.x]".to_owned(), &[" additionalProperties"]),
-        (format!("{sensor}lever_rm = 1"), &["/sensor/x additionalProperties"]),
-        (sensor.replace("zero_velocity", "zero_velocty"), &["/sensor/x/type const"]),
-        ("[filter]\nbackend = \"ekff\"".to_owned(), &["/filter/backend const"]),
+        ("[sensors.x]".to_owned(), &["/sensors not"]),
+        (format!("{sensor}lever_rm = 1"), &["/sensor/x/lever_rm not"]),
+        (sensor.replace("zero_velocity", "zero_velocty"), &["/sensor/x/type enum"]),
+        ("[filter]\nbackend = \"ekff\"".to_owned(), &["/filter/backend enum"]),
         (
             "[initial.x]\ntype = \"course\"\nsource = \"gnss\"\nmin_speed = 3\nsigma = 1\nlever_arm = 1".to_owned(),
-            &["/initial/x additionalProperties"],
+            &["/initial/x/lever_arm not"],
+        ),
+        // The noise: its 1σ, an array of them, a table.
+        (sensor.replace("{ sigma = 1 }", "true"), &["/sensor/x/noise type"]),
+        (sensor.replace("{ sigma = 1 }", "[1, true]"), &["/sensor/x/noise/1 type"]),
+        (sensor.replace("{ sigma = 1 }", "{ sigm = 1 }"), &["/sensor/x/noise/sigm not"]),
+        // Deep inside a block: of a parameter, a gate, a segment of a trajectory.
+        (
+            sensor.replace("zero_velocity", "gnss_position") + "lever_arm = { estimate = true, initial = [0, 0, 1], sigma = true }",
+            &["/sensor/x/lever_arm/sigma type"],
+        ),
+        (
+            format!("{sensor}gate = {{ type = \"nis\", probability = true }}"),
+            &["/sensor/x/gate/probability type"],
+        ),
+        (format!("{sensor}gate = \"niss\""), &["/sensor/x/gate enum"]),
+        (
+            simulation.replace("duration = 1", "duration = true"),
+            &["/simulation/trajectory/0/duration type"],
         ),
         // A fault without its rate and with a key of another, of a source and of the simulated unit.
         (
             "[source.gnss.fault.x]\ntype = \"drop\"\nshare = 0.1".to_owned(),
-            &["/source/gnss/fault/x required", "/source/gnss/fault/x additionalProperties"],
+            &["/source/gnss/fault/x required", "/source/gnss/fault/x/share not"],
         ),
         (
             format!("{simulation}fault.x = {{ type = \"drop\", share = 0.1 }}"),
-            &["/simulation/imu/fault/x required", "/simulation/imu/fault/x additionalProperties"],
+            &["/simulation/imu/fault/x required", "/simulation/imu/fault/x/share not"],
         ),
     ];
     for (slip, expected) in slips {
@@ -141,4 +148,16 @@ fn slips_are_invalid() {
         assert_eq!(kinds, expected, "{slip}\n{found:#?}");
     }
     assert_eq!(against_schema(&read(crate::support::DESIGN)), [] as [&str; 0]);
+}
+
+/// What editors are told of is what the program prints: `fusion schema > schema/fusion.schema.json`.
+#[test]
+fn the_published_schema_is_the_printed_one() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("schema/fusion.schema.json");
+    let published = std::fs::read_to_string(path).unwrap();
+    let printed = format!("{:#}\n", fusion::schema::design());
+    assert!(
+        published == printed,
+        "schema/fusion.schema.json is not what the program prints: `cargo run -- schema > schema/fusion.schema.json`"
+    );
 }

@@ -1,12 +1,14 @@
 //! The JSON Schema of a whole design, for editors that complete and check TOML.
 //!
 //! Every registered block is one definition, `role.name`, with its `type` as a constant; a table
-//! that takes any block of a role lists them in a `oneOf`.
+//! that takes any block of a role refers to the definition `role`, which asks for the one of that `type`.
 //!
 //! A design that includes parts may leave to them what a block requires: of such a one only the names
 //! of its tables are checked.
 //!
 //! Not here  units and ranges beyond what JSON Schema can say: those are checked on reading
+
+mod choices;
 
 use crate::config::INCLUDE;
 use crate::design::{FILTER_TABLES, FilterSpec, HealthSpec, InputSpec, NoiseSpec, OnlyWithSpec, ReferenceSpec, RunSpec};
@@ -85,8 +87,9 @@ pub fn design() -> Value {
             "additionalProperties": { "type": "object", "properties": partial, "additionalProperties": false },
         }),
     );
-    // Where parts are included, any table may be completed by them.
-    json!({
+    s.defs.insert("design".to_owned(), json!({ "properties": whole }));
+    // Where parts are included, any table may be completed by them. Editors complete by the hint.
+    let mut schema = json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "fusion design",
         "description": "A navigation filter composed of blocks.",
@@ -94,9 +97,12 @@ pub fn design() -> Value {
         "properties": properties,
         "additionalProperties": false,
         "if": { "not": { "required": [INCLUDE] } },
-        "then": { "properties": whole, "required": ["process"] },
+        "then": { "allOf": [reference("design")], "required": ["process"] },
+        "anyOf": [reference("design"), {}],
         DEFS: s.defs,
-    })
+    });
+    choices::lead(&mut schema);
+    schema
 }
 
 /// The schema of one block's own fields, its definitions beside it.
@@ -109,6 +115,14 @@ pub fn block(block: &Registration) -> Value {
 
 fn definition(role: Role, name: &str) -> String {
     format!("{}.{name}", role.name())
+}
+
+/// Every block of a role.
+fn blocks(role: Role) -> Vec<Value> {
+    registry::names(role)
+        .iter()
+        .map(|name| reference(&definition(role, name)))
+        .collect()
 }
 
 fn reference(name: &str) -> Value {
@@ -207,11 +221,8 @@ impl Builder {
     }
 
     /// Any block of a role; by its name alone where it needs no field.
-    fn any(&self, role: Role, description: &str) -> Value {
-        let mut choices: Vec<Value> = registry::names(role)
-            .iter()
-            .map(|name| reference(&definition(role, name)))
-            .collect();
+    fn any(&mut self, role: Role, description: &str) -> Value {
+        let mut choices = blocks(role);
         let needs_nothing = |name: &&str| {
             let required = self
                 .defs
@@ -223,40 +234,37 @@ impl Builder {
         if !bare.is_empty() {
             choices.push(json!({ "type": "string", "enum": bare }));
         }
-        json!({ "description": description, "oneOf": choices })
+        let all = json!({ "description": description, "oneOf": choices });
+        self.defs.insert(role.name().to_owned(), all);
+        reference(role.name())
+    }
+
+    /// A table that is a block of a role.
+    fn table(&mut self, role: Role) -> Value {
+        self.defs.insert(role.name().to_owned(), json!({ "oneOf": blocks(role) }));
+        reference(role.name())
     }
 
     /// A table of blocks of a role, by names of the author's choice.
-    fn named(&self, role: Role, description: &str) -> Value {
-        let choices: Vec<Value> = registry::names(role)
-            .iter()
-            .map(|name| reference(&definition(role, name)))
-            .collect();
-        json!({ "description": description, "type": "object", "additionalProperties": { "oneOf": choices } })
+    fn named(&mut self, role: Role, description: &str) -> Value {
+        json!({ "description": description, "type": "object", "additionalProperties": self.table(role) })
     }
 
     /// The simulated world: segments, vehicle, controller and tasks are blocks, and its units and sensors have faults.
     fn simulation(&mut self) -> Value {
         let mut schema = self.of::<SimulationSpec>("simulation");
-        let one_of = |role| {
-            let blocks: Vec<Value> = registry::names(role)
-                .iter()
-                .map(|name| reference(&definition(role, name)))
-                .collect();
-            json!({ "oneOf": blocks })
-        };
         let faults = self.named(Role::Fault, "Faults of the rows, by name, applied in order.");
         let properties = &mut schema["properties"];
         for (array, role) in [("trajectory", Role::Segment), ("mission", Role::Task)] {
             if let Some(array) = properties.get_mut(array).and_then(Value::as_object_mut) {
-                array.insert("items".to_owned(), one_of(role));
+                array.insert("items".to_owned(), self.table(role));
             }
         }
         for (field, role) in [("vehicle", Role::Vehicle), ("control", Role::Control)] {
             // A single block stands there without a choice.
             if let Some(field) = properties.get_mut(field) {
                 let description = field["description"].take();
-                *field = one_of(role);
+                *field = self.table(role);
                 field["description"] = description;
             }
         }
