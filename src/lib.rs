@@ -12,6 +12,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod allan;
 pub mod assembly;
 pub mod campaign;
 mod checkpoint;

@@ -2,6 +2,9 @@
 
 #![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
+/// The noises of an inertial unit from a log at rest.
+#[path = "suite/allan.rs"]
+mod allan;
 /// A filter inside a stage that finds the attitude: what its blocks do together.
 #[path = "suite/attitude_filter.rs"]
 mod attitude_filter;

@@ -5,6 +5,7 @@
 //! line, the design, the data or the folder to write to, 3 (with `run --strict`) a filter in ill
 //! health, 130 and 143 stopped by SIGINT or SIGTERM.
 
+mod allan;
 mod blocks;
 mod builtin;
 mod check;
@@ -164,6 +165,16 @@ Examples:
   fusion stress drive.toml --data ~/logs/drive-3 --only gap-5,spike --pairs 0
   fusion stress drive.toml --out results    writes stress.csv with what --set repeats each case by")]
     Stress(stress::StressArgs),
+    /// Find the noises of an inertial unit from a log at rest: Allan deviation, N, B and K per axis.
+    ///
+    /// The overlapping Allan deviation of each axis is fitted by white noise N, bias instability B and
+    /// random walk K of the bias, by weighted least squares. The TOML that is printed goes into a design.
+    #[command(after_long_help = "\
+Examples:
+  fusion allan rest.toml --data ~/logs/rest          the inertial channels that the design's sources declare
+  fusion allan rest.csv --rate '100 Hz' --gyro gx,gy,gz --gyro-unit deg/s
+  fusion allan rest.csv.gz --rate '100 Hz' --accelerometer ax,ay,az --accelerometer-unit '3.33 mg' --out results")]
+    Allan(allan::AllanArgs),
     /// Print the JSON Schema of a design, for editors that complete and check TOML.
     #[command(after_long_help = "\
 Examples:
@@ -407,6 +418,7 @@ pub fn main() -> ExitCode {
     }
     let command = Cli::parse().command.unwrap_or_else(|| Command::Run(run::RunArgs::default()));
     let done = match command {
+        Command::Allan(args) => allan::allan(&args),
         Command::Run(args) => run::run(&args),
         Command::Check(args) => check::check(&args),
         Command::Blocks(args) => blocks::blocks(&args),

@@ -1,0 +1,101 @@
+//! White noise, flicker noise and random walk out of a curve.
+
+use super::Point;
+use core::f64::consts::{LN_2, PI};
+use nalgebra::{DMatrix, DVector};
+
+/// σ² of flicker noise of the size 1.
+const FLICKER: f64 = 2.0 * LN_2 / PI;
+/// What of σ² a real instrument has that is none of the three noises, such as quantisation, 1σ. Without
+/// it the shortest times, of which a long log has millions of clusters, would decide alone.
+const MISFIT: f64 = 0.1;
+/// Rounds in which the weights follow the model; they settle within three or four.
+const ROUNDS: usize = 10;
+
+/// The sizes of the three noises, in the unit u of the samples; one that is not seen is zero.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Noises {
+    /// White noise N \[u/√Hz\]: σ at 1 s on the slope −1/2.
+    pub white: f64,
+    /// Bias instability B \[u\]: σ of the flat part is 0.664 B.
+    pub flicker: f64,
+    /// Random walk K of the bias \[u/√s\]: σ at 3 s on the slope +1/2.
+    pub walk: f64,
+}
+
+impl Noises {
+    /// Fits σ²(τ) = N²/τ + (2 ln 2/π) B² + K² τ/3 by least squares with coefficients of at least zero.
+    /// The weight of a point is the inverse of the variance of its σ², (2/freedom + 0.1²) σ⁴, with σ of the fit.
+    ///
+    /// `None` of fewer than three points, or where the samples do not vary.
+    #[must_use]
+    pub fn fit(points: &[Point]) -> Option<Self> {
+        let is_sound = |p: &Point| p.sigma > 0.0 && p.sigma.is_finite() && p.freedom > 0.0;
+        if points.len() < 3 || !points.iter().all(is_sound) {
+            return None;
+        }
+        let mut model: Vec<f64> = points.iter().map(|p| p.sigma * p.sigma).collect();
+        let mut squares = [0.0; 3];
+        for _ in 0..ROUNDS {
+            squares = weighted(points, &model)?;
+            let noises = Self::of(squares);
+            model = points.iter().map(|p| noises.deviation(p.tau).powi(2)).collect();
+        }
+        Some(Self::of(squares))
+    }
+
+    fn of([white, flicker, walk]: [f64; 3]) -> Self {
+        Self {
+            white: white.sqrt(),
+            flicker: flicker.sqrt(),
+            walk: walk.sqrt(),
+        }
+    }
+
+    /// The deviation of the three together at the cluster time τ.
+    #[must_use]
+    pub fn deviation(&self, tau: f64) -> f64 {
+        let squares = [self.white, self.flicker, self.walk].map(|size| size * size);
+        terms(tau)
+            .iter()
+            .zip(squares)
+            .map(|(term, square)| term * square)
+            .sum::<f64>()
+            .sqrt()
+    }
+}
+
+/// σ² of each noise of the size 1.
+fn terms(tau: f64) -> [f64; 3] {
+    [1.0 / tau, FLICKER, tau / 3.0]
+}
+
+/// The best N², B², K² where σ² has been `model`. Three unknowns: every choice of those that are not
+/// zero is tried.
+fn weighted(points: &[Point], model: &[f64]) -> Option<[f64; 3]> {
+    let rows = points.len();
+    // Divided by the standard deviation of each σ².
+    let scale = |row: usize| (2.0 / points[row].freedom + MISFIT * MISFIT).sqrt().recip() / model[row];
+    let target = DVector::from_fn(rows, |row, _| points[row].sigma.powi(2) * scale(row));
+    let mut best: Option<(f64, [f64; 3])> = None;
+    for chosen in 1_usize..8 {
+        let free: Vec<usize> = (0..3).filter(|k| chosen & (1 << k) != 0).collect();
+        let matrix = DMatrix::from_fn(rows, free.len(), |row, k| terms(points[row].tau)[free[k]] * scale(row));
+        // The columns differ by powers of ten.
+        let norms: Vec<f64> = matrix.column_iter().map(|column| column.norm()).collect();
+        let even = DMatrix::from_fn(rows, free.len(), |row, k| matrix[(row, k)] / norms[k]);
+        let Ok(found) = even.clone().svd(true, true).solve(&target, 0.0) else {
+            continue;
+        };
+        if found.iter().any(|x| !x.is_finite() || *x < 0.0) {
+            continue;
+        }
+        let misfit = (even * &found - &target).norm_squared();
+        if best.is_none_or(|(least, _)| misfit < least) {
+            let mut squares = [0.0; 3];
+            free.iter().enumerate().for_each(|(k, of)| squares[*of] = found[k] / norms[k]);
+            best = Some((misfit, squares));
+        }
+    }
+    best.map(|(_, squares)| squares)
+}

@@ -1,0 +1,203 @@
+//! The samples of a log at rest: of the sources of a design, or of a plain table.
+
+use crate::config::{Diagnostic, Diagnostics, Node, Place};
+use crate::rows::{DataError, width};
+use crate::source::{OpenContext, SourceSpec};
+use flate2::bufread::MultiGzDecoder;
+use fusion_models::registry::{self, Role};
+use fusion_models::vocabulary::channel;
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::Path;
+
+/// What gives the samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Instrument {
+    /// Angular rate \[rad/s\].
+    Gyro,
+    /// Specific force \[m/s²\].
+    Accelerometer,
+}
+
+/// Three axes, evenly spaced.
+#[derive(Clone, Debug)]
+pub struct Log {
+    /// Whose samples they are.
+    pub instrument: Instrument,
+    /// The source or file.
+    pub name: String,
+    /// Time between two samples \[s\].
+    pub interval: f64,
+    /// The axes x, y, z in SI, of one length.
+    pub axes: [Vec<f64>; 3],
+    /// Gaps in time. Of a log with any only the longest piece between them is here.
+    pub gaps: usize,
+}
+
+/// Three columns of a plain table.
+#[derive(Clone, Debug)]
+pub struct Columns {
+    /// Whose they are.
+    pub instrument: Instrument,
+    /// Their names, x, y, z.
+    pub names: [String; 3],
+    /// SI per number.
+    pub factor: f64,
+}
+
+/// The inertial channels of the sources that a design declares under `[source]`, each opened as the
+/// design says. `only` is the name of the only source to read.
+///
+/// # Errors
+/// Mistakes of the declarations, of the data; no inertial channel.
+pub fn declared(root: &Node, data_dir: &Path, only: Option<&str>) -> Result<Vec<Log>, Diagnostics> {
+    fusion_models::link();
+    let sources = root.get("source").map_or(&[][..], Node::entries);
+    let names: Vec<&str> = sources.iter().map(|s| s.key.as_str()).collect();
+    if let Some(only) = only.filter(|only| !names.contains(only)) {
+        let unknown = Diagnostic::error(format!("there is no source `{only}`")).at(root.place());
+        return Err(unknown.suggest(only, &names, "there are").into());
+    }
+    let (mut d, mut logs) = (Diagnostics::new(), Vec::new());
+    for source in sources.iter().filter(|s| only.is_none_or(|only| only == s.key)) {
+        let mut node = source.node.clone();
+        drop(node.take("fault"));
+        let context = OpenContext {
+            data_dir: data_dir.to_owned(),
+            name: source.key.clone(),
+            ..OpenContext::default()
+        };
+        let Some(spec) = node.read_block::<dyn SourceSpec>("source", &registry::names(Role::Source), &mut d) else {
+            continue;
+        };
+        match read(spec.as_ref(), &context) {
+            Ok(found) => logs.extend(found),
+            Err(error) => d.extend(error.diagnostics(&node)),
+        }
+    }
+    if logs.is_empty() && !d.has_errors() {
+        let help =
+            "declare one in a source: `[source.imu.channels] angular_rate = { columns = [\"gx\", \"gy\", \"gz\"], unit = \"deg/s\" }`";
+        let message = "no source has a channel `angular_rate` or `specific_force`";
+        d.push(Diagnostic::error(message).at(root.place()).help(help));
+    }
+    d.unless_errors(logs)
+}
+
+/// The inertial channels of one source.
+fn read(spec: &dyn SourceSpec, context: &OpenContext) -> Result<Vec<Log>, crate::rows::SourceError> {
+    let wanted = [
+        (Instrument::Gyro, channel::ANGULAR_RATE),
+        (Instrument::Accelerometer, channel::SPECIFIC_FORCE),
+    ];
+    let is_wanted = |name: &str| wanted.iter().any(|(_, channel)| channel.name == name);
+    if !spec.channels()?.iter().any(|p| is_wanted(&p.channel.name)) {
+        return Ok(Vec::new());
+    }
+    let mut rows = spec.open(context)?;
+    let provided = rows.channels().to_vec();
+    let found: Vec<(Instrument, usize)> = wanted
+        .iter()
+        .filter_map(|(of, channel)| Some((*of, provided.iter().find(|p| p.channel.name == channel.name)?.offset)))
+        .collect();
+    let mut samples = vec![<[Vec<f64>; 3]>::default(); found.len()];
+    let (mut times, mut row) = (Vec::new(), Vec::with_capacity(width(&provided)));
+    while let Some(stamp) = rows.next(&mut row)? {
+        let is_whole = |(_, at): &(Instrument, usize)| row[*at..at + 3].iter().all(|x| x.is_finite());
+        if !found.iter().all(is_whole) {
+            continue;
+        }
+        times.push(stamp.time.seconds());
+        for ((_, at), axes) in found.iter().zip(&mut samples) {
+            axes.iter_mut().zip(&row[*at..]).for_each(|(axis, x)| axis.push(*x));
+        }
+    }
+    let Some((piece, interval, gaps)) = longest_piece(&times) else {
+        return Err(DataError::new(&context.name, "there are fewer than three samples").into());
+    };
+    let log = |((instrument, _), axes): (&(Instrument, usize), [Vec<f64>; 3])| Log {
+        instrument: *instrument,
+        name: context.name.clone(),
+        interval,
+        axes: axes.map(|axis| axis[piece.clone()].to_vec()),
+        gaps,
+    };
+    Ok(found.iter().zip(samples).map(log).collect())
+}
+
+/// The longest piece without a gap, its mean interval, and how many gaps there are: intervals of more
+/// than one and a half times the median, which a missing sample makes two.
+fn longest_piece(times: &[f64]) -> Option<(core::ops::Range<usize>, f64, usize)> {
+    let intervals: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let mut sorted = intervals.clone();
+    sorted.sort_by(f64::total_cmp);
+    let median = *sorted.get(sorted.len() / 2)?;
+    let ends: Vec<usize> = (0..intervals.len())
+        .filter(|k| intervals[*k] > 1.5 * median)
+        .map(|k| k + 1)
+        .collect();
+    let starts = core::iter::once(0).chain(ends.iter().copied());
+    let pieces = starts.zip(ends.iter().copied().chain([times.len()]));
+    let (start, end) = pieces.max_by_key(|(start, end)| end - start)?;
+    let interval = (times[end - 1] - times[start]) / (end - 1 - start) as f64;
+    (end - start > 2 && interval > 0.0).then_some((start..end, interval, ends.len()))
+}
+
+/// Columns of a table with a header, comma-separated, plain or gzip-compressed, sampled every
+/// `interval` seconds.
+///
+/// # Errors
+/// A file that cannot be read, a column that there is not, a field that is no number.
+pub fn plain(path: &Path, interval: f64, wanted: &[Columns]) -> Result<Vec<Log>, Diagnostics> {
+    let name = path.display().to_string();
+    let failed = |why: &dyn std::fmt::Display| Diagnostic::error(format!("`{name}` cannot be read: {why}"));
+    let bytes: Box<dyn Read> = {
+        let file = BufReader::new(File::open(path).map_err(|e| failed(&e))?);
+        if path.extension().is_some_and(|e| e == "gz") {
+            Box::new(MultiGzDecoder::new(file))
+        } else {
+            Box::new(file)
+        }
+    };
+    let mut table = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes);
+    let header = table.headers().map_err(|e| failed(&e))?.clone();
+    let known: Vec<&str> = header.iter().collect();
+    let (mut d, mut places) = (Diagnostics::new(), Vec::new());
+    for column in wanted.iter().flat_map(|w| &w.names) {
+        match known.iter().position(|k| k == column) {
+            Some(place) => places.push(place),
+            None => {
+                let unknown = Diagnostic::error(format!("`{name}` has no column `{column}`"));
+                d.push(unknown.suggest(column, &known, "its columns"));
+            }
+        }
+    }
+    d.unless_errors(())?;
+    let mut columns = vec![Vec::new(); places.len()];
+    let mut record = csv::StringRecord::new();
+    while table.read_record(&mut record).map_err(|e| failed(&e))? {
+        for (column, place) in columns.iter_mut().zip(&places) {
+            let text = record.get(*place).unwrap_or_default();
+            let number = text.parse::<f64>().ok().filter(|x| x.is_finite());
+            let wrong = || {
+                let line = record.position().map_or(0, |p| p.line() as usize);
+                let message = format!("{text:?} in column `{}` is not a finite number", known[*place]);
+                let help = "every row counts as one sample: cut the log to a piece without missing values";
+                Diagnostic::error(message).at(&Place::row(&name, line)).help(help)
+            };
+            column.push(number.ok_or_else(wrong)?);
+        }
+    }
+    let mut columns = columns.into_iter();
+    let log = |of: &Columns| {
+        let scaled = |column: Vec<f64>| column.into_iter().map(|x| x * of.factor).collect();
+        Log {
+            instrument: of.instrument,
+            name: name.clone(),
+            interval,
+            axes: core::array::from_fn(|_| columns.next().map(scaled).unwrap_or_default()),
+            gaps: 0,
+        }
+    };
+    Ok(wanted.iter().map(log).collect())
+}

@@ -1,0 +1,156 @@
+//! `fusion allan`.
+
+use super::run::written;
+use super::{Failure, Format, OutputArgs, print, read_text};
+use clap::Args;
+use fusion::allan::{Columns, Instrument, Log, Study, declared, plain, svg, toml};
+use fusion::config::{Diagnostic, Diagnostics, Document, Files};
+use fusion::models::units::{Dimension, Dimensional, dim, parse, parse_unit};
+use fusion::output::FileSet;
+use fusion::present::Section;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, Args)]
+pub(super) struct AllanArgs {
+    /// A design (.toml) whose sources declare the inertial channels, or a table of columns (.csv, .csv.gz).
+    log: PathBuf,
+    /// Of a design: the only source to read.
+    #[arg(long, value_name = "NAME")]
+    source: Option<String>,
+    /// Of a design: where relative source paths start, instead of at its `data_dir`.
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// Of a table: its samples per time, e.g. "100 Hz".
+    #[arg(long, value_name = "RATE")]
+    rate: Option<String>,
+    /// Of a table: the columns of the gyros, x, y, z.
+    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', num_args = 1)]
+    gyro: Vec<String>,
+    /// Of a table: the unit of its gyros, with a factor if need be: "0.05 deg/s".
+    #[arg(long, value_name = "UNIT", default_value = "rad/s")]
+    gyro_unit: String,
+    /// Of a table: the columns of the accelerometers, x, y, z.
+    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', num_args = 1)]
+    accelerometer: Vec<String>,
+    /// Of a table: the unit of its accelerometers, with a factor if need be: "3.33 mg".
+    #[arg(long, value_name = "UNIT", default_value = "m/s^2")]
+    accelerometer_unit: String,
+    /// Writes allan.svg, allan.csv and noise.toml here; the folder is made if need be.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    output: OutputArgs,
+}
+
+pub(super) fn allan(args: &AllanArgs) -> Result<(), Failure> {
+    let files = args.out.as_deref().map(FileSet::begin).transpose()?;
+    let logs = if args.log.extension().is_some_and(|e| e == "toml") {
+        of_design(args)?
+    } else {
+        of_table(args)?
+    };
+    let studies = logs.iter().map(Study::of).collect::<Result<Vec<_>, _>>()?;
+    let mut page = Study::page(&studies);
+    if let (Some(out), Some(mut files)) = (&args.out, files) {
+        files.write("allan.svg", |file| file.write_all(svg(&studies).as_bytes()))?;
+        files.write("allan.csv", |file| {
+            writeln!(file, "log,instrument,axis,tau,sigma,fit")?;
+            for study in &studies {
+                for (name, axis) in ["x", "y", "z"].iter().zip(&study.axes) {
+                    for p in &axis.curve {
+                        let (log, of, fit) = (&study.name, study.instrument, axis.noises.deviation(p.tau));
+                        let log = log.replace('"', "\"\"");
+                        writeln!(file, "\"{log}\",{of:?},{name},{},{},{fit}", p.tau, p.sigma)?;
+                    }
+                }
+            }
+            Ok(())
+        })?;
+        files.write("noise.toml", |file| file.write_all(toml(&studies).as_bytes()))?;
+        files.commit()?;
+        page.sections
+            .push(written(["allan.svg", "allan.csv", "noise.toml"].map(|f| out.join(f))));
+    }
+    match args.output.format {
+        // Not among the tables: a line that is wrapped could not be pasted.
+        Format::Text => {
+            args.output.print(&page)?;
+            print(&format!("\n# For a design:\n{}", toml(&studies)))
+        }
+        Format::Json => {
+            let paste = toml(&studies);
+            page.sections
+                .push(paste.lines().fold(Section::new("For a design", []), Section::note));
+            args.output.print(&page)
+        }
+    }
+}
+
+fn of_design(args: &AllanArgs) -> Result<Vec<Log>, Diagnostics> {
+    let mut d = Diagnostics::new();
+    let (mut document, mistakes) = Document::parse(&args.log.display().to_string(), &read_text(&args.log)?);
+    d.extend(mistakes);
+    d.extend(document.compose(&args.log, Files::Disk));
+    let document = d.unless_errors(document)?;
+    let root = document.root();
+    let folder = args.log.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let own = || folder.join(root.at("run.data_dir").and_then(|n| n.as_str()).unwrap_or_default());
+    declared(root, &args.data.clone().unwrap_or_else(own), args.source.as_deref())
+}
+
+fn of_table(args: &AllanArgs) -> Result<Vec<Log>, Diagnostics> {
+    let mut d = Diagnostics::new();
+    let kind = dim::Frequency::KIND;
+    let rate = args
+        .rate
+        .as_deref()
+        .map(|text| factor("--rate", text, kind.dimension, kind.example));
+    let missing = || Err(Diagnostic::error("a table without stamps needs its rate").help("add `--rate \"100 Hz\"`"));
+    let rate = d.keep(rate.unwrap_or_else(missing));
+    let given = [
+        (Instrument::Gyro, "--gyro", &args.gyro, &args.gyro_unit, dim::AngularRate::KIND),
+        (
+            Instrument::Accelerometer,
+            "--accelerometer",
+            &args.accelerometer,
+            &args.accelerometer_unit,
+            dim::Acceleration::KIND,
+        ),
+    ];
+    let mut wanted = Vec::new();
+    for (instrument, option, names, unit, kind) in given {
+        if names.is_empty() {
+            continue;
+        }
+        let Ok(names) = <[String; 3]>::try_from(names.clone()) else {
+            let message = format!("`{option}` takes three columns, not {}", names.len());
+            d.push(Diagnostic::error(message).help(format!("write `{option} gx,gy,gz`, in the order x, y, z")));
+            continue;
+        };
+        if let Some(factor) = d.keep(factor(&format!("{option}-unit"), unit, kind.dimension, kind.example)) {
+            wanted.push(Columns { instrument, names, factor });
+        }
+    }
+    if wanted.is_empty() && !d.has_errors() {
+        let help = "add `--gyro gx,gy,gz`, `--accelerometer ax,ay,az`, or both; or name a design (.toml)";
+        d.push(Diagnostic::error("a table needs the names of its columns").help(help));
+    }
+    d.unless_errors(())?;
+    plain(&args.log, 1.0 / rate.unwrap_or(1.0), &wanted)
+}
+
+/// SI per number of what an option says: a unit, or a number with a unit.
+fn factor(option: &str, text: &str, wanted: Dimension, example: &str) -> Result<f64, Diagnostic> {
+    let refused =
+        |why: String| Err(Diagnostic::error(format!("`{option}`: {why}")).help(format!("{} is expected, e.g. {example:?}", wanted.kind())));
+    let is_number = text
+        .trim_start()
+        .starts_with(|c: char| c.is_ascii_digit() || matches!(c, '-' | '+' | '.'));
+    match if is_number { parse(text) } else { parse_unit(text) } {
+        Ok((si, dimension)) if dimension == wanted && si > 0.0 => Ok(si),
+        Ok((_, dimension)) if dimension == wanted => refused(format!("{text:?} is not above zero")),
+        Ok((_, dimension)) => refused(format!("{text:?} is {}", dimension.kind())),
+        Err(why) => refused(why.to_string()),
+    }
+}

@@ -1,0 +1,173 @@
+use crate::real::data;
+use crate::support::{Workspace, stderr, stdout};
+use predicates::prelude::predicate;
+use std::fmt::Write;
+use std::path::Path;
+
+/// Deviation of an axis at a cluster time, in the unit of `scale`, from allan.csv.
+fn deviation(csv: &str, axis: &str, tau: f64, scale: f64) -> f64 {
+    let row = csv.lines().map(|l| l.split(',').collect::<Vec<_>>()).find(|row| {
+        let at = row[3].parse::<f64>().unwrap_or(f64::NAN);
+        format!("{},{}", row[1], row[2]) == axis && (at / tau - 1.0).abs() < 1e-9
+    });
+    row.unwrap_or_else(|| panic!("{axis} at {tau}"))[4].parse::<f64>().unwrap() / scale
+}
+
+/// Figures of `adis16405_static/README.md`, of a program of its own, and what the data sheet of the
+/// unit says, 2 deg/√h.
+#[test]
+fn a_real_unit_at_rest_has_its_published_deviations() {
+    let Some(data) = data() else { return };
+    let log = data.join("adis16405_static/derived/adis16405_imu1_counts.csv.gz");
+    let w = Workspace::new("allan-real");
+    let gyro = ["--gyro", "gx_lsb,gy_lsb,gz_lsb", "--gyro-unit", "0.05 deg/s"];
+    let force = ["--accelerometer", "ax_lsb,ay_lsb,az_lsb", "--accelerometer-unit", "0.00333 g"];
+    let mut args = vec![
+        "allan",
+        log.to_str().unwrap(),
+        "--rate",
+        "100 Hz",
+        "--out",
+        "out",
+        "--format",
+        "json",
+    ];
+    args.extend(gyro);
+    args.extend(force);
+    let ran = w.fusion(&args).success();
+    assert!(stdout(&ran).contains("Gyros of"));
+    let csv = w.read("out/allan.csv");
+    let (deg, g) = (1_f64.to_radians(), 9.80665);
+    let published = [
+        (
+            "Gyro,x",
+            deg,
+            [(0.1, 0.125), (1.0, 0.0409), (10.0, 0.0134), (100.0, 0.0072), (1000.0, 0.0052)],
+        ),
+        (
+            "Gyro,z",
+            deg,
+            [(0.1, 0.119), (1.0, 0.0387), (10.0, 0.0129), (100.0, 0.0082), (1000.0, 0.0170)],
+        ),
+    ];
+    for (axis, scale, points) in published {
+        for (tau, wanted) in points {
+            let found = deviation(&csv, axis, tau, scale);
+            // Half of the last digit that is printed there: 0.5e-3 and 0.5e-4.
+            let bound = if tau < 1.0 { 0.5e-3 } else { 0.5e-4 };
+            assert!(
+                (found - wanted).abs() <= 1.01 * bound,
+                "{axis} at {tau}: {found}, published {wanted}"
+            );
+        }
+    }
+    for (axis, points) in [
+        (
+            "Accelerometer,x",
+            [(1.0, 7.2e-4), (10.0, 2.9e-4), (100.0, 3.4e-4), (1000.0, 8.7e-4)],
+        ),
+        (
+            "Accelerometer,z",
+            [(1.0, 6.2e-4), (10.0, 2.3e-4), (100.0, 2.4e-4), (1000.0, 4.2e-4)],
+        ),
+    ] {
+        for (tau, wanted) in points {
+            let found = deviation(&csv, axis, tau, g);
+            assert!(
+                (found - wanted).abs() <= 1.01 * 0.5e-5,
+                "{axis} at {tau}: {found}, published {wanted}"
+            );
+        }
+    }
+    // The data sheet's angle random walk, 2 deg/√h = 0.0333 deg/s/√Hz, is a typical value: this unit has 0.04.
+    let noise: toml::Table = toml::from_str(&w.read("out/noise.toml")).unwrap();
+    for axis in noise["process"]["gyro"]["noise"].as_array().unwrap() {
+        let value: f64 = axis.as_str().unwrap().split(' ').next().unwrap().parse().unwrap();
+        assert!((0.036..0.044).contains(&value), "{value}");
+    }
+    assert!(w.read("out/allan.svg").contains("</svg>"));
+}
+
+/// White noise of 1 deg/s at 10 Hz, and a gap.
+fn rest() -> String {
+    let (mut state, mut csv) = (1_u64, String::from("t,gx,gy,gz\n"));
+    let mut number = || {
+        // Twelve uniform numbers have the variance 1.
+        let sum: f64 = (0..12)
+            .map(|_| {
+                state = state
+                    .wrapping_mul(6_364_136_223_846_793_005)
+                    .wrapping_add(1_442_695_040_888_963_407);
+                (state >> 33) as f64 / f64::from(1_u32 << 31)
+            })
+            .sum();
+        sum - 6.0
+    };
+    for k in 0..4000 {
+        let t = f64::from(k) * 0.1 + if k >= 3600 { 5.0 } else { 0.0 };
+        writeln!(csv, "{t:.3},{},{},{}", number(), number(), number()).unwrap();
+    }
+    csv
+}
+
+const REST: &str = r#"[source.imu]
+type = "csv"
+path = "rest.csv"
+time = { column = "t", unit = "s" }
+[source.imu.channels]
+angular_rate = { columns = ["gx", "gy", "gz"], unit = "deg/s" }
+"#;
+
+/// What it writes goes into a design as it is.
+#[test]
+fn a_design_that_declares_the_channels_is_enough() {
+    let w = Workspace::new("allan-design");
+    w.write("rest.csv", rest());
+    w.write("rest.toml", REST);
+    let ran = w.fusion(&["allan", "rest.toml", "--out", "out"]).success();
+    assert!(stderr(&ran).contains("1 gap"), "{}", stderr(&ran));
+    let noise = w.read("out/noise.toml");
+    let declared: toml::Table = toml::from_str(&noise).unwrap();
+    let white = declared["process"]["gyro"]["noise"][0].as_str().unwrap();
+    let white: f64 = white.split(' ').next().unwrap().parse().unwrap();
+    // 1 deg/s at 10 Hz is 0.316 deg/s/√Hz. 3600 samples: σ at one sample is known to 1.2 %, four times that.
+    assert!((white / 0.1_f64.sqrt() - 1.0).abs() < 0.048, "{white}");
+    let design = format!(
+        "[run]\norigin = {{ latitude = \"47 deg\", longitude = \"8 deg\" }}\n[process]\ntype = \"strapdown\"\nsource = \"imu\"\n\
+         accelerometer.noise = 1e-3\n{}\n{REST}specific_force = {{ columns = [\"gx\", \"gy\", \"gz\"], unit = \"m/s^2\" }}\n\
+         [initial.start]\ntype = \"explicit\"\nposition = {{ latitude = \"47 deg\", longitude = \"8 deg\" }}\nposition_sigma = 1\n\
+         velocity = [0, 0, 0]\nvelocity_sigma = 1\nattitude = [0, 0, 0]\nattitude_sigma = \"1 deg\"\n",
+        noise.replace("[process]\n", "")
+    );
+    w.write("pasted.toml", design);
+    w.fusion(&["check", "pasted.toml"]).success();
+}
+
+#[test]
+fn a_mistake_says_what_is_accepted() {
+    let w = Workspace::new("allan-mistakes");
+    w.write("rest.csv", rest());
+    w.write("rest.toml", REST.replace("angular_rate", "velocity").replace("deg/s", "m/s"));
+    let broken = rest().replacen("0.200,", "0.200,x", 1);
+    w.write("broken.csv", broken);
+    let columns = ["--gyro", "gx,gy,gz"];
+    for (args, said) in [
+        (&["rest.csv"][..], "add `--rate"),
+        (&["rest.csv", "--rate", "100 m"], "a frequency"),
+        (&["rest.csv", "--rate", "100 Hz"], "`--gyro gx,gy,gz`"),
+        (&["rest.csv", "--rate", "100 Hz", "--gyro", "gx,gy"], "takes three columns, not 2"),
+        (&["rest.csv", "--rate", "100 Hz", "--gyro", "gx,gy,gzz"], "did you mean `gz`"),
+        (
+            &["rest.csv", "--rate", "100 Hz", columns[0], columns[1], "--gyro-unit", "m"],
+            "an angular rate",
+        ),
+        (&["broken.csv", "--rate", "100 Hz", columns[0], columns[1]], "broken.csv:4"),
+        (&["rest.toml"], "no source has a channel `angular_rate`"),
+        (&["rest.toml", "--source", "imuu"], "did you mean `imu`"),
+    ] {
+        let mut all = vec!["allan"];
+        all.extend(args);
+        w.fusion(&all).code(2).stderr(predicate::str::contains(said));
+    }
+    assert!(!Path::new(&w.path("out")).exists());
+}
