@@ -167,7 +167,8 @@ impl Inspection {
             }
         }
         let has = |kind| self.logs.iter().any(|log| log.has(kind));
-        if !(has(SpecificForce) && has(AngularRate)) && !has(Euler) && !has(Kind::Speed) {
+        let is_inertial = has(SpecificForce) && has(AngularRate);
+        if !(is_inertial || has(Euler) || has(Kind::Speed)) {
             all.push("what drives a filter: angular rates with specific forces, an attitude, or a speed".to_owned());
         }
         if self.position.is_none() {

@@ -222,10 +222,10 @@ impl Finder<'_> {
                     [Some((k, false)), Some((l, true)), up].into_iter().flatten().collect(),
                 );
             }
-            if let (Some("w" | "wheel" | "v" | "track"), Some(r)) = (self.words[k].before('l'), self.sibling(k, 'l', 'r')) {
-                if self.sibling(k, 'l', 'f').is_none() {
-                    self.add(Kind::Wheels, vec![(k, false), (r, false)]);
-                }
+            if let (Some("w" | "wheel" | "v" | "track"), Some(r)) = (self.words[k].before('l'), self.sibling(k, 'l', 'r'))
+                && self.sibling(k, 'l', 'f').is_none()
+            {
+                self.add(Kind::Wheels, vec![(k, false), (r, false)]);
             }
         }
     }

@@ -290,7 +290,7 @@ impl Share {
             bars: if irregular { s.intervals.bars() } else { Vec::new() },
             nis: BandData::of(&s.nis),
             normalised: s.normalised.iter().map(NormalisedData::of).collect(),
-            rejections: (s.rejections.judged > 0 && !s.own_statistic).then(|| RejectionsData {
+            rejections: (s.rejections.judged > 0 && !s.own_statistic).then_some(RejectionsData {
                 judged: s.rejections.judged,
                 rejected: s.rejections.rejected,
                 expected: s.rejections.expected,

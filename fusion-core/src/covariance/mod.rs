@@ -31,7 +31,7 @@ pub use udu::Udu;
 
 use crate::linear::{BlockMatrix, Jacobian, Transition, padded};
 use crate::memory::{Memory, Tape};
-use crate::state::Block;
+use crate::state::{Block, Slot, Tangent};
 use core::ops::Range;
 use nalgebra::SMatrix;
 use std::sync::Arc;
@@ -170,8 +170,8 @@ impl Covariance {
         found
     }
 
-    /// Writes R rows and C columns of P from the tangent offsets `row` and `column` on to `out`: in place, which
-    /// for many small matrices is twice as fast as moving them.
+    /// Writes R rows and C columns of P from the tangent offsets `row` and `column` on to `out`, in its
+    /// place.
     pub fn copy_to<const R: usize, const C: usize>(&self, row: usize, column: usize, out: &mut SMatrix<f64, R, C>) {
         let Some(p) = self.form.whole(&self.p) else {
             *out = SMatrix::from_fn(|i, j| self.form.element(self.n, &self.p, row + i, column + j));
@@ -184,6 +184,18 @@ impl Covariance {
             let values = &p[from..from + C];
             (0..C).for_each(|j| out[(i, j)] = values[j]);
         }
+    }
+
+    /// Covariance of the error of `a` (rows) with that of `b` (columns).
+    #[must_use]
+    pub fn between<A, B, const R: usize, const C: usize>(&self, a: Slot<A>, b: Slot<B>) -> SMatrix<f64, R, C>
+    where
+        A: Tangent<R>,
+        B: Tangent<C>,
+    {
+        let mut found = SMatrix::zeros();
+        self.copy_to(a.tangent, b.tangent, &mut found);
+        found
     }
 
     /// Whether every variance is finite and none negative.

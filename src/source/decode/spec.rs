@@ -412,7 +412,7 @@ pub(in super::super) struct ChannelSpec {
     /// as of `gyro_x [deg/s]`; else a pure number (also with `unit = ""`). Of latitude and longitude and of
     /// roll, pitch, heading: `rad` or `deg`.
     pub(super) unit: Option<String>,
-    /// The unit of the height; metres without it.
+    /// The unit of the height. Without it the one in brackets at the end of its column's name, else metres.
     pub(super) height_unit: Option<String>,
     /// Factors on the columns, one for all or one each.
     pub(super) scale: Option<OneOrMany<f64>>,
