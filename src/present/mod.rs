@@ -11,7 +11,6 @@
 pub mod campaign;
 pub mod comparison;
 mod control;
-pub mod findings;
 pub mod health;
 pub mod html;
 pub mod json;

@@ -1,7 +1,6 @@
 //! The result of one run.
 
 use super::control;
-use super::findings;
 use super::health;
 use super::judged::{NEES, axis_name, consistency, is_judged_as_block};
 use super::sensors::{count_columns, counts, residual_rows, row_name};
@@ -37,7 +36,7 @@ impl Summary {
         Page {
             title: self.description.clone(),
             warnings: self.warnings(),
-            sections: [self.facts(), findings::section(self), health::section(&self.health), self.data()]
+            sections: [self.facts(), health::section(&self.health), self.data()]
                 .into_iter()
                 .chain(self.measurements())
                 .chain(control::section(self.control.as_ref()))
