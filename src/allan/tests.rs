@@ -42,41 +42,50 @@ fn simulated(n: usize, true_: Noises, seed: u64) -> Vec<f64> {
         .collect()
 }
 
-/// The relative standard error of σ from the clusters of length `m` in `n` samples.
-fn error(n: usize, m: f64) -> f64 {
-    (2.0 * (n as f64 / m - 1.0)).sqrt().recip()
+/// How far each size moves, relatively, where every σ² of the exact curve is off by its standard error
+/// √(2/freedom), each in the worst direction: σ of neighbours are correlated, but not more than that.
+fn worst(true_: Noises, curve: &[Point]) -> [f64; 3] {
+    let sizes = |n: Noises| [n.white, n.flicker, n.walk];
+    let exact: Vec<Point> = curve
+        .iter()
+        .map(|p| Point {
+            sigma: true_.deviation(p.tau),
+            ..*p
+        })
+        .collect();
+    let mut sums = [0.0; 3];
+    for k in 0..exact.len() {
+        let mut off = exact.clone();
+        off[k].sigma *= (1.0 + (2.0 / off[k].freedom).sqrt()).sqrt();
+        let moved = sizes(Noises::fit(&off).unwrap());
+        for (sum, (moved, wanted)) in sums.iter_mut().zip(moved.iter().zip(sizes(true_))) {
+            *sum += (moved / wanted - 1.0).abs();
+        }
+    }
+    sums
 }
 
 /// White noise passes into flicker noise at τ = N²/(0.441 B²) = 30 s, flicker noise into the random
-/// walk at 1000 s. Each size is to be found within four standard errors of a single point in the
-/// middle of the decade where it is nine tenths of σ², or what it is of it.
+/// walk at 1000 s. Each size is to be found within twice its worst standard error: 4, 10 and 23 %.
 #[test]
 fn the_sizes_that_were_simulated_are_found() {
-    let simulated_as = Noises {
+    let wanted = Noises {
         white: 10.0,
         flicker: 2.75,
         walk: 0.1,
     };
-    let n = 400_000;
     for seed in 1..=3 {
-        let found = Noises::fit(&deviation(&simulated(n, simulated_as, seed), 1.0)).unwrap();
-        let share = |tau: f64, square: f64| square / simulated_as.deviation(tau).powi(2);
-        let flat = 2.0 * core::f64::consts::LN_2 / core::f64::consts::PI * simulated_as.flicker.powi(2);
-        let bounds = [
-            ("N", found.white, simulated_as.white, 4.0 * error(n, 3.0) / share(3.0, 100.0 / 3.0)),
-            ("B", found.flicker, simulated_as.flicker, 4.0 * error(n, 173.0) / share(173.0, flat)),
-            (
-                "K",
-                found.walk,
-                simulated_as.walk,
-                4.0 * error(n, 1e4) / share(1e4, 0.01 * 1e4 / 3.0),
-            ),
+        let curve = deviation(&simulated(400_000, wanted, seed), 1.0);
+        let found = Noises::fit(&curve).unwrap();
+        let bounds = worst(wanted, &curve);
+        let pairs = [
+            (found.white, wanted.white),
+            (found.flicker, wanted.flicker),
+            (found.walk, wanted.walk),
         ];
-        for (name, found, wanted, bound) in bounds {
-            assert!(
-                (found / wanted - 1.0).abs() < bound,
-                "seed {seed}: {name} {found} of {wanted}, ±{bound}"
-            );
+        for ((found, wanted), bound) in pairs.into_iter().zip(bounds) {
+            let error = (found / wanted - 1.0).abs();
+            assert!(bound < 0.12 && error < 2.0 * bound, "seed {seed}: {found} of {wanted}, ±{bound}");
         }
     }
 }
