@@ -41,7 +41,10 @@ pub trait Range: Copy + Send + Sync + 'static {
 pub(super) fn within<R: Range>(si: f64, text: Option<&str>, wanted: Kind) -> Result<f64, UnitError> {
     let written = || text.map_or_else(|| si.to_string(), str::to_owned);
     if !si.is_finite() {
-        Err(UnitError::Number { text: written() })
+        Err(UnitError::Expected {
+            why: Box::new(UnitError::Number { text: written() }),
+            wanted,
+        })
     } else if R::contains(si) {
         Ok(si)
     } else {
