@@ -13,7 +13,7 @@ const FALSE_EASTING: f64 = 500_000.0;
 const FALSE_NORTHING_SOUTH: f64 = 10_000_000.0;
 /// The third flattening.
 const N: f64 = FLATTENING / (2.0 - FLATTENING);
-/// Newton's method gains digits twofold; two steps reach rounding, the rest is margin.
+/// Newton's method doubles the digits at each step; two steps reach rounding, the rest is margin.
 const STEPS: usize = 5;
 
 /// A zone of the grid, with its hemisphere.
@@ -100,8 +100,7 @@ fn tangent_of_latitude(conformal: f64) -> f64 {
         let sigma = (e * (e * t / one).atanh()).sinh();
         let seen = t * 1.0_f64.hypot(sigma) - sigma * one;
         let slope = (1.0 + (1.0 - E2) * t * t) / ((1.0 - E2) * 1.0_f64.hypot(seen) * one);
-        let step = (conformal - seen) * slope;
-        t += if step.is_finite() { step } else { 0.0 };
+        t += (conformal - seen) * slope;
     }
     t
 }
