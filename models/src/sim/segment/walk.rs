@@ -61,11 +61,11 @@ crate::register!(
     WalkSpec,
     r#"
 strides = 10
-length = "1.4 m"
-period = "1.1 s"
+length = "60 cm"
+period = "2 s"
 stance = 0.4
-lift = "12 cm"
-pitch = "40 deg"
+lift = "8 cm"
+pitch = "20 deg"
 turn = "90 deg"
 "#
 );
