@@ -56,7 +56,7 @@ fn a_bank_that_cannot_be_is_refused_at_its_place() {
     refused(
         "sensor.gnss.gate={ type = 'hypotheses', reach = '1 km' }",
         &["check"],
-        "there is none",
+        "this design has none",
     );
     refused(
         "filter.bank={ hypotheses = 3, headings = 5 }",

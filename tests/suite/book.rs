@@ -41,6 +41,7 @@ chapters! {
     backends: "backends.md",
     latency_and_lever_arms: "latency-lever-arms.md",
     consistency: "consistency.md",
+    reading_the_report: "report.md",
     slow_errors: "slow-errors.md",
     outages_and_late_data: "outages-late-data.md",
     usbl_and_dvl: "usbl-dvl.md",
