@@ -170,7 +170,8 @@ impl Product {
             is_sound &= (*v >= 0.0) & (*v < largest);
         }
         if plan.is_scaled {
-            for (v, d) in p.iter().step_by(next).zip(self.diagonal.iter()).take(plan.n).skip(plan.end) {
+            let behind = p[plan.end * next..].iter().step_by(next);
+            for (v, d) in behind.zip(&self.diagonal[plan.end..plan.n]) {
                 let v = v * (d * d);
                 is_sound &= (v >= 0.0) & (v < largest);
             }
@@ -375,13 +376,17 @@ fn place_behind<L: Lanes>(plan: &Plan, w: &Product, p: &mut [f64]) {
     if plan.rest == 0 && !plan.is_scaled {
         return;
     }
-    for i in plan.end..plan.n {
-        let last = if plan.is_scaled { tiles } else { whole + 1 };
-        for t in whole..last {
+    let last = if plan.is_scaled { tiles } else { whole + 1 };
+    for t in whole..last {
+        let scales: L = row(&w.diagonal, tiles, 0, t);
+        for i in plan.end..plan.n {
             let mut own = row::<L>(p, tiles, i, t);
             if plan.is_scaled {
+                #[expect(unsafe_code, reason = "see `some`")]
+                // SAFETY: i is below n; `place` looks at the length.
+                let [scale] = unsafe { some::<_, 1>(&w.diagonal, i) };
                 // The product of both scales first: it is the same on both sides of the diagonal.
-                own = own.mul(row::<L>(&w.diagonal, tiles, 0, t).mul(L::splat(w.diagonal[i])));
+                own = own.mul(scales.mul(L::splat(*scale)));
             }
             if t == whole {
                 own = plan.mirrored(p, own, plan.rest, i);
