@@ -9,10 +9,10 @@
 //! | angular rate | the turn of the attitude, or of the course and of the direction of gravity |
 //! | lever arm of a sensor | what the filter of the design estimates in its place |
 //!
-//! A comparison is a regression of what is expected along one axis on each measured axis ([`regression`]). A mistake
+//! A comparison is a regression of what is expected along one axis on each measured axis (`regression.rs`). A mistake
 //! is told only where another signed axis, or a factor such as 57.3, explains the data clearly better than what is
 //! declared, in most parts of the log; where the data cannot tell, nothing is said. That ahead is x is taken from the
-//! course of whatever moves faster than [`motion::MIN_SPEED`]: something that drifts sideways as often as it moves
+//! course of whatever moves faster than 2 m/s: something that drifts sideways as often as it moves
 //! ahead shows no correlation, and is not judged by its course.
 
 mod arm;
