@@ -106,7 +106,7 @@ fn of_table(args: &AllanArgs) -> Result<Vec<Log>, Diagnostics> {
         .rate
         .as_deref()
         .map(|text| factor("--rate", text, kind.dimension, kind.example));
-    let missing = || Err(Diagnostic::error("a table without stamps needs its rate").help("add `--rate \"100 Hz\"`"));
+    let missing = || Err(Diagnostic::error("every row of a table is one sample: its rate has to be given").help("add `--rate \"100 Hz\"`"));
     let rate = d.keep(rate.unwrap_or_else(missing));
     let given = [
         (Instrument::Gyro, "--gyro", &args.gyro, &args.gyro_unit, dim::AngularRate::KIND),

@@ -103,7 +103,8 @@ impl Inspection {
             match Table::read(path) {
                 Ok(table) => logs.push(Log::of(table)),
                 Err(SourceError::Data(error)) => d.push(error.as_ref().into()),
-                Err(other) => d.push(Diagnostic::error(format!("`{}`: {other}", path.display()))),
+                // The only thing that is declared is the file.
+                Err(SourceError::Declared(errors)) => d.extend(errors.iter().map(|error| Diagnostic::error(error.to_string()))),
             }
         }
         d.unless_errors(Self::look(logs))
