@@ -11,11 +11,13 @@
 mod csv;
 mod decode;
 mod file;
+mod mat;
 mod rtklib;
 pub mod table;
 pub mod testing;
 
 pub use self::csv::CsvSpec;
+pub use self::mat::MatSpec;
 pub use self::rtklib::RtklibSpec;
 
 use crate::rows::{ProvidedChannel, RowStream, SourceError};

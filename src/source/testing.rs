@@ -66,6 +66,40 @@ fn law(r: &Registration, context: &OpenContext, rows: u64) -> Result<(), String>
     Ok(())
 }
 
+/// What a declared source reads.
+#[cfg(test)]
+pub(super) mod recorded {
+    use super::*;
+    use crate::rows::SourceError;
+    use serde::de::DeserializeOwned;
+    use std::path::Path;
+
+    /// Nanoseconds of the log and the numbers of each row.
+    pub(in super::super) type Rows = Vec<(i64, Vec<f64>)>;
+
+    /// A source as declared.
+    pub(in super::super) fn spec<S: DeserializeOwned>(toml: &str) -> S {
+        let (document, _) = Document::parse("filter.toml", toml);
+        let mut diagnostics = Diagnostics::new();
+        document.root().read(&mut diagnostics).unwrap_or_else(|| panic!("{diagnostics}"))
+    }
+
+    /// All rows, or what is wrong.
+    pub(in super::super) fn rows(spec: &dyn SourceSpec, data_dir: &Path) -> Result<Rows, String> {
+        let context = OpenContext {
+            data_dir: data_dir.to_owned(),
+            ..OpenContext::default()
+        };
+        let shown = |error: SourceError| error.to_string();
+        let mut stream = spec.open(&context).map_err(shown)?;
+        let (mut rows, mut values) = (Vec::new(), Vec::new());
+        while let Some(stamp) = stream.next(&mut values).map_err(shown)? {
+            rows.push((stamp.time.nanos(), values.clone()));
+        }
+        Ok(rows)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -76,7 +110,7 @@ mod tests {
     const ROWS: u64 = 60;
 
     /// The content of the file that a source's example reads, [`ROWS`] rows, some of them not valid.
-    fn fixture(name: &str) -> Option<String> {
+    fn fixture(name: &str) -> Option<Vec<u8>> {
         match name {
             "csv" => {
                 let mut text = "t_s,q,lat_deg,lon_deg,h_m,vn_mps,ve_mps,vd_mps\n".to_owned();
@@ -84,15 +118,16 @@ mod tests {
                     let (quality, t) = (if k % 7 == 3 { 5 } else { 1 }, 100.0 + 0.2 * k as f64);
                     let _ = writeln!(text, "{t:.3},{quality},47.{k:02},8.5,{k},1.5,-0.{k:02},0");
                 }
-                Some(text)
+                Some(text.into_bytes())
             }
+            "mat" => Some(include_bytes!("mat/tests/sixty.mat").to_vec()),
             "rtklib" => {
                 let mut text = "% program : RTKLIB\n%  GPST  latitude(deg) longitude(deg) height(m) Q ns sdn(m) sde(m) sdu(m)\n".to_owned();
                 for k in 0..ROWS {
                     let quality = if k % 7 == 3 { 5 } else { 1 };
                     let _ = writeln!(text, "2025/07/08 19:34:{k:02}.250  47.{k:02}   8.5 {k} {quality} 21 0.01 0.01 0.02");
                 }
-                Some(text)
+                Some(text.into_bytes())
             }
             _ => None,
         }

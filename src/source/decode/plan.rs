@@ -74,6 +74,12 @@ impl<'a> RowSpec<'a> {
 }
 
 impl Plan<'_> {
+    /// The columns that its channels read, as declared.
+    pub(in super::super) fn columns(&self) -> impl Iterator<Item = &str> {
+        let inputs = self.channels.iter().flat_map(|channel| &channel.inputs);
+        inputs.flat_map(|input| input.columns.iter().map(String::as_str))
+    }
+
     /// What a row consists of.
     pub(in super::super) fn provided(&self) -> Vec<ProvidedChannel> {
         provided(self.channels.iter().map(|plan| (plan.channel.clone(), plan.delay_ns)))

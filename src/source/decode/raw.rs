@@ -8,6 +8,11 @@ pub(in super::super) trait RawRows: Send {
     /// The names of the columns, as declarations refer to them.
     fn columns(&self) -> &[String];
 
+    /// Why a name that the file knows is none of its columns.
+    fn absent(&self, _column: &str) -> Option<String> {
+        None
+    }
+
     /// Reads the next row; `false` after the last.
     ///
     /// # Errors

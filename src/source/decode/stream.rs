@@ -38,7 +38,7 @@ impl Plan<'_> {
         self.set_origin(context)?;
         let provided = self.provided();
         let mut columns = Columns {
-            known: raw.columns(),
+            raw: &raw,
             file,
             errors: Vec::new(),
         };
@@ -83,14 +83,14 @@ impl Plan<'_> {
 
 /// The columns of a file, and what was looked for in vain.
 struct Columns<'a> {
-    known: &'a [String],
+    raw: &'a dyn RawRows,
     file: &'a DataFile,
     errors: Vec<BuildError>,
 }
 
 impl Columns<'_> {
     fn position(&self, name: &str) -> Option<usize> {
-        self.known.iter().position(|known| known == name)
+        self.raw.columns().iter().position(|known| known == name)
     }
 
     /// The number of a column.
@@ -132,11 +132,12 @@ impl Columns<'_> {
     }
 
     fn missing(&mut self, field: &str, name: &str) -> usize {
-        let known: Vec<&str> = self.known.iter().map(String::as_str).collect();
+        let known: Vec<&str> = self.raw.columns().iter().map(String::as_str).collect();
         let meant = did_you_mean(name, &known)
             .map(|meant| format!("did you mean `{meant}`? "))
             .unwrap_or_default();
-        let error = BuildError::at(field, format!("`{}` has no column `{name}`", self.file.declared.display()));
+        let why = self.raw.absent(name).map(|why| format!(": {why}")).unwrap_or_default();
+        let error = BuildError::at(field, format!("`{}` has no column `{name}`{why}", self.file.declared.display()));
         let help = format!("{meant}its columns: `{}`", known.join("`, `"));
         self.errors.push(error.help(help));
         0

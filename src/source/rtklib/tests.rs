@@ -1,7 +1,7 @@
 //! Solutions as RTKLIB writes them, and one of a real drive beside what was made of it by hand.
 
 use super::*;
-use crate::config::{Diagnostics, Document};
+use crate::source::testing::recorded::{Rows, rows, spec};
 use std::path::Path;
 
 const CHANNELS: &str = "
@@ -11,33 +11,11 @@ const CHANNELS: &str = "
     velocity = { columns = ['vn(m/s)', 've(m/s)', '-vu(m/s)'] }";
 const HEADER: &str = "latitude(deg) longitude(deg)  height(m)   Q  ns   vn(m/s)   ve(m/s)   vu(m/s)\n";
 
-fn spec(toml: &str) -> RtklibSpec {
-    let (document, _) = Document::parse("filter.toml", toml);
-    let mut diagnostics = Diagnostics::new();
-    document.root().read(&mut diagnostics).unwrap_or_else(|| panic!("{diagnostics}"))
-}
-
-type Rows = Vec<(i64, Vec<f64>)>;
-
-fn rows(spec: &dyn SourceSpec, data_dir: &Path) -> Result<Rows, String> {
-    let context = OpenContext {
-        data_dir: data_dir.to_owned(),
-        ..OpenContext::default()
-    };
-    let shown = |error: SourceError| error.to_string();
-    let mut stream = spec.open(&context).map_err(shown)?;
-    let (mut rows, mut values) = (Vec::new(), Vec::new());
-    while let Some(stamp) = stream.next(&mut values).map_err(shown)? {
-        rows.push((stamp.time.nanos(), values.clone()));
-    }
-    Ok(rows)
-}
-
 fn read(name: &str, time: &str, text: &str) -> Result<Rows, String> {
     let dir = std::env::temp_dir().join(format!("fusion-rtklib-{}-{name}", std::process::id()));
     std::fs::create_dir_all(&dir).unwrap();
     std::fs::write(dir.join("log.pos"), text).unwrap();
-    let found = rows(&spec(&format!("{time}{CHANNELS}")), &dir);
+    let found = rows(&spec::<RtklibSpec>(&format!("{time}{CHANNELS}")), &dir);
     std::fs::remove_dir_all(&dir).unwrap();
     found.map_err(|e| e.replace(&format!("{}/", dir.display()), ""))
 }
@@ -106,15 +84,15 @@ fn a_recorded_solution_is_that_which_was_made_of_it_by_hand() {
         eprintln!("skipped: {} is not there", data.display());
         return;
     }
-    let solution = spec(&format!("time.epoch = '2025-07-08 19:34:18 GPST'{CHANNELS}").replace("log.pos", "original/gnss_1934_sf.pos"));
+    let solution: RtklibSpec =
+        spec(&format!("time.epoch = '2025-07-08 19:34:18 GPST'{CHANNELS}").replace("log.pos", "original/gnss_1934_sf.pos"));
     let toml = "
         path = 'derived/gnss.csv'
         time = { column = 't_s' }
         [channels]
         position = { latitude = 'lat_deg', longitude = 'lon_deg', height = 'h_m', unit = 'deg' }
         velocity = { columns = ['vn_mps', 've_mps', 'vd_mps'], unit = 'm/s' }";
-    let (document, _) = Document::parse("filter.toml", toml);
-    let derived: crate::source::CsvSpec = document.root().read(&mut Diagnostics::new()).unwrap();
+    let derived: crate::source::CsvSpec = spec(toml);
     let (solution, derived) = (rows(&solution, &data).unwrap(), rows(&derived, &data).unwrap());
     assert_eq!(solution.len(), 2197);
     // Both print the same digits.
