@@ -8,7 +8,7 @@
 //! `form/product`         ΦPΦᵀ as two dense products
 //!
 //! Before anything is timed, every form gives what Joseph's gives. The table at the end, of least
-//! times in interleaved runs, is that of README; on a busy machine believe its ratios.
+//! times in interleaved runs, is that of `backends-measured.md` of the book; on a busy machine believe its ratios.
 
 #![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a benchmark")]
 

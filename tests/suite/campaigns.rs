@@ -267,7 +267,7 @@ fn the_straight_run_of_the_robot_ends_near_its_target_in_nine_of_ten_runs() {
     assert!(near >= 45, "{near}");
 }
 
-/// The first hour of the sea trial, with two of its six episodes; README has the command for the whole.
+/// The first hour of the sea trial, with two of its six episodes; the book has the command for the whole.
 const HOUR: &str = "simulation.longest=3800";
 
 #[test]

@@ -1,7 +1,7 @@
 //! Track odometry of a skidding robot, its parameters found by the filter and judged on data that it has not seen.
 //!
 //! The data are those of `real.rs`; without them these tests say so and pass. What is printed beside the bounds
-//! stands in README.
+//! stands in `recorded-logs.md` of the book.
 
 use super::real::{real, real_design};
 use fusion::core::geometry::so3;

@@ -1,7 +1,7 @@
 //! Recorded logs under water, scored on positions that the filter does not see or has not seen yet.
 //!
 //! The data are those of `real.rs`; without them these tests say so and pass. What is printed beside the bounds
-//! stands in README.
+//! stands in `recorded-logs.md` of the book.
 
 use super::real::real_design;
 use core::f64::consts::PI;
@@ -227,7 +227,7 @@ impl Fixes {
         )
     }
 
-    /// A row of README's table.
+    /// A row of the table of `recorded-logs.md`.
     fn print(&self, name: &str) {
         let ([median, p90], rejected) = self.figures();
         eprintln!(
@@ -264,7 +264,7 @@ fn fixes_of_a_diver_are_foreseen_and_those_of_another_one_are_not_used() {
     }
 }
 
-/// What stands beside the gate in README, and the filter that the vehicle itself had.
+/// What stands beside the gate in `recorded-logs.md`, and the filter that the vehicle itself had.
 #[test]
 fn whatever_uses_every_fix_follows_the_other_diver() {
     for variant in ["hold", "no-gate", "student-t", "on-board"] {
