@@ -60,6 +60,12 @@ pub struct Navigator {
 impl Navigator {
     /// From the file of a design, with the parts that it includes.
     ///
+    /// ```
+    /// let nav = fusion::Navigator::from_file("examples/embed.toml")?;
+    /// assert_eq!(nav.layout().dim(), 15);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// Every mistake, each with its place.
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, Diagnostics> {
@@ -68,6 +74,16 @@ impl Navigator {
 
     /// From the text of a design that includes nothing.
     ///
+    /// ```
+    /// let text = std::fs::read_to_string("examples/embed.toml")?;
+    /// assert!(fusion::Navigator::from_toml(&text).is_ok());
+    ///
+    /// // Each mistake is told with its place and what to do.
+    /// let told = fusion::Navigator::from_toml(&text.replace("lever_arm", "lever_rm")).unwrap_err().to_string();
+    /// assert!(told.contains("did you mean `lever_arm`?"), "{told}");
+    /// # Ok::<(), std::io::Error>(())
+    /// ```
+    ///
     /// # Errors
     /// Every mistake in the text, each with its place.
     pub fn from_toml(text: &str) -> Result<Self, Diagnostics> {
@@ -75,6 +91,13 @@ impl Navigator {
     }
 
     /// From the text of a design; the paths of what it includes start at `folder`.
+    ///
+    /// ```
+    /// let design = "include = ['embed.toml']\nsensor.position.lever_arm = [0, 0, 0]";
+    /// let nav = fusion::Navigator::from_toml_in("examples", design)?;
+    /// assert_eq!(nav.streams().len(), 2);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     /// Every mistake, each with its place.
@@ -121,6 +144,14 @@ impl Navigator {
 
     /// The number of a stream, for [`Navigator::feed_stream`].
     ///
+    /// ```
+    /// # let nav = fusion::Navigator::from_file("examples/embed.toml")?;
+    /// let imu = nav.stream("imu")?;
+    /// assert_eq!(nav.streams()[imu].name, "imu");
+    /// assert!(nav.stream("lidar").unwrap_err().to_string().contains("`gnss`"));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// [`FeedError::UnknownStream`].
     pub fn stream(&self, name: &str) -> Result<StreamId, FeedError> {
@@ -137,6 +168,14 @@ impl Navigator {
     }
 
     /// The streams with their channels: what a row of each consists of.
+    ///
+    /// ```
+    /// # let nav = fusion::Navigator::from_file("examples/embed.toml")?;
+    /// let imu = &nav.streams()[nav.stream("imu")?];
+    /// let channels: Vec<_> = imu.channels.iter().map(|c| (c.name.as_str(), c.offset, c.width)).collect();
+    /// assert_eq!(channels, [("angular_rate", 0, 3), ("specific_force", 3, 3)]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     #[must_use]
     pub fn streams(&self) -> &[StreamLayout] {
         &self.assembly.streams
@@ -145,6 +184,14 @@ impl Navigator {
     /// Feeds a row stamped `seconds`; its numbers are those of [`Navigator::streams`], in SI, angles
     /// in radians. What cannot be is refused: a latitude beyond a pole, a speed beyond that of light, a
     /// stamp that is not finite.
+    ///
+    /// ```
+    /// # let mut nav = fusion::Navigator::from_file("examples/embed.toml")?;
+    /// nav.feed("gnss", 0.0, &[0.63, 2.26, 50.0])?;
+    /// let told = nav.feed("gnss", 1.0, &[36.1, 129.5, 50.0]).unwrap_err().to_string();
+    /// assert!(told.contains("angles are in radians"), "{told}");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     /// [`FeedError`]; the filter is untouched.
@@ -158,6 +205,27 @@ impl Navigator {
     }
 
     /// Feeds a row and hears the events it causes; rows of a stream are numbered from 0.
+    ///
+    /// ```
+    /// use fusion::core::{Time, runner::Event};
+    /// # let mut nav = fusion::Navigator::from_file("examples/embed.toml")?;
+    /// let imu = nav.stream("imu")?;
+    /// let mut started = None;
+    /// for k in 0..=1100 {
+    ///     let time = Time::from_nanos(k * 10_000_000);
+    ///     if k % 100 == 0 {
+    ///         nav.feed("gnss", time.seconds(), &[0.63, 2.26, 50.0])?;
+    ///     }
+    ///     nav.feed_stream(imu, time, &[0.0, 0.0, 0.0, 0.0, 0.0, -9.8], &mut |event: &Event<'_>| {
+    ///         if let Event::Started { belief } = event {
+    ///             started = Some(belief.time.seconds());
+    ///         }
+    ///     })?;
+    /// }
+    /// // The design levels over ten seconds at rest.
+    /// assert!(started.is_some_and(|seconds| seconds >= 10.0));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     /// [`FeedError`]; of a row that is refused the filter is untouched.
@@ -214,6 +282,25 @@ impl Navigator {
 
     /// Processes what has been held back: the end of the data.
     ///
+    /// ```
+    /// # let mut nav = fusion::Navigator::from_file("examples/embed.toml")?;
+    /// # for k in 0..=1100 {
+    /// #     nav.feed("imu", 0.01 * f64::from(k), &[0.0, 0.0, 0.0, 0.0, 0.0, -9.8])?;
+    /// #     if k % 100 == 0 {
+    /// #         nav.feed("gnss", 0.01 * f64::from(k), &[0.63, 2.26, 50.0])?;
+    /// #     }
+    /// # }
+    /// use fusion::core::runner::Event;
+    /// let mut last = 0.0;
+    /// nav.finish(&mut |event: &Event<'_>| {
+    ///     if let Event::Estimate { belief } = event {
+    ///         last = belief.time.seconds();
+    ///     }
+    /// })?;
+    /// assert_eq!(last, 11.0);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
     /// # Errors
     /// [`FeedError::Observer`].
     pub fn finish(&mut self, observer: &mut dyn Observer) -> Result<(), FeedError> {
@@ -221,6 +308,21 @@ impl Navigator {
     }
 
     /// Position, velocity and attitude; `None` until the filter has started.
+    ///
+    /// ```
+    /// # let mut nav = fusion::Navigator::from_file("examples/embed.toml")?;
+    /// # for k in 0..=1100 {
+    /// #     nav.feed("imu", 0.01 * f64::from(k), &[0.0, 0.0, 0.0, 0.0, 0.0, -9.8])?;
+    /// #     if k % 100 == 0 {
+    /// #         nav.feed("gnss", 0.01 * f64::from(k), &[0.63, 2.26, 50.0])?;
+    /// #     }
+    /// # }
+    /// let solution = nav.solution().ok_or("it has not started")?;
+    /// let (rpy, sigma) = solution.rpy().ok_or("it has no attitude")?;
+    /// // As the design says at its start: 30 deg, 1σ 2 deg.
+    /// assert!((rpy.z.to_degrees() - 30.0).abs() < 0.1 && (sigma.z.to_degrees() - 2.0).abs() < 0.1);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn solution(&mut self) -> Option<Solution> {
         self.belief()?;
         Some(*self.reader.read(self.assembly.runner.belief()))
@@ -230,6 +332,21 @@ impl Navigator {
     /// the rest of the time is predicted; where the input is missing, with the vehicle's agility, so that
     /// σ grows. `None` until the filter has started, and where it would have stopped by then. The
     /// filter itself does not change. For a time before that of [`Navigator::solution`] it is that one.
+    ///
+    /// ```
+    /// # let mut nav = fusion::Navigator::from_file("examples/embed.toml")?;
+    /// # for k in 0..=1100 {
+    /// #     nav.feed("imu", 0.01 * f64::from(k), &[0.0, 0.0, 0.0, 0.0, 0.0, -9.8])?;
+    /// #     if k % 100 == 0 {
+    /// #         nav.feed("gnss", 0.01 * f64::from(k), &[0.63, 2.26, 50.0])?;
+    /// #     }
+    /// # }
+    /// let (_, now) = nav.predict(11.0).and_then(|s| s.position).ok_or("it has not started")?;
+    /// let (_, later) = nav.predict(14.0).and_then(|s| s.position).ok_or("it would have stopped")?;
+    /// // No row comes, so the 1σ grows. Variances north, east, down [m²].
+    /// assert!(later.m11 > now.m11);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn predict(&mut self, seconds: f64) -> Option<Solution> {
         let belief = self.assembly.runner.predicted(Time::from_seconds(seconds))?;
         Some(*self.reader.read(&belief))
@@ -238,6 +355,26 @@ impl Navigator {
     /// Everything that the filter remembers, with what rows it holds back and, where it goes back for late
     /// rows, its snapshots. Another navigator of the same design that is [restored](Self::restore) to it
     /// goes on, bit for bit, as this one would.
+    ///
+    /// ```
+    /// # let mut nav = fusion::Navigator::from_file("examples/embed.toml")?;
+    /// # for k in 0..=1100 {
+    /// #     nav.feed("imu", 0.01 * f64::from(k), &[0.0, 0.0, 0.0, 0.0, 0.0, -9.8])?;
+    /// #     if k % 100 == 0 {
+    /// #         nav.feed("gnss", 0.01 * f64::from(k), &[0.63, 2.26, 50.0])?;
+    /// #     }
+    /// # }
+    /// let saved = nav.checkpoint();
+    ///
+    /// // In another process:
+    /// let mut again = fusion::Navigator::from_file("examples/embed.toml")?;
+    /// again.restore(&saved)?;
+    /// for nav in [&mut nav, &mut again] {
+    ///     nav.feed("imu", 11.01, &[0.0, 0.0, 0.0, 0.0, 0.0, -9.8])?;
+    /// }
+    /// assert_eq!(nav.belief().map(|b| &b.x), again.belief().map(|b| &b.x));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn checkpoint(&mut self) -> Vec<u8> {
         let mut bytes = Vec::new();
         memory::save(self, &mut bytes);
@@ -245,6 +382,15 @@ impl Navigator {
     }
 
     /// Goes on from a checkpoint.
+    ///
+    /// ```
+    /// # let mut nav = fusion::Navigator::from_file("examples/embed.toml")?;
+    /// let mut saved = nav.checkpoint();
+    /// assert!(nav.restore(&saved).is_ok());
+    /// saved.pop();
+    /// assert!(nav.restore(&saved).is_err(), "it is not whole");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     ///
     /// # Errors
     /// [`CheckpointError`] where the bytes are not whole, or of another design or version; the navigator is
@@ -255,6 +401,22 @@ impl Navigator {
     }
 
     /// The whole belief: state and covariance; `None` until the filter has started.
+    ///
+    /// ```
+    /// # let mut nav = fusion::Navigator::from_file("examples/embed.toml")?;
+    /// # for k in 0..=1100 {
+    /// #     nav.feed("imu", 0.01 * f64::from(k), &[0.0, 0.0, 0.0, 0.0, 0.0, -9.8])?;
+    /// #     if k % 100 == 0 {
+    /// #         nav.feed("gnss", 0.01 * f64::from(k), &[0.63, 2.26, 50.0])?;
+    /// #     }
+    /// # }
+    /// let belief = nav.belief().ok_or("it has not started")?;
+    /// let bias = nav.layout().block("gyro_bias").ok_or("it is no state")?;
+    /// let value = &belief.x[bias.storage_range()];
+    /// let sigma: Vec<f64> = belief.covariance.sigmas(bias).collect();
+    /// assert_eq!((value.len(), sigma.len()), (3, 3));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     #[must_use]
     pub fn belief(&self) -> Option<&Belief> {
         self.assembly.runner.started().then(|| self.assembly.runner.belief())
@@ -262,18 +424,60 @@ impl Navigator {
 
     /// How far the estimate can be believed. Changes are told to the observer of
     /// [`Navigator::feed_stream`], of filters inside stages too.
+    ///
+    /// ```
+    /// use fusion::core::health::State;
+    /// # let mut nav = fusion::Navigator::from_file("examples/embed.toml")?;
+    /// assert_eq!(nav.health().state, State::Aligning);
+    /// # for k in 0..=1100 {
+    /// #     nav.feed("imu", 0.01 * f64::from(k), &[0.0, 0.0, 0.0, 0.0, 0.0, -9.8])?;
+    /// #     if k % 100 == 0 {
+    /// #         nav.feed("gnss", 0.01 * f64::from(k), &[0.63, 2.26, 50.0])?;
+    /// #     }
+    /// # }
+    /// assert_eq!(nav.health().state, State::Good);
+    /// assert!(nav.health_reasons().is_empty());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     #[must_use]
     pub fn health(&self) -> &Health {
         self.assembly.runner.health()
     }
 
     /// The reasons for the health, in the names of the design.
+    ///
+    /// ```
+    /// # let mut nav = fusion::Navigator::from_file("examples/embed.toml")?;
+    /// # for k in 0..=1100 {
+    /// #     nav.feed("imu", 0.01 * f64::from(k), &[0.0, 0.0, 0.0, 0.0, 0.0, -9.8])?;
+    /// #     if k % 100 == 0 {
+    /// #         nav.feed("gnss", 0.01 * f64::from(k), &[0.63, 2.26, 50.0])?;
+    /// #     }
+    /// # }
+    /// // A fix every second, and none from 20 s on.
+    /// for k in 1101..=6000 {
+    ///     nav.feed("imu", 0.01 * f64::from(k), &[0.0, 0.0, 0.0, 0.0, 0.0, -9.8])?;
+    ///     if k % 100 == 0 && k < 2000 {
+    ///         nav.feed("gnss", 0.01 * f64::from(k), &[0.63, 2.26, 50.0])?;
+    ///     }
+    /// }
+    /// let reasons: Vec<String> = nav.health_reasons().iter().map(ToString::to_string).collect();
+    /// assert_eq!(reasons, ["`position` silent"]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     #[must_use]
     pub fn health_reasons(&self) -> Vec<NamedReason> {
         self.health().reasons.iter().map(|r| self.names.of(*r)).collect()
     }
 
     /// What the filter still waits for before it can start: initialiser and reason.
+    ///
+    /// ```
+    /// # let nav = fusion::Navigator::from_file("examples/embed.toml")?;
+    /// let waiting: Vec<_> = nav.waits_for().into_iter().map(|(initialiser, _)| initialiser).collect();
+    /// assert_eq!(waiting, ["initial.level", "initial.fix"]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     #[must_use]
     pub fn waits_for(&self) -> Vec<(String, String)> {
         if self.assembly.runner.started() {
@@ -284,6 +488,13 @@ impl Navigator {
     }
 
     /// The layout of the state.
+    ///
+    /// ```
+    /// # let nav = fusion::Navigator::from_file("examples/embed.toml")?;
+    /// let names: Vec<_> = nav.layout().blocks().iter().map(|block| block.name.as_str()).collect();
+    /// assert_eq!(names, ["position", "velocity", "attitude", "gyro_bias", "accel_bias"]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     #[must_use]
     pub fn layout(&self) -> &Layout {
         &self.assembly.layout
