@@ -143,7 +143,7 @@
 //! | [`runner`] | rows in order of time, delays, going back, initialisers, stages, events |
 //! | [`health`], [`smoother`] | what a filter says of itself; what later data say |
 //! | [`consistency`] | χ² quantiles, bands of NIS and NEES |
-//! | [`geometry`], [`time`], [`memory`] | rotations and WGS-84; nanoseconds; what is remembered, as bytes |
+//! | [`geometry`], [`time`], [`mod@memory`] | rotations and WGS-84; nanoseconds; what is remembered, as bytes |
 //! | [`testing`] | laws for models, charts, forms, rules, gates of your own |
 //!
 //! What is absent here: no sensor, no file, no clock, no thread, no global generator. A run is a function of
