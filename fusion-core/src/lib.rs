@@ -6,8 +6,8 @@
 //!
 //! # Equations
 //!
-//! The belief is an estimate x̂ and the covariance P of its error δ. A block moves by its retraction ⊞, a small
-//! error on its tangent space ([`state::Kind`]); ⊟ is its inverse:
+//! The belief is an estimate x̂ and the covariance P of its error δ, a vector of the tangent space
+//! ([`state::Kind`]). The retraction ⊞ moves a block by an error; ⊟ is its inverse:
 //!
 //! ```text
 //! x = x̂ ⊞ δ,   δ ~ N(0, P)
