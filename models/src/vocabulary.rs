@@ -45,6 +45,12 @@ pub mod state {
     pub const ACCEL_SCALE: QuantityName<'static, Vector<3>> = QuantityName::new("accel_scale");
 }
 
+/// Names of parameters whose truth a simulated world may know: a state that a sensor brings is called `sensor.parameter`.
+pub mod parameter {
+    /// Velocity of the water over ground, north, east, down \[m/s\].
+    pub const CURRENT: &str = "current";
+}
+
 /// Channels of streams: name, width, dimension and shape.
 pub mod channel {
     use super::state;

@@ -14,7 +14,7 @@ enum Vehicle {
     Car,
     /// Inertial unit, GNSS, barometer, magnetometer; take-off, hover, landing.
     Drone,
-    /// A boat in current: inertial unit, GNSS, magnetometer, water log.
+    /// A boat in current and waves: inertial unit, GNSS, magnetometer, water log.
     Boat,
     /// Skid steering: inertial unit, RTK, track speeds; steered by its estimate.
     Rover,

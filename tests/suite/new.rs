@@ -53,6 +53,33 @@ fn what_is_written_stands_alone_and_its_filter_knows_its_errors() {
 }
 
 #[test]
+fn a_boat_finds_the_current_that_carries_it() {
+    let w = Workspace::new("new-current");
+    w.fusion(&["new", "mine", "--from", "boat"]).success();
+    w.fusion(&["run", "mine.toml", "--out", "out"]).success();
+    let summary: serde_json::Value = serde_json::from_str(&w.read("out/summary.json")).unwrap();
+    let blocks = summary["score"]["blocks"].as_array().unwrap();
+    let current = blocks.iter().find(|block| block["name"] == "log.current").unwrap();
+    let parameter = |name: &str| {
+        summary["parameters"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .find(|p| p["name"] == name)
+            .unwrap()
+            .clone()
+    };
+    let estimate = parameter("log.current");
+    for (axis, truth) in [(0, 0.4), (1, -0.3)] {
+        let of = |value: &serde_json::Value, key: &str| value[key][axis].as_f64().unwrap();
+        let (error, sigma) = (of(current, "error"), of(current, "sigma"));
+        // The error is against the current of `sea`, and 0.5 m/s at the start has become a tenth: 4σ of it.
+        assert!((of(&estimate, "value") - error - truth).abs() < 1e-3, "{estimate} {current}");
+        assert!(sigma < 0.05 && error.abs() < 4.0 * sigma, "{current}");
+    }
+}
+
+#[test]
 fn a_foot_that_stands_in_every_stride_ends_where_the_person_does() {
     let w = Workspace::new("new-foot");
     w.fusion(&["new", "mine", "--from", "person"]).success();

@@ -19,7 +19,7 @@
 use crate::block::{Build, BuildError, Channel, Reading, SensorSpec};
 use crate::param::{RotationParam, ScalarParam, VectorParam};
 use crate::units::{Dimension, Dimensional, dim};
-use crate::vocabulary::{channel, state};
+use crate::vocabulary::{channel, parameter, state};
 use fusion_core::geometry::so3::{rotation, skew};
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
@@ -165,7 +165,7 @@ impl BodyVelocitySpec {
         let mut model = BodyVelocity::build(b, &self.lever_arm, &self.mounting, directions)?;
         model.scale = scale;
         model.bias = b.param("bias", &self.bias)?;
-        model.current = b.param("current", &self.current)?;
+        model.current = b.param(parameter::CURRENT, &self.current)?;
         Ok(model)
     }
 }
@@ -203,7 +203,7 @@ impl SensorSpec for OdometerSpec {
         let scale = b.param("scale", &self.scale)?;
         let mut model = BodyVelocity::build(b, &self.lever_arm, &self.mounting, &AXES[..1])?;
         model.scale = scale;
-        model.current = b.param("current", &self.current)?;
+        model.current = b.param(parameter::CURRENT, &self.current)?;
         Ok(Box::new(model))
     }
 }

@@ -18,6 +18,7 @@ mod odometry;
 mod profile;
 mod random;
 mod record;
+mod sea;
 mod segment;
 mod ship;
 mod simulator;
@@ -35,6 +36,7 @@ pub use imu_error::{AccelerometerErrorSpec, GyroErrorSpec, ImuError, ImuErrorSpe
 pub use noise::{SensorError, SensorErrorSpec};
 pub use odometry::OdometryErrorSpec;
 pub use record::{Errors, HeadingErrors, Leg, Record};
+pub use sea::{SeaSpec, WavesSpec};
 pub use segment::{Junction, Motion, Segment, SegmentSpec};
 pub use ship::{SHIP_STREAMS, ShipSpec, ship_channels};
 pub use simulator::{

@@ -5,6 +5,7 @@ use super::control::ControlSpec;
 use super::imu_error::ImuErrorSpec;
 use super::noise::SensorErrorSpec;
 use super::odometry::OdometryErrorSpec;
+use super::sea::SeaSpec;
 use super::segment::{Junction, SegmentSpec};
 use super::ship::ShipSpec;
 use super::task::TaskSpec;
@@ -58,6 +59,8 @@ pub struct SimulationSpec {
     #[schemars(schema_with = "segments_schema")]
     #[serde(default, deserialize_with = "crate::block::nested")]
     pub trajectory: Vec<Box<dyn SegmentSpec>>,
+    /// The sea that carries a boat: the trajectory is then its way through the water.
+    pub sea: Option<SeaSpec>,
     /// A vehicle that is controlled by the filter's own estimate, in place of a trajectory.
     #[schemars(schema_with = "vehicle_schema")]
     #[serde(default)]
@@ -111,7 +114,28 @@ impl SimulationSpec {
     /// # Errors
     /// [`BuildError`] whose field is `trajectory.i.…`.
     pub fn trajectory(&self) -> Result<Trajectory, BuildError> {
-        Trajectory::new(self.start.junction(), &self.trajectory)
+        let trajectory = Trajectory::new(self.start.junction(), &self.trajectory)?;
+        let Some(sea) = self.sea else { return Ok(trajectory) };
+        if sea.has_waves() {
+            self.check_afloat()?;
+        }
+        Ok(trajectory.at_sea(sea))
+    }
+
+    /// Refuses waves under what does not float.
+    fn check_afloat(&self) -> Result<(), BuildError> {
+        let help = "remove `waves`; a `current` may carry whatever moves through water";
+        if self.odometry.is_some() {
+            let message = "odometry is measured on level ground, and waves lift and tilt the boat";
+            return Err(BuildError::at("sea.waves", message).help(help));
+        }
+        match self.trajectory.iter().position(|segment| !segment.is_afloat()) {
+            None => Ok(()),
+            Some(i) => {
+                let message = format!("segment {} leaves the surface of the water, where the waves are", i + 1);
+                Err(BuildError::at(format!("trajectory.{i}"), message).help(help))
+            }
+        }
     }
 
     /// The vehicle and its mission; `seed` is that of the run.
@@ -119,6 +143,10 @@ impl SimulationSpec {
         if !self.trajectory.is_empty() {
             let help = "remove `trajectory`; what the vehicle does is said by `mission`";
             return Err(BuildError::at("trajectory", "a vehicle follows no trajectory").help(help));
+        }
+        if self.sea.is_some() {
+            return Err(BuildError::at("sea", "a vehicle drives on the ground, and there is no sea")
+                .help("remove `sea`, or replace the vehicle by a `trajectory`"));
         }
         if self.start.speed.si() > 0.0 {
             return Err(BuildError::at("start.speed", "a vehicle starts at rest"));

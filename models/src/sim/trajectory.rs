@@ -1,5 +1,6 @@
 //! A trajectory: segments one after the other.
 
+use super::sea::SeaSpec;
 use super::segment::{Junction, Motion, Segment, SegmentSpec};
 use crate::block::BuildError;
 
@@ -10,6 +11,7 @@ pub struct Trajectory {
     /// When each segment starts \[s\], and the segment.
     segments: Vec<(f64, Box<dyn Segment>)>,
     duration: f64,
+    sea: Option<SeaSpec>,
 }
 
 impl Trajectory {
@@ -34,7 +36,18 @@ impl Trajectory {
             let help = "add a segment, such as { type = \"rest\", duration = \"60 s\" }";
             return Err(BuildError::at("trajectory", "the trajectory takes no time").help(help));
         }
-        Ok(Self { start, segments, duration })
+        Ok(Self {
+            start,
+            segments,
+            duration,
+            sea: None,
+        })
+    }
+
+    /// The same, in this sea.
+    #[must_use]
+    pub fn at_sea(self, sea: SeaSpec) -> Self {
+        Self { sea: Some(sea), ..self }
     }
 
     /// Seconds from start to end.
@@ -59,10 +72,14 @@ impl Trajectory {
     pub fn at(&self, t: f64) -> Motion {
         let t = t.clamp(0.0, self.duration);
         let after = self.segments.partition_point(|(starts, _)| *starts <= t);
-        match self.segments.get(after.saturating_sub(1)) {
+        let mut motion = match self.segments.get(after.saturating_sub(1)) {
             Some((starts, segment)) => segment.at((t - starts).min(segment.duration())),
             None => Motion::default(),
+        };
+        if let Some(sea) = &self.sea {
+            sea.carry(t, &mut motion);
         }
+        motion
     }
 }
 

@@ -33,6 +33,10 @@ distance = "20 m"
 
 #[typetag::deserialize(name = "climb")]
 impl SegmentSpec for ClimbSpec {
+    fn is_afloat(&self) -> bool {
+        false
+    }
+
     fn build(&self, from: &Junction) -> Result<Box<dyn Segment>, BuildError> {
         let speed = from.moving()?;
         let duration = match (self.distance, self.duration) {
@@ -111,6 +115,10 @@ velocity = ["0.6 m/s", 0, 0]
 
 #[typetag::deserialize(name = "bump")]
 impl SegmentSpec for BumpSpec {
+    fn is_afloat(&self) -> bool {
+        false
+    }
+
     fn build(&self, from: &Junction) -> Result<Box<dyn Segment>, BuildError> {
         Ok(Box::new(Bump {
             from: *from,

@@ -49,6 +49,10 @@ turn = "90 deg"
 
 #[typetag::deserialize(name = "fly")]
 impl SegmentSpec for FlySpec {
+    fn is_afloat(&self) -> bool {
+        false
+    }
+
     fn build(&self, from: &Junction) -> Result<Box<dyn Segment>, BuildError> {
         from.at_rest()?;
         let by = Vector3::from(self.by.si());
@@ -126,6 +130,10 @@ period = "4 s"
 
 #[typetag::deserialize(name = "hover")]
 impl SegmentSpec for HoverSpec {
+    fn is_afloat(&self) -> bool {
+        false
+    }
+
     fn build(&self, from: &Junction) -> Result<Box<dyn Segment>, BuildError> {
         from.at_rest()?;
         let (duration, sway) = (self.duration.si(), self.sway.si());

@@ -124,6 +124,11 @@ pub trait SegmentSpec: Debug + Send + Sync {
     /// # Errors
     /// [`BuildError`] naming the field.
     fn build(&self, from: &Junction) -> Result<Box<dyn Segment>, BuildError>;
+
+    /// Whether a boat can do it, which stays on the surface of the water.
+    fn is_afloat(&self) -> bool {
+        true
+    }
 }
 
 #[cfg(test)]

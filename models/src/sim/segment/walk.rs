@@ -75,6 +75,10 @@ const MOST_STRIDES: u32 = 100_000;
 
 #[typetag::deserialize(name = "walk")]
 impl SegmentSpec for WalkSpec {
+    fn is_afloat(&self) -> bool {
+        false
+    }
+
     fn build(&self, from: &Junction) -> Result<Box<dyn Segment>, BuildError> {
         from.at_rest()?;
         if !(1..=MOST_STRIDES).contains(&self.strides) {

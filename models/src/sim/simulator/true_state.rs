@@ -8,7 +8,7 @@ use super::Setup;
 use crate::block::{BuildError, Channel};
 use crate::earth::{Gravity, LocalEarth, LocalFrame};
 use crate::spelling::did_you_mean;
-use crate::vocabulary::{channel, state};
+use crate::vocabulary::{channel, parameter, state};
 use fusion_core::Time;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
@@ -144,6 +144,13 @@ struct Parameter {
     random: Random,
 }
 
+/// The true current, where the block is one that a log estimates and the sea has one.
+fn current_of(spec: &SimulationSpec, block: &Block) -> Option<Vector3<f64>> {
+    let (_, name) = block.name.rsplit_once('.')?;
+    let is_current = name == parameter::CURRENT && block.kind == Kind::Vector(3);
+    spec.sea.as_ref().filter(|_| is_current)?.current()
+}
+
 /// The rate of the heading \[rad/s\].
 fn yaw_rate(truth: &Truth, gravity: Gravity) -> f64 {
     let nav = &truth.nav;
@@ -172,6 +179,8 @@ impl TrueState {
         for block in layout.blocks() {
             if let Some(k) = Known::of(layout, block)? {
                 known.push(k);
+            } else if let Some(current) = current_of(spec, block) {
+                x[block.storage_range()].copy_from_slice(current.as_slice());
             } else if spec.draw_parameters && !is_of_others(&block.name) {
                 let mut random = Random::new(seed, &format!("state/{}", block.name));
                 let delta: Vec<f64> = block.sigma.iter().map(|sigma| sigma * random.normal()).collect();
