@@ -1,3 +1,5 @@
+mod field;
+mod places;
 mod sea;
 
 use super::*;
@@ -5,7 +7,7 @@ use crate::block::{Build, ProcessSpec, SensorSpec};
 use crate::vocabulary::state;
 use fusion_core::model::{Input, Prepared};
 use fusion_core::state::{Attitude, Dynamics, LayoutBuilder, Manifold, Vector, Velocity};
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 
 const ORIGIN: Geodetic = Geodetic::new(0.612_167, 2.252_993, 10.0);
 const MOVING: &str = "{ rest = { duration = 5 } }, { straight = { distance = 40, speed = 3, acceleration = 1 } }, \
