@@ -9,7 +9,8 @@
 //!          errors
 //! x_true   blocks named `position` (geodetic or local), `local_position`, `velocity`,
 //!          `attitude`, `heading`, `speed`, `yaw_rate` from the world; `gyro_bias`, `accel_bias`,
-//!          `gyro_scale`, `accel_scale` from the simulated unit; every other block at its declared
+//!          `gyro_scale`, `accel_scale` from the simulated unit; a log's `current` from the sea, where that has one;
+//!          every other block at its declared
 //!          initial value, or drawn about it and moved by its own dynamics (`draw_parameters`)
 //! Shared   what is true of a trajectory, and the samples of the inertial unit before their errors, are the same for
 //!          every seed: runs that [share](Simulator::share) them make them once
