@@ -100,6 +100,9 @@ mod reacquisition;
 /// Real recorded logs, scored against their references.
 #[path = "suite/real.rs"]
 mod real;
+/// Simulated worlds as logs, and the filter over them.
+#[path = "suite/record.rs"]
+mod record;
 /// Runs that are stopped, and gone on with from what was saved.
 #[cfg(unix)]
 #[path = "suite/resumed.rs"]

@@ -14,6 +14,7 @@ mod inspect;
 mod montecarlo;
 mod new;
 mod progress;
+mod record;
 mod run;
 #[cfg(unix)]
 mod stop;
@@ -175,6 +176,15 @@ Examples:
   fusion allan rest.csv --rate '100 Hz' --gyro gx,gy,gz --gyro-unit deg/s
   fusion allan rest.csv.gz --rate '100 Hz' --accelerometer ax,ay,az --accelerometer-unit '3.33 mg' --out results")]
     Allan(allan::AllanArgs),
+    /// Write the simulated world of a design as a log: a CSV file for each stream, and a design that reads them.
+    ///
+    /// The filter over the log does what it does in simulation, up to its start: with `draw_start` the simulated
+    /// filter starts at a draw about the truth. Faults of the simulated streams are in the log.
+    #[command(after_long_help = "\
+Examples:
+  fusion record configs/ins-gps.toml --out log
+  fusion run log/design.toml")]
+    Record(record::RecordArgs),
     /// Print the JSON Schema of a design, for editors that complete and check TOML.
     #[command(after_long_help = "\
 Examples:
@@ -427,6 +437,7 @@ pub fn main() -> ExitCode {
         Command::Inspect(args) => inspect::inspect(&args),
         Command::Montecarlo(args) => montecarlo::montecarlo(&args),
         Command::Stress(args) => stress::stress(&args),
+        Command::Record(args) => record::record_world(&args),
         Command::Schema => print(&format!("{:#}\n", fusion::schema::design())),
     };
     match done {

@@ -44,6 +44,11 @@ impl Document {
         Ok(())
     }
 
+    /// Takes the table or value `key` of the whole tree away, if it is there.
+    pub(crate) fn remove(&mut self, key: &str) {
+        Arc::make_mut(&mut self.root).take(key);
+    }
+
     /// Lays `over`, a table of another document, over the whole tree, as [`overlay`](Self::overlay) does.
     pub(crate) fn lay(&mut self, over: &Node) {
         merge(Arc::make_mut(&mut self.root), over);

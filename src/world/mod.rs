@@ -3,11 +3,13 @@
 
 mod check;
 mod pilot;
+mod record;
 mod simulated;
 #[cfg(test)]
 mod tests;
 
 pub(crate) use check::check;
 pub use fusion_models::sim::{INSTRUMENTS, REFERENCE};
+pub use record::{LOG_DESIGN, LoggedStream, record};
 pub use simulated::SimulatedRows;
 pub(crate) use simulated::drawn_start;
