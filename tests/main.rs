@@ -103,6 +103,9 @@ mod real;
 /// Simulated worlds as logs, and the filter over them.
 #[path = "suite/record.rs"]
 mod record;
+/// Every value of every shipped design made wrong: each message says where, and what is accepted.
+#[path = "suite/refused.rs"]
+mod refused;
 /// Runs that are stopped, and gone on with from what was saved.
 #[cfg(unix)]
 #[path = "suite/resumed.rs"]

@@ -53,6 +53,11 @@ impl BuildError {
         }
     }
 
+    /// About a quantity of a field, or the one element of it that is wrong.
+    pub fn quantity(field: &str, error: &UnitError) -> Self {
+        Self::at(error.path(field), error.to_string())
+    }
+
     /// With advice.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
@@ -535,7 +540,7 @@ impl Build<'_> {
                 })
             }
             ParamSpec::Estimated(e) => {
-                let dynamics = e.dynamics().map_err(|(key, why)| BuildError::at(format!("{field}.{key}"), why))?;
+                let dynamics = e.dynamics().map_err(|e| e.within(field))?;
                 let (initial, sigma) = (e.initial.value(), V::axes(&e.sigma).to_vec());
                 if sigma.iter().all(|s| *s == 0.0) && !matches!(dynamics, Dynamics::RandomWalk { .. }) {
                     let message = "a parameter whose 1σ is 0 on every axis is never corrected: it is a constant, not estimated";

@@ -171,7 +171,7 @@ impl GateSpec for HypothesesSpec {
             let message = "the rows of this sensor have different units: one `reach` cannot hold for all of them";
             return Err(BuildError::new(message).help("`nis` judges any sensor"));
         }
-        let at = |field: &'static str| move |e: UnitError| BuildError::at(field, e.to_string());
+        let at = |field: &'static str| move |e: UnitError| BuildError::quantity(field, &e);
         self.reach.within::<range::Positive>(*first).map_err(at("reach"))?;
         for (field, value, halves) in [("speed", &self.speed, -2), ("wander", &self.wander, -3)] {
             let Some(value) = value else { continue };
@@ -200,7 +200,7 @@ impl GateSpec for HypothesesSpec {
         }
         let si = |field: &'static str, quantity: &AnyQuantity| {
             let value = quantity.expect(quantity.dimension().unwrap_or(Dimension::NONE));
-            value.map_err(|e| BuildError::at(field, e.to_string()))
+            value.map_err(|e| BuildError::quantity(field, &e))
         };
         let or = |field, quantity: &Option<AnyQuantity>, default| quantity.as_ref().map_or(Ok(default), |q| si(field, q));
         let reach = si("reach", &self.reach)?;

@@ -5,10 +5,12 @@
 //! lever_arm = { estimate = true, initial = [0.1, 0, -1], sigma = "20 cm" }        # a constant state
 //! bias = { estimate = true, initial = [0, 0, 0], sigma = "2 m", correlation_time = "60 s" } # Gauss-Markov
 //! bias = { estimate = true, initial = [0, 0, 0], sigma = "1 m", random_walk = "1 cm/sqrt(s)" }
+//! bias = { estimate = true, initial = [0, 0, 0], sigma = "1 m", random_walk = ["1 cm/sqrt(s)", 0, 0] }
 //! lever_arm = { shared = "gnss_position.lever_arm" }                              # another block's state
 //! ```
 
-use crate::units::{Angle, AnyQuantity, Axes, Dimension, Dimensional, Kind, NonNegative, Positive, Quantity, Vec3Of, dim, range};
+use crate::block::BuildError;
+use crate::units::{Angle, Axes, Dimension, Dimensional, Kind, NonNegative, PerAxis, Positive, Quantity, Vec3Of, dim, range};
 use core::fmt::{self, Debug};
 use core::marker::PhantomData;
 use fusion_core::geometry::so3;
@@ -24,6 +26,8 @@ use std::borrow::Cow;
 pub trait ParamValue: Copy + Debug + DeserializeOwned + JsonSchema {
     /// The manifold of the state it becomes when estimated.
     type Manifold: Manifold;
+    /// How many numbers are written for it.
+    const COUNT: usize;
     /// How its 1σ is written.
     type Sigma: Copy + Debug + DeserializeOwned + JsonSchema;
     /// The dimension of a tangent coordinate.
@@ -39,6 +43,7 @@ pub trait ParamValue: Copy + Debug + DeserializeOwned + JsonSchema {
 impl<D: Dimensional + Debug> ParamValue for Quantity<D> {
     type Manifold = Scalar;
     type Sigma = NonNegative<D>;
+    const COUNT: usize = 1;
     const KIND: Kind = D::KIND;
     fn value(&self) -> f64 {
         self.si()
@@ -51,6 +56,7 @@ impl<D: Dimensional + Debug> ParamValue for Quantity<D> {
 impl<D: Dimensional + Debug> ParamValue for Vec3Of<D> {
     type Manifold = Vector<3>;
     type Sigma = Axes<D, range::NonNegative>;
+    const COUNT: usize = 3;
     const KIND: Kind = D::KIND;
     fn value(&self) -> Vector3<f64> {
         Vector3::from(self.si())
@@ -84,6 +90,7 @@ impl Rpy {
 impl ParamValue for Rpy {
     type Manifold = Attitude;
     type Sigma = Axes<dim::Angle, range::NonNegative>;
+    const COUNT: usize = 3;
     const KIND: Kind = dim::Angle::KIND;
     fn value(&self) -> UnitQuaternion<f64> {
         self.rotation()
@@ -147,7 +154,7 @@ pub struct Estimated<V: ParamValue> {
     pub initial: V,
     /// Initial 1σ; with a correlation time also the stationary 1σ.
     pub sigma: V::Sigma,
-    random_walk: Option<AnyQuantity>,
+    random_walk: Option<PerAxis>,
     correlation_time: Option<Positive<dim::Duration>>,
 }
 
@@ -156,21 +163,25 @@ const PER_ROOT_SECOND: i8 = -1;
 
 impl<V: ParamValue> Estimated<V> {
     /// Its own dynamics, or the key and reason of what does not fit.
-    pub(crate) fn dynamics(&self) -> Result<Dynamics, (&'static str, String)> {
+    pub(crate) fn dynamics(&self) -> Result<Dynamics, BuildError> {
         let sigma = V::axes(&self.sigma);
+        let axes = vec![per_root_second(V::KIND.dimension); sigma.len()];
         let walk = match &self.random_walk {
             Some(walk) => walk
-                .expect(per_root_second(V::KIND.dimension))
-                .map_err(|e| ("random_walk", e.to_string()))?,
-            None => 0.0,
+                .si::<range::NonNegative>(&axes)
+                .map_err(|e| BuildError::quantity("random_walk", &e))?,
+            None => Vec::new(),
         };
-        match (walk != 0.0, &self.correlation_time) {
+        match (walk.iter().any(|w| *w != 0.0), &self.correlation_time) {
             (false, None) => Ok(Dynamics::Constant),
             (false, Some(tau)) => Ok(Dynamics::GaussMarkov { sigma, tau: tau.si() }),
             (true, None) => Ok(Dynamics::RandomWalk {
-                psd: vec![walk * walk; sigma.len()],
+                psd: walk.iter().map(|w| w * w).collect(),
             }),
-            (true, Some(_)) => Err(("random_walk", "a block is a random walk or Gauss-Markov, not both".to_owned())),
+            (true, Some(_)) => {
+                let both = BuildError::at("random_walk", "a state is a random walk or Gauss-Markov, not both");
+                Err(both.help("remove `random_walk`, or `correlation_time`"))
+            }
         }
     }
 }
@@ -193,8 +204,9 @@ struct Table<V: ParamValue> {
     initial: Option<V>,
     /// Initial 1σ; with `correlation_time` also the stationary 1σ.
     sigma: Option<V::Sigma>,
-    /// Makes the state a random walk of this density: the unit of the parameter per sqrt(s); 0 is none.
-    random_walk: Option<AnyQuantity>,
+    /// Makes the state a random walk of this density: the unit of the parameter per sqrt(s), one for
+    /// all axes or an array of one per axis; 0 is none.
+    random_walk: Option<PerAxis>,
     /// Makes the state first-order Gauss-Markov with this correlation time.
     correlation_time: Option<Positive<dim::Duration>>,
     /// Uses the state of this name, which another block estimates.
@@ -238,7 +250,20 @@ impl<'de, V: ParamValue> Visitor<'de> for ParamVisitor<V> {
     type Value = ParamSpec<V>;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} or {{ estimate = true, initial = …, sigma = … }}", V::KIND)
+        let (kind, example) = (V::KIND, V::KIND.example);
+        match V::COUNT {
+            1 => write!(
+                f,
+                "{kind}, e.g. {example:?}, or {{ estimate = true, initial = {example:?}, sigma = {example:?} }}"
+            ),
+            n => {
+                let each = vec![example; n];
+                write!(
+                    f,
+                    "an array of {n}, each {kind}, e.g. {each:?}, or {{ estimate = true, initial = {each:?}, sigma = {example:?} }}"
+                )
+            }
+        }
     }
 
     fn visit_f64<E: Error>(self, v: f64) -> Result<Self::Value, E> {
@@ -297,7 +322,7 @@ mod tests {
         let ParamSpec::Estimated(estimated) = holder.bias else {
             return Err("it is no state".to_owned());
         };
-        estimated.dynamics().map_err(|(key, why)| format!("{key}: {why}"))
+        estimated.dynamics().map_err(|e| format!("{}: {}", e.field, e.message))
     }
 
     #[test]
@@ -310,10 +335,21 @@ mod tests {
         };
         assert_eq!(dynamics(", random_walk = 0, correlation_time = '60 s'"), Ok(markov));
         assert_eq!(dynamics(", random_walk = 3"), Ok(Dynamics::RandomWalk { psd: vec![9.0; 3] }));
+        assert_eq!(dynamics(", random_walk = [0, 0, 0]"), Ok(Dynamics::Constant));
         assert!(
             dynamics(", random_walk = 3, correlation_time = '60 s'")
                 .unwrap_err()
                 .contains("not both")
         );
+    }
+
+    #[test]
+    fn each_axis_may_walk_by_its_own_density() {
+        let each = dynamics(", random_walk = ['3 m/sqrt(s)', 2, 0]");
+        assert_eq!(each, Ok(Dynamics::RandomWalk { psd: vec![9.0, 4.0, 0.0] }));
+        let refused = |text: &str| dynamics(&format!(", random_walk = {text}")).unwrap_err();
+        assert!(refused("[1, '2 m', 3]").starts_with("random_walk.1: \"2 m\" is a length [m]; a position random walk [m/sqrt(s)]"));
+        assert!(refused("[1, 2]").starts_with("random_walk: 3 values, or one for all, are expected here, e.g. ["));
+        assert!(refused("-1").starts_with("random_walk: -1 is out of range"));
     }
 }

@@ -99,7 +99,7 @@ impl Parts {
 pub(super) struct Data<'a> {
     pub(super) sources: &'a [Named<SourceDesign>],
     pub(super) is_simulated: bool,
-    /// Whether the simulated world could not be read.
+    /// Whether the simulated world could not be read, or which stream one of its sensors makes.
     pub(super) is_unread: bool,
 }
 
@@ -108,7 +108,7 @@ impl<'a> Data<'a> {
         Self {
             sources: &design.sources,
             is_simulated: design.simulation.is_some(),
-            is_unread: design.unread.simulation,
+            is_unread: design.unread.simulation || design.simulation.is_some() && design.unread.has_stray_sensor(&design.document),
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::StreamLayout;
 use super::assemble::Assembler;
 use super::streams::StreamChannel;
-use crate::config::{Diagnostic, Node};
+use crate::config::{Diagnostic, Node, Place};
 use fusion_core::runner::{InputLimits, Port, StreamId};
 use fusion_models::block::{Channel, Listen, Shape};
 use fusion_models::units::{Dimension, range};
@@ -70,7 +70,7 @@ impl<P> Assembler<'_, P> {
                 Some(Ok(limits)) => range.extend(limits),
                 None => range.extend(dimensions.iter().map(|_| f64::INFINITY)),
                 Some(Err(why)) => {
-                    let place = process.node.place_of(&format!("input.range.{}", channel.name));
+                    let place = process.node.place_of(&why.path(&format!("input.range.{}", channel.name)));
                     self.d.push(Diagnostic::error(why.to_string()).at(place));
                 }
             }
@@ -148,7 +148,7 @@ impl<P> Assembler<'_, P> {
         let mut names: Vec<&str> = self.streams.iter().map(|s| s.alias.as_deref().unwrap_or(&s.name)).collect();
         names.sort_unstable();
         names.dedup();
-        let unknown = Diagnostic::error(format!("no source or stage is called `{name}`")).at(node.place_of("source"));
+        let unknown = Diagnostic::error(format!("no source or stage is called `{name}`")).at(naming(node, &[name]));
         let mut unknown = unknown.suggest(name, &names, "there are");
         if self.data.is_simulated {
             unknown = unknown.and_help("a simulated sensor, [simulation.sensor.NAME], provides what [sensor.NAME] reads");
@@ -186,7 +186,12 @@ impl<P> Assembler<'_, P> {
             )),
             (None, false) => Some(format!("declare it under [source.{}.channels]; {}", layout.name, has(layout))),
         };
-        let wrong = wrong.at(node.place_of("source"));
+        let declared = self.data.sources.iter().find(|s| s.name == layout.name);
+        let declared = declared.and_then(|s| s.node.get("channels")?.get(&wanted.name));
+        let wrong = wrong.at(declared.map_or_else(
+            || naming(node, &[&layout.name, layout.alias.as_deref().unwrap_or_default()]),
+            |channel| misfit(channel, wanted, layout),
+        ));
         self.d.push(match help {
             Some(help) => wrong.help(help),
             None => wrong,
@@ -195,9 +200,27 @@ impl<P> Assembler<'_, P> {
     }
 }
 
+/// Where a block names a stream: most do so by `source`, at any depth.
+fn naming<'n>(node: &'n Node, stream: &[&str]) -> &'n Place {
+    fn find<'n>(node: &'n Node, stream: &[&str]) -> Option<&'n Place> {
+        let names = |node: &&Node| node.as_str().is_some_and(|text| stream.contains(&text));
+        let fields = || node.entries().iter().filter(|e| e.key != "type").map(|e| &e.node);
+        let own = node.get("source").filter(names).or_else(|| fields().find(names));
+        own.map(Node::place).or_else(|| fields().find_map(|field| find(field, stream)))
+    }
+    find(node, stream).unwrap_or_else(|| node.place_of("source"))
+}
+
+/// What of the declaration of a channel is not as wanted: its columns, or their unit.
+fn misfit<'n>(channel: &'n Node, wanted: &Channel, layout: &StreamLayout) -> &'n Place {
+    let has_width = layout.channel(&wanted.name).is_some_and(|found| found.width == wanted.width);
+    let key = if has_width { "unit" } else { "columns" };
+    channel.get(key).unwrap_or(channel).place()
+}
+
 fn mismatch(layout: &StreamLayout, found: &StreamChannel, wanted: &Channel) -> Diagnostic {
     Diagnostic::error(format!(
-        "channel `{}` of `{}` is {}, and {} is needed",
+        "channel `{}` of `{}` is {}, and this block reads {}",
         wanted.name,
         layout.name,
         describe(found.width, found.shape, found.dimension),
@@ -224,6 +247,9 @@ fn describe(width: usize, shape: Shape, dimension: Dimension) -> String {
     match shape {
         Shape::Geodetic => "a geodetic position".to_owned(),
         Shape::Quaternion => "a quaternion".to_owned(),
-        Shape::Vector | Shape::Angle => format!("{width} × {}", dimension.kind()),
+        Shape::Vector | Shape::Angle => match width {
+            1 => format!("one number, {}", dimension.kind()),
+            _ => format!("{width} numbers, each {}", dimension.kind()),
+        },
     }
 }

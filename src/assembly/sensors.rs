@@ -1,7 +1,7 @@
 //! Sensors: a measurement model with its port, its noise, its gate and its loss.
 
 use super::assemble::Assembler;
-use crate::config::{Diagnostic, Node, Place};
+use crate::config::{Diagnostic, Node};
 use crate::design::{Named, NoiseSpec, SensorDesign};
 use fusion_core::gate::{Gate, OnlyWith, Open};
 use fusion_core::loss::{Loss, Quadratic};
@@ -89,7 +89,7 @@ impl<P> Assembler<'_, P> {
             (Some(port), Some(name)) => self.quality(port.stream, name, node).map(Some),
             _ => Some(None),
         };
-        let gate = self.d.keep(gate(design, &rows, self.design.filter.bank.is_some()));
+        let gate = self.d.keep(gate(design, &rows, self.has_bank()));
         let loss = self.d.keep(loss(design));
         let ((model, time_offset), mut port, sigma) = (built?, port?, sigma?);
         let timing = self.timing(&time_offset, port.stream).map_err(|e| node.locate(&e));
@@ -166,7 +166,7 @@ impl<P> Assembler<'_, P> {
             noise: Noise::diagonal(&info.sigma),
             quality: whole.quality,
             // Built before without a mistake.
-            gate: gate(design, &info.rows, self.design.filter.bank.is_some()).ok()?,
+            gate: gate(design, &info.rows, self.has_bank()).ok()?,
             loss: loss(design).ok()?,
         };
         Some((sensor, info))
@@ -245,6 +245,11 @@ impl<P> Assembler<'_, P> {
         infos.iter().map(build).collect()
     }
 
+    /// Whether the filter is a bank, or may be one that could not be read.
+    fn has_bank(&self) -> bool {
+        self.design.filter.bank.is_some() || self.design.unread.filter
+    }
+
     /// Lays the gate policy `only_with` over the sensors' own gates.
     pub(super) fn link(&mut self, sensors: &mut [Sensor], infos: &[SensorInfo]) {
         let at = |name: &str| infos.iter().position(|info| info.name == name);
@@ -274,7 +279,7 @@ fn sigma(design: &Named<SensorDesign>, rows: &[Dimension]) -> Result<Vec<f64>, D
     let sigma = match sigma {
         Some(sigma) => sigma
             .si::<range::NonNegative>(rows)
-            .map_err(|why| Diagnostic::error(why.to_string()).at(sigma_place(node)))?,
+            .map_err(|why| Diagnostic::error(why.to_string()).at(node.place_of(&why.path(sigma_path(node)))))?,
         None if *from_source => vec![0.0; rows.len()],
         None => {
             let message = format!("`{}` has no noise", design.name);
@@ -285,15 +290,20 @@ fn sigma(design: &Named<SensorDesign>, rows: &[Dimension]) -> Result<Vec<f64>, D
     if !from_source && sigma.contains(&0.0) {
         let singular = Diagnostic::error("the noise of a measurement must be greater than zero: without noise the filter is singular");
         let help = "write a small sigma instead of zero";
-        return Err(singular.at(sigma_place(node)).help(help));
+        let path = sigma_path(node);
+        let element = sigma.iter().position(|s| *s == 0.0).map(|index| format!("{path}.{index}"));
+        let place = element
+            .filter(|element| node.at(element).is_some())
+            .unwrap_or_else(|| path.to_owned());
+        return Err(singular.at(node.place_of(&place)).help(help));
     }
     Ok(sigma)
 }
 
 /// Where the 1σ is written: in the table of the noise, or as the noise itself.
-fn sigma_place(node: &Node) -> &Place {
-    let noise = node.at("noise").unwrap_or(node);
-    noise.at("sigma").unwrap_or(noise).place()
+fn sigma_path(node: &Node) -> &'static str {
+    let is_table = node.at("noise.sigma").is_some();
+    if is_table { "noise.sigma" } else { "noise" }
 }
 
 fn noise(spec: &NoiseSpec, sigma: &[f64], reported: Vec<usize>) -> Noise {

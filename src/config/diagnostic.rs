@@ -238,6 +238,11 @@ impl Diagnostics {
         self.0.iter()
     }
 
+    /// All of them, to be added to.
+    pub(crate) fn iter_mut(&mut self) -> impl Iterator<Item = &mut Diagnostic> {
+        self.0.iter_mut()
+    }
+
     /// `value`, unless there are errors.
     ///
     /// # Errors

@@ -37,6 +37,17 @@ pub(super) enum Fault {
 }
 
 impl Fault {
+    /// The same where one of these names was expected.
+    pub(super) fn among(self, names: Names) -> Self {
+        match self {
+            Self::Unexpected { found, .. } => Self::Unexpected {
+                found,
+                wanted: format!("one of `{}`, alone or as the `type` of a table", names.join("`, `")),
+            },
+            other => other,
+        }
+    }
+
     /// The mistake, made at `place`; `moved` are fields that would be known elsewhere.
     pub(super) fn diagnose(&self, place: &Place, moved: &[String]) -> Diagnostic {
         let diagnostic = Diagnostic::error(self.to_string()).at(place);
@@ -98,7 +109,10 @@ impl Error for Fault {
     }
 
     fn invalid_length(length: usize, expected: &dyn Expected) -> Self {
-        let found = format!("{length} elements");
+        let found = match length {
+            1 => "1 element".to_owned(),
+            _ => format!("{length} elements"),
+        };
         let wanted = in_words(&expected.to_string());
         Self::Unexpected { found, wanted }
     }
@@ -126,13 +140,13 @@ fn in_words(expected: &str) -> String {
         "i8" | "i16" | "i32" | "i64" | "isize" => "a whole number",
         "a nonzero u8" | "a nonzero u16" | "a nonzero u32" | "a nonzero u64" | "a nonzero usize" => "a whole number of at least 1",
         "a boolean" => "`true` or `false`",
-        "a string" => "text",
+        "a string" | "path string" => "text",
         "a sequence" => "an array",
         "a map" => "a table",
         block if block.starts_with("dyn ") => "a table with a `type`",
         table if table.starts_with("struct ") => "a table",
         variant if variant.starts_with("enum ") => "a word, or a table with a `type`",
-        other => other,
+        other => return other.replace("an array of length ", "an array of "),
     }
     .to_owned()
 }

@@ -115,10 +115,10 @@ impl<'a> Deserializer<'a> for Reader<'_, 'a> {
         }
     }
 
-    fn deserialize_enum<V: Visitor<'a>>(self, _: &'static str, _: &'static [&'static str], visitor: V) -> Result<V::Value, Fault> {
+    fn deserialize_enum<V: Visitor<'a>>(self, _: &'static str, names: &'static [&'static str], visitor: V) -> Result<V::Value, Fault> {
         match self.tagged() {
             Some(tagged) => visitor.visit_enum(tagged).map_err(|fault| self.blame(fault)),
-            None => self.deserialize_any(visitor),
+            None => self.visit(visitor).map_err(|fault| self.blame(fault.among(names))),
         }
     }
 

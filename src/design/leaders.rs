@@ -44,7 +44,7 @@ impl<'de> Deserialize<'de> for OnlyWithSpec {
         impl<'de> Visitor<'de> for NameOrTable {
             type Value = OnlyWithSpec;
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("the name of a sensor, or a table `{ sensor = \"NAME\", memory = \"10 s\" }`")
+                f.write_str("the name of a sensor, a table `{ sensor = \"NAME\", memory = \"10 s\" }`, or `false` for none")
             }
             fn visit_str<E>(self, sensor: &str) -> Result<Self::Value, E> {
                 let (sensor, memory) = (sensor.to_owned(), memory());
@@ -66,8 +66,8 @@ impl JsonSchema for OnlyWithSpec {
     fn json_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
         let table = generator.subschema_for::<Table>();
         schemars::json_schema!({
-            "description": "The leader of this sensor: a measurement is rejected if the leader's latest one was not used. Without effect if the leader is disabled.",
-            "anyOf": [{ "type": "string" }, table]
+            "description": "The leader of this sensor: a measurement is rejected if the leader's latest one was not used. Without effect if the leader is disabled. `false` takes away one that is inherited.",
+            "anyOf": [{ "type": "string" }, { "type": "boolean", "const": false }, table]
         })
     }
 }
@@ -92,7 +92,11 @@ fn check_names(root: &Node, sensors: &[Named<SensorDesign>], d: &mut Diagnostics
         };
         let place = sensor.node.place_of("only_with");
         let unknown = Diagnostic::error(format!("no sensor is called `{name}`")).at(place);
-        d.push(unknown.suggest(name, &names, "there are"));
+        d.push(
+            unknown
+                .suggest(name, &names, "there are")
+                .and_help("`only_with = false` removes it"),
+        );
     }
 }
 

@@ -16,6 +16,7 @@
 //! ```
 
 mod blocks;
+mod explain;
 mod filter;
 mod health;
 mod input;
@@ -29,6 +30,7 @@ mod run;
 pub mod schema;
 
 pub use blocks::{Fault, Named, ProcessDesign, SensorCommon, SensorDesign, SimulationDesign, SourceDesign};
+pub(crate) use explain::explain;
 pub use filter::{BiasesSpec, ChartSpec, FilterSpec, FormSpec, PresetSpec, ResetSpec, SpreadSpec, UpdateSpec};
 pub use health::{FloorSpec, HealthSpec, InnovationsSpec, RejectedSpec, SilentSpec};
 pub use input::InputSpec;

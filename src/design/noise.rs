@@ -99,6 +99,6 @@ impl JsonSchema for NoiseSpec {
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
         let sigma = generator.subschema_for::<PerAxis>();
         let table = generator.subschema_for::<NoiseTable>();
-        json_schema!({ "description": "The noise of a sensor: its 1σ, or a table.", "anyOf": [sigma, table] })
+        json_schema!({ "description": "The noise of a sensor: its 1σ, one for all rows or an array of one per row; or a table such as `{ sigma = \"5 cm\" }`.", "anyOf": [sigma, table] })
     }
 }

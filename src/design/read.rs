@@ -60,6 +60,8 @@ pub(crate) type Draft = Design<Option<Named<ProcessDesign>>>;
 pub(crate) struct Unread {
     /// `[run]`.
     pub run: bool,
+    /// `[filter]`.
+    pub filter: bool,
     /// `[simulation]`, or it simulates what is no sensor.
     pub simulation: bool,
     /// Names of sensors.
@@ -68,6 +70,14 @@ pub(crate) struct Unread {
     pub streams: Vec<String>,
     /// Whether an initialiser is among them.
     pub initialisers: bool,
+}
+
+impl Unread {
+    /// Whether there is a sensor of which not even the stream that it reads is known.
+    pub(crate) fn has_stray_sensor(&self, document: &Document) -> bool {
+        let source = |name: &String| document.root().get("sensor")?.get(name)?.get("source")?.as_str();
+        self.sensors.iter().any(|name| source(name).is_none())
+    }
 }
 
 impl Design {
@@ -129,6 +139,7 @@ impl Draft {
         }
         let (initialisers, unread_initialisers) = each(&root, "initial", d, |n, d| read_optional(n, "initialiser", Role::Initialiser, d));
         leaders::check(&root, &sensors, d);
+        let is_filter_unread = filter.is_none();
         Self {
             document,
             run,
@@ -146,6 +157,7 @@ impl Draft {
                 sensors: unread_sensors,
                 streams,
                 initialisers: !unread_initialisers.is_empty(),
+                filter: is_filter_unread,
                 ..Unread::default()
             },
         }
@@ -332,6 +344,10 @@ fn read_sensor(node: &Node, d: &mut Diagnostics) -> Option<SensorDesign> {
     let mut own = node.clone();
     let gate = own.take("gate").map(|n| n.read_block("gate", &registry::names(Role::Gate), d));
     let loss = own.take("loss").map(|n| n.read_block("loss", &registry::names(Role::Loss), d));
+    // So that a variant, or who includes a part, can take it away.
+    if matches!(own.get("only_with").map(Node::value), Some(Value::Boolean(false))) {
+        drop(own.take("only_with"));
+    }
     let siblings = own.split_off(&["source", "noise", "time_offset", "quality", "only_with", "enabled"]);
     let common: Option<SensorCommon> = siblings.read(d);
     let model = own.read_block("sensor", &registry::names(Role::Sensor), d)?;

@@ -3,7 +3,7 @@
 
 use crate::assembly;
 use crate::config::{Diagnostic, Diagnostics, Document, Node};
-use crate::design::{Design, Draft};
+use crate::design::{Design, Draft, explain};
 use crate::rows::FaultChain;
 use crate::run::{Options, data_dir, open_one, unknown_reference};
 use crate::source::OpenContext;
@@ -53,6 +53,7 @@ fn draft(document: Document) -> (Draft, Diagnostics) {
     assembly::check(&draft, &mut d);
     world::check(&draft, &mut d);
     stress::check(&draft.document, &mut d);
+    explain(draft.document.root(), &mut d);
     (draft, d)
 }
 
@@ -91,7 +92,8 @@ pub fn opening<P>(design: &Design<P>, options: &Options, missing: Missing) -> Di
             d.extend(e.diagnostics(&named.node));
         }
     }
-    let recorded = design.reference.as_ref().filter(|_| design.simulation.is_none());
+    let is_simulated = design.simulation.is_some() || design.unread.simulation;
+    let recorded = design.reference.as_ref().filter(|_| !is_simulated);
     let is_known = |name: &String| design.unread.streams.contains(name) || design.sources.iter().any(|s| s.name == *name);
     if let Some(r) = recorded.filter(|r| !is_known(&r.block.source)) {
         d.push(unknown_reference(design, r));

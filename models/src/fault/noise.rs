@@ -41,7 +41,7 @@ impl FaultSpec for NoiseSpec {
         let target = Target::find(context, self.channel.as_deref())?;
         let axes = vec![target.dimension(); target.degrees()];
         let sigma = self.sigma.si::<range::NonNegative>(&axes);
-        let sigma = sigma.map_err(|e| BuildError::at("sigma", e.to_string()))?;
+        let sigma = sigma.map_err(|e| BuildError::quantity("sigma", &e))?;
         let by = vec![0.0; sigma.len()];
         Ok(Box::new(Noise {
             target,

@@ -46,7 +46,7 @@ impl FaultSpec for OscillationSpec {
         let target = Target::find(context, self.channel.as_deref())?;
         let axes = vec![target.dimension(); target.degrees()];
         let amplitude = self.amplitude.si::<range::NonNegative>(&axes);
-        let amplitude = amplitude.map_err(|e| BuildError::at("amplitude", e.to_string()))?;
+        let amplitude = amplitude.map_err(|e| BuildError::quantity("amplitude", &e))?;
         let [low, high] = self.band.si();
         if low > high {
             return Err(BuildError::at("band", "the lowest frequency is above the highest").help("write `band = [lowest, highest]`"));

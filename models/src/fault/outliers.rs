@@ -4,7 +4,7 @@ use super::random::generator;
 use super::target::Target;
 use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
 use crate::block::BuildError;
-use crate::units::{AnyQuantity, Probability};
+use crate::units::{AnyQuantity, PerAxis, Probability, range};
 use core::ops::Range;
 use fusion_core::time::Time;
 use rand::{Rng, RngExt};
@@ -46,10 +46,11 @@ size = ["20 m", "100 m"]
 impl FaultSpec for OutliersSpec {
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
         let target = Target::find(context, self.channel.as_deref())?;
-        let si = |q: &AnyQuantity| q.expect(target.dimension()).map_err(|e| BuildError::at("size", e.to_string()));
-        let (least, greatest) = (si(&self.size[0])?, si(&self.size[1])?);
-        if !(0.0..=greatest).contains(&least) {
-            let error = BuildError::at("size", "the least size is negative, or greater than the greatest");
+        let size = PerAxis::Each(self.size.to_vec()).si::<range::NonNegative>(&[target.dimension(); 2]);
+        let size = size.map_err(|e| BuildError::quantity("size", &e))?;
+        let (least, greatest) = (size[0], size[1]);
+        if least > greatest {
+            let error = BuildError::at("size", "the least size is greater than the greatest");
             return Err(error.help("write `size = [least, greatest]`"));
         }
         let by = vec![0.0; target.outlier_degrees()];

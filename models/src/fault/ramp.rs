@@ -3,7 +3,7 @@
 use super::target::Target;
 use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
 use crate::block::BuildError;
-use crate::units::{Dimensional, PerAxis, UnitError, dim, range};
+use crate::units::{Dimensional, PerAxis, dim, range};
 use core::ops::Range;
 use fusion_core::time::Time;
 use schemars::JsonSchema;
@@ -44,11 +44,8 @@ impl FaultSpec for RampSpec {
         let per_second = target.dimension().times(dim::Frequency::KIND.dimension);
         let per_second = per_second.ok_or_else(|| BuildError::at("channel", "its dimension has no rate of change"))?;
         // A direction is needed: one number does not hold for every axis.
-        let rate = match self.rate.written() {
-            given if given == degrees => self.rate.si::<range::Finite>(&vec![per_second; degrees]),
-            given => Err(UnitError::Count { given, wanted: degrees }),
-        };
-        let rate = rate.map_err(|e| BuildError::at("rate", e.to_string()))?;
+        let rate = self.rate.directed::<range::Finite>(&vec![per_second; degrees]);
+        let rate = rate.map_err(|e| BuildError::quantity("rate", &e))?;
         if self.window.contains(Time::MIN) {
             let error = BuildError::at("window", "a ramp begins at zero, and its window has no beginning");
             return Err(error.help("add `from` to the window"));

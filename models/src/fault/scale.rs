@@ -43,7 +43,7 @@ impl FaultSpec for ScaleSpec {
             return Err(error.help("disturb it by `bias_step`, `spike` or `ramp`"));
         }
         let factor = self.factor.si::<range::Finite>(&vec![Dimension::NONE; target.degrees()]);
-        let factor = factor.map_err(|e| BuildError::at("factor", e.to_string()))?;
+        let factor = factor.map_err(|e| BuildError::quantity("factor", &e))?;
         Ok(Box::new(Scale {
             target,
             factor,

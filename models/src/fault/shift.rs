@@ -3,7 +3,7 @@
 use super::target::Target;
 use super::{Fault, FaultContext, FaultSpec, Outcome, Windows};
 use crate::block::BuildError;
-use crate::units::{Duration, PerAxis, UnitError, range};
+use crate::units::{Duration, PerAxis, range};
 use core::ops::Range;
 use fusion_core::time::Time;
 use schemars::JsonSchema;
@@ -83,11 +83,8 @@ impl FaultSpec for SpikeSpec {
 fn offset(context: &FaultContext<'_>, channel: Option<&str>, value: &PerAxis) -> Result<(Target, Vec<f64>), BuildError> {
     let target = Target::find(context, channel)?;
     let axes = vec![target.dimension(); target.degrees()];
-    let by = match value.written() {
-        given if given == axes.len() => value.si::<range::Finite>(&axes),
-        given => Err(UnitError::Count { given, wanted: axes.len() }),
-    };
-    Ok((target, by.map_err(|e| BuildError::at("value", e.to_string()))?))
+    let by = value.directed::<range::Finite>(&axes);
+    Ok((target, by.map_err(|e| BuildError::quantity("value", &e))?))
 }
 
 #[derive(Debug)]

@@ -47,7 +47,7 @@ impl FaultSpec for WanderSpec {
         let target = Target::find(context, self.channel.as_deref())?;
         let axes = vec![target.dimension(); target.degrees()];
         let sigma = self.sigma.si::<range::NonNegative>(&axes);
-        let sigma = sigma.map_err(|e| BuildError::at("sigma", e.to_string()))?;
+        let sigma = sigma.map_err(|e| BuildError::quantity("sigma", &e))?;
         Ok(Box::new(Wander {
             by: vec![0.0; sigma.len()],
             target,

@@ -144,9 +144,10 @@ impl Keys {
         match (every, from, to) {
             (None, ..) if self.until.is_some() => Err("`until` ends a repetition and needs `every`".to_owned()),
             (Some(_), None, _) | (Some(_), _, None) => Err("a repeated window needs `from` and an end".to_owned()),
-            (Some(every), Some(from), Some(to)) if every < to.nanos().saturating_sub(from.nanos()) => {
-                Err("the window is longer than the interval at which it repeats".to_owned())
-            }
+            (Some(every), Some(from), Some(to)) if every < to.nanos().saturating_sub(from.nanos()) => Err(
+                "the window is longer than `every`, the interval at which it repeats: write a longer `every` or a shorter window"
+                    .to_owned(),
+            ),
             _ => Ok(Repeated {
                 first,
                 every,
@@ -282,7 +283,7 @@ mod tests {
         assert_eq!(said("{ from = 5, every = 9 }"), "a repeated window needs `from` and an end");
         assert_eq!(
             said("{ from = 5, to = 9, every = 3 }"),
-            "the window is longer than the interval at which it repeats"
+            "the window is longer than `every`, the interval at which it repeats: write a longer `every` or a shorter window"
         );
         assert_eq!(
             said("{ from = 5, to = 9, until = 30 }"),

@@ -83,7 +83,8 @@ impl SensorSpec for BarometerSpec {
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
         if self.sea_level_pressure.initial().is_some_and(|p| p <= 0.0) {
-            return Err(BuildError::at("sea_level_pressure", "a pressure is greater than 0"));
+            return Err(BuildError::at("sea_level_pressure", "the pressure must be greater than 0")
+                .help("write e.g. \"1013.25 hPa\", the pressure at sea level"));
         }
         Ok(Box::new(Barometer {
             point: Vertical::build(b, &self.lever_arm)?,

@@ -45,7 +45,10 @@ pub struct LandmarkSpec {
 
 /// The place of a landmark.
 #[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = "expected a place: `[\"10 m\", \"-3 m\", 0]`, north, east and down of the origin, or `{ latitude = \"47.1 deg\", longitude = \"8.2 deg\" }`"
+)]
 enum Mark {
     /// North, east, down of the origin of the run.
     Local(Vec3Of<dim::Length>),
@@ -113,7 +116,8 @@ impl SensorSpec for LandmarkSpec {
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
         if self.landmarks.is_empty() {
-            return Err(BuildError::at("landmarks", "a sensor of landmarks sees one at least"));
+            return Err(BuildError::at("landmarks", "there is no landmark")
+                .help("write where at least one is, e.g. `landmarks = [[\"10 m\", \"-3 m\", 0]]`"));
         }
         let lever_arm = b.param("lever_arm", &self.lever_arm)?;
         let attitude = b.quantity(state::ATTITUDE)?;

@@ -86,7 +86,8 @@ impl SensorSpec for MagnetometerSpec {
             .ok_or_else(|| BuildError::at("soft_iron", "this matrix has no inverse: it maps some field to none"))?;
         let strength = declared("strength", &self.strength, model.map(|m| Unit::from_si(m.strength)))?;
         if strength.initial().is_some_and(|f| f <= 0.0) {
-            return Err(BuildError::at("strength", "the strength of a field is greater than 0"));
+            return Err(BuildError::at("strength", "the strength of the field must be greater than 0")
+                .help("write e.g. \"48 uT\", the total intensity where you are"));
         }
         let inclination = declared("inclination", &self.inclination, model.map(|m| Angle::from_si(m.inclination)))?;
         let declination = declared("declination", &self.declination, model.map(|m| Angle::from_si(m.declination)))?;

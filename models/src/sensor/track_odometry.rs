@@ -67,7 +67,9 @@ impl SensorSpec for TrackOdometrySpec {
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
         if self.gauge.initial().is_some_and(|gauge| gauge <= 0.0) {
-            return Err(BuildError::at("gauge", "tracks are some way apart: a gauge is above zero"));
+            return Err(
+                BuildError::at("gauge", "the gauge, the distance between the tracks, must be greater than 0").help("write e.g. \"0.8 m\""),
+            );
         }
         Ok(Box::new(Exact(TrackOdometry {
             velocity: b.quantity(state::VELOCITY)?,

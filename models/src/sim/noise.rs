@@ -55,9 +55,7 @@ pub struct SensorError {
 
 /// The values for the rows of a residual, none of them negative.
 fn per_row(given: &PerAxis, rows: &[Dimension], field: &str) -> Result<Vec<f64>, BuildError> {
-    given
-        .si::<range::NonNegative>(rows)
-        .map_err(|e| BuildError::at(field, e.to_string()))
+    given.si::<range::NonNegative>(rows).map_err(|e| BuildError::quantity(field, &e))
 }
 
 impl SensorError {

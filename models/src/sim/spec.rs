@@ -263,7 +263,7 @@ impl SimulationSpec {
             None => Ok(()),
             Some((field, rate)) => {
                 let message = format!("{} Hz for {duration} s are more than {MOST_ROWS:e} rows", rate.si());
-                let help = format!("a stream of this run has at most {most:.3} rows per second; is the unit right?");
+                let help = format!("write a rate of at most {most:.3e} Hz, or let the run be shorter; are the units right?");
                 Err(BuildError::at(field, message).help(help))
             }
         }

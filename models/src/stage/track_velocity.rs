@@ -60,7 +60,11 @@ impl StageSpec for TrackVelocitySpec {
     fn build(&self, _: &mut Build<'_>) -> Result<Box<dyn Stage>, BuildError> {
         let (slip, centre) = (self.slip.si(), self.centre.si());
         if slip >= 1.0 {
-            return Err(BuildError::at("slip", "tracks that lose all of their speed tell none"));
+            return Err(BuildError::at(
+                "slip",
+                "the slip must be less than 1: with 1 the tracks turn and the vehicle stands",
+            )
+            .help("write the share of speed that is lost, e.g. \"5 %\""));
         }
         let aside = match self.gauge {
             Some(gauge) => centre / gauge.si(),

@@ -1,4 +1,6 @@
 //! A quantity whose dimension the block decides once it is built.
+//!
+//! Text that cannot be read is refused then too, so that the message can say what is wanted instead.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -10,59 +12,55 @@ use serde::ser::{Serialize, Serializer};
 use super::dimension::Dimension;
 use super::error::UnitError;
 use super::expression::parse;
-use super::quantity::{Range, within};
+use super::quantity::{Range, range, within};
 use super::written::{Written, deserialize_written};
 
-/// A finite quantity of any dimension, such as the sigma of a sensor not yet looked at.
+/// A quantity of any dimension, such as the sigma of a sensor not yet looked at.
 ///
 /// A bare number is SI of whatever dimension is wanted later; text states its own.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnyQuantity {
     si: f64,
-    /// The text and the dimension it states; `None` for a bare number.
-    stated: Option<(String, Dimension)>,
+    /// The text, and the dimension it states or why it is no quantity; `None` for a bare number.
+    stated: Option<(String, Result<Dimension, UnitError>)>,
 }
 
 impl AnyQuantity {
-    /// From a value in SI, its dimension left open.
-    ///
-    /// # Errors
-    /// Where the value is not finite.
-    pub fn from_si(si: f64) -> Result<Self, UnitError> {
-        let not_finite = || UnitError::Number { text: si.to_string() };
-        si.is_finite().then_some(Self { si, stated: None }).ok_or_else(not_finite)
-    }
-
-    /// From text with a unit.
-    ///
-    /// # Errors
-    /// Where the text is no quantity.
-    pub fn from_text(text: &str) -> Result<Self, UnitError> {
-        let (si, dimension) = parse(text)?;
-        Ok(Self {
+    /// From text with a unit. Text that is no quantity is refused by [`expect`](Self::expect).
+    #[must_use]
+    pub fn from_text(text: &str) -> Self {
+        let (si, found) = match parse(text) {
+            Ok((si, dimension)) => (si, Ok(dimension)),
+            Err(why) => (f64::NAN, Err(why)),
+        };
+        Self {
             si,
-            stated: Some((text.to_owned(), dimension)),
-        })
+            stated: Some((text.to_owned(), found)),
+        }
     }
 
-    /// The dimension the text states; `None` for a bare number.
+    /// The dimension the text states; `None` for a bare number, and for text that is no quantity.
     #[must_use]
     pub fn dimension(&self) -> Option<Dimension> {
-        self.stated.as_ref().map(|(_, dimension)| *dimension)
+        self.stated.as_ref().and_then(|(_, found)| found.clone().ok())
     }
 
     /// The value in SI, if it can have the dimension `wanted`.
     ///
     /// # Errors
-    /// Where the text states another dimension.
+    /// Where the text is no quantity, or states another dimension.
     pub fn expect(&self, wanted: Dimension) -> Result<f64, UnitError> {
         match &self.stated {
-            Some((text, found)) if *found != wanted => Err(UnitError::WrongDimension {
+            Some((text, Ok(found))) if *found != wanted => Err(UnitError::WrongDimension {
                 text: text.clone(),
                 found: *found,
                 wanted: wanted.kind(),
             }),
-            _ => Ok(self.si),
+            Some((_, Err(why))) => Err(UnitError::Expected {
+                why: Box::new(why.clone()),
+                wanted: wanted.kind(),
+            }),
+            _ => within::<range::Finite>(self.si, None, wanted.kind()),
         }
     }
 
@@ -88,15 +86,15 @@ impl Serialize for AnyQuantity {
 
 impl Written for AnyQuantity {
     fn expecting(f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a number in SI, or text with a unit")
+        f.write_str("a number in SI, or text with a unit, e.g. \"0.5 m\"")
     }
 
     fn number(si: f64) -> Result<Self, UnitError> {
-        Self::from_si(si)
+        Ok(Self { si, stated: None })
     }
 
     fn text(text: &str) -> Result<Self, UnitError> {
-        Self::from_text(text)
+        Ok(Self::from_text(text))
     }
 }
 
@@ -149,13 +147,21 @@ mod tests {
         assert_eq!(error, r#""2 deg" is an angle [rad]; a length [m] is expected here, e.g. "0.5 m""#);
         let volume = LENGTH.power(6).unwrap();
         let error = sigma.expect(volume).unwrap_err().to_string();
-        assert_eq!(error, r#""50 cm" is a length [m]; a quantity [m^3] is expected here"#);
+        assert_eq!(
+            error,
+            r#""50 cm" is a length [m]; a quantity [m^3] is expected here, e.g. "0.1 m^3""#
+        );
     }
 
     #[test]
-    fn what_is_no_quantity_is_refused_at_once() {
-        assert!(read(r#""5 lenghts""#).unwrap_err().starts_with("unknown unit `lenghts`"));
-        assert!(AnyQuantity::from_si(f64::NAN).is_err());
+    fn what_is_no_quantity_is_refused_with_what_is_wanted() {
+        let error = read(r#""5 lenghts""#).unwrap().expect(LENGTH).unwrap_err().to_string();
+        assert_eq!(
+            error,
+            r#"unknown unit `lenghts` in "5 lenghts"; a length [m] is expected here, e.g. "0.5 m""#
+        );
+        let nan = AnyQuantity::number(f64::NAN).unwrap().expect(LENGTH).unwrap_err().to_string();
+        assert!(nan.starts_with(r#""NaN" is not a finite number"#), "{nan}");
     }
 
     #[test]

@@ -60,8 +60,17 @@ pub enum UnitError {
     Count {
         /// How many are written.
         given: usize,
-        /// How many axes there are.
-        wanted: usize,
+        /// What each axis is.
+        axes: Vec<Kind>,
+        /// Whether one quantity could hold for all.
+        or_one: bool,
+    },
+    /// One of several quantities is wrong.
+    Element {
+        /// Its index, from 0.
+        index: usize,
+        /// What is wrong with it.
+        why: Box<UnitError>,
     },
 }
 
@@ -115,12 +124,29 @@ impl fmt::Display for UnitError {
                     None => Ok(()),
                 }
             }
-            Self::Count { given, wanted } => write!(f, "one quantity per axis is expected: {wanted}, not {given}"),
+            Self::Count { given, axes, or_one } => write_count(f, *given, axes, *or_one),
+            Self::Element { why, .. } => why.fmt(f),
         }
     }
 }
 
 impl UnitError {
+    /// That `given` quantities are not one for each of these axes.
+    #[must_use]
+    pub fn count(given: usize, axes: &[Dimension], or_one: bool) -> Self {
+        let axes = axes.iter().map(|dimension| dimension.kind()).collect();
+        Self::Count { given, axes, or_one }
+    }
+
+    /// The path of what is wrong in `field`: an element of it, where it is an array.
+    #[must_use]
+    pub fn path(&self, field: &str) -> String {
+        match self {
+            Self::Element { index, .. } => format!("{field}.{index}"),
+            _ => field.to_owned(),
+        }
+    }
+
     /// The unit that was probably meant.
     fn write_suggestion(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -133,8 +159,28 @@ impl UnitError {
 }
 
 fn write_example(f: &mut fmt::Formatter<'_>, wanted: &Kind) -> fmt::Result {
+    write!(f, ", e.g. {:?}", example(wanted))
+}
+
+/// What to write; a tenth of its SI unit where the dimension has no name.
+fn example(wanted: &Kind) -> String {
     match wanted.example {
-        "" => Ok(()),
-        example => write!(f, ", e.g. {example:?}"),
+        "" => format!("0.1 {}", wanted.dimension),
+        example => example.to_owned(),
+    }
+}
+
+fn write_count(f: &mut fmt::Formatter<'_>, given: usize, axes: &[Kind], or_one: bool) -> fmt::Result {
+    let examples: Vec<String> = axes.iter().map(|axis| format!("{:?}", example(axis))).collect();
+    let examples = examples.join(", ");
+    match (axes, or_one) {
+        ([], _) => write!(f, "no values are expected here, not {given}"),
+        ([_], _) => write!(f, "one value is expected here, e.g. {examples}, not {given}"),
+        (_, true) => write!(
+            f,
+            "{} values, or one for all, are expected here, e.g. [{examples}], not {given}",
+            axes.len()
+        ),
+        (_, false) => write!(f, "{} values are expected here, e.g. [{examples}], not {given}", axes.len()),
     }
 }

@@ -41,17 +41,32 @@ impl PerAxis {
     /// The SI values for axes of these dimensions, each within the range `R`.
     ///
     /// # Errors
-    /// A wrong number of them, another dimension, or a value out of range.
+    /// A wrong number of them, text that is no quantity, another dimension, or a value out of range.
     pub fn si<R: Range>(&self, axes: &[Dimension]) -> Result<Vec<f64>, UnitError> {
         match self {
             Self::Same(one) => axes.iter().map(|dimension| one.within::<R>(*dimension)).collect(),
-            Self::Each(each) if each.len() == axes.len() => each.iter().zip(axes).map(|(q, d)| q.within::<R>(*d)).collect(),
-            Self::Each(each) => Err(UnitError::Count {
-                given: each.len(),
-                wanted: axes.len(),
-            }),
+            Self::Each(each) if each.len() == axes.len() => elements::<R>(each, axes),
+            Self::Each(each) => Err(UnitError::count(each.len(), axes, true)),
         }
     }
+
+    /// The same for what has a direction, so that one quantity holds for one axis only.
+    ///
+    /// # Errors
+    /// As [`si`](Self::si).
+    pub fn directed<R: Range>(&self, axes: &[Dimension]) -> Result<Vec<f64>, UnitError> {
+        match self.written() {
+            given if given == axes.len() => self.si::<R>(axes),
+            given => Err(UnitError::count(given, axes, false)),
+        }
+    }
+}
+
+fn elements<R: Range>(each: &[AnyQuantity], axes: &[Dimension]) -> Result<Vec<f64>, UnitError> {
+    let one = |(index, (q, d)): (usize, (&AnyQuantity, &Dimension))| {
+        q.within::<R>(*d).map_err(|why| UnitError::Element { index, why: Box::new(why) })
+    };
+    each.iter().zip(axes).enumerate().map(one).collect()
 }
 
 /// Reads a [`PerAxis`]; what is expected besides one quantity is said by `array`.
@@ -91,7 +106,7 @@ impl<'de, Q: Deserialize<'de>> Visitor<'de> for PerAxisVisitor<Q> {
 impl<'de> Deserialize<'de> for PerAxis {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_any(PerAxisVisitor {
-            array: |f| f.write_str("a number in SI, text with a unit, or an array of them, one per axis"),
+            array: |f| f.write_str("a number in SI, text with a unit, e.g. \"0.5 m\", or an array of them, one per axis"),
             quantity: PhantomData,
         })
     }
@@ -207,7 +222,7 @@ impl<'de, D: Dimensional, R: Range, const N: usize> Visitor<'de> for ArrayVisito
     type Value = [Quantity<D, R>; N];
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "an array of {N}, each {}, e.g. {:?}", D::KIND, D::KIND.example)
+        write!(f, "an array of {N}, each {}, e.g. {:?}", D::KIND, [D::KIND.example; N])
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
@@ -280,15 +295,15 @@ mod tests {
     fn a_wrong_shape_names_the_right_one() {
         assert_eq!(
             read::<Axes<dim::Length>>("[1, 2]").unwrap_err(),
-            r#"invalid length 2, expected an array of 3, each a length [m], e.g. "0.5 m""#
+            r#"invalid length 2, expected an array of 3, each a length [m], e.g. ["0.5 m", "0.5 m", "0.5 m"]"#
         );
         assert_eq!(
             read::<Vec3Of<dim::Length>>("[1, 2, 3, 4]").unwrap_err(),
-            r#"invalid length 4, expected an array of 3, each a length [m], e.g. "0.5 m""#
+            r#"invalid length 4, expected an array of 3, each a length [m], e.g. ["0.5 m", "0.5 m", "0.5 m"]"#
         );
         assert_eq!(
             read::<Vec3Of<dim::Length>>("1").unwrap_err(),
-            r#"invalid type: integer `1`, expected an array of 3, each a length [m], e.g. "0.5 m""#
+            r#"invalid type: integer `1`, expected an array of 3, each a length [m], e.g. ["0.5 m", "0.5 m", "0.5 m"]"#
         );
         assert_eq!(
             read::<Axes<dim::Length>>("true").unwrap_err(),
@@ -305,7 +320,10 @@ mod tests {
         };
         assert_eq!(said("'5 cm'", &[metre; 3]), Ok(vec![0.05; 3]));
         assert_eq!(said("['5 cm', 2]", &[metre, rad]), Ok(vec![0.05, 2.0]));
-        assert_eq!(said("[2]", &[metre; 3]).unwrap_err(), "one quantity per axis is expected: 3, not 1");
+        assert_eq!(
+            said("[2]", &[metre; 3]).unwrap_err(),
+            r#"3 values, or one for all, are expected here, e.g. ["0.5 m", "0.5 m", "0.5 m"], not 1"#
+        );
         assert!(said("2", &[]).unwrap().is_empty());
         let wrong = said("['5 cm', '2 m']", &[metre, rad]).unwrap_err();
         assert_eq!(wrong, r#""2 m" is a length [m]; an angle [rad] is expected here, e.g. "5 deg""#);

@@ -143,7 +143,7 @@ fn flat(choices: &[Value]) -> Option<Map<String, Value>> {
     Some(one)
 }
 
-fn resolved<'a>(schema: &'a Value, defs: &'a Value) -> &'a Value {
+pub(super) fn resolved<'a>(schema: &'a Value, defs: &'a Value) -> &'a Value {
     let name = schema[REF].as_str().and_then(|r| r.rsplit('/').next());
     name.and_then(|name| defs.get(name)).unwrap_or(schema)
 }

@@ -26,6 +26,22 @@ const REF: &str = "$ref";
 /// The schema of a design made of the blocks that are linked into this program.
 #[must_use]
 pub fn design() -> Value {
+    let Whole(mut schema) = whole();
+    choices::lead(&mut schema);
+    schema
+}
+
+/// The schema of a design, in which a choice is plainly one.
+pub(super) struct Whole(pub(super) Value);
+
+impl Whole {
+    /// The schema itself, or the definition to which it refers.
+    pub(super) fn resolved<'s>(&'s self, schema: &'s Value) -> &'s Value {
+        choices::resolved(schema, &self.0[DEFS])
+    }
+}
+
+pub(super) fn whole() -> Whole {
     fusion_models::link();
     let mut s = Builder::default();
     for block in registry::all() {
@@ -89,7 +105,7 @@ pub fn design() -> Value {
     );
     s.defs.insert("design".to_owned(), json!({ "properties": whole }));
     // Where parts are included, any table may be completed by them. Editors complete by the hint.
-    let mut schema = json!({
+    Whole(json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "fusion design",
         "description": "A navigation filter composed of blocks.",
@@ -100,9 +116,7 @@ pub fn design() -> Value {
         "then": { "allOf": [reference("design")], "required": ["process"] },
         "anyOf": [reference("design"), {}],
         DEFS: s.defs,
-    });
-    choices::lead(&mut schema);
-    schema
+    }))
 }
 
 /// The schema of one block's own fields, its definitions beside it.

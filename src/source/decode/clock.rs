@@ -54,12 +54,21 @@ impl Clock {
                 0
             });
         if !(spec.scale.is_finite() && spec.scale > 0.0) {
-            wrong("scale", format!("a clock's scale is a number near 1, not {}", spec.scale));
+            wrong(
+                "scale",
+                format!(
+                    "the scale of a clock is greater than 0 and near 1, e.g. 1.00002, not {}",
+                    spec.scale
+                ),
+            );
         }
         let at = |d: fusion_models::units::Duration| nanos(d.si());
         let (start, stop) = (spec.start.map_or(i64::MIN, at), spec.stop.map_or(i64::MAX, at));
         if stop <= start {
-            wrong("stop", "the source would stop before it starts".to_owned());
+            wrong(
+                "stop",
+                "`stop` is not later than `start`, so that no row is left: write a later `stop` or an earlier `start`".to_owned(),
+            );
         }
         let (about, offset) = (spec.about.map(at), at(spec.offset));
         Self {

@@ -4,7 +4,7 @@ use super::instant::{Origin, Scale};
 use super::one_or_many::OneOrMany;
 use core::fmt;
 use core::num::NonZeroU64;
-use fusion_models::units::{AnyQuantity, Duration, Positive, Vec3Of, dim};
+use fusion_models::units::{Duration, PerAxis, Positive, Vec3Of, dim};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
 use serde::de::{Deserializer, Error, Visitor};
@@ -417,7 +417,7 @@ pub(in super::super) struct ChannelSpec {
     /// Factors on the columns, one for all or one each.
     pub(super) scale: Option<OneOrMany<f64>>,
     /// Added after unit and scale, one for all or one each.
-    pub(super) offset: Option<OneOrMany<AnyQuantity>>,
+    pub(super) offset: Option<PerAxis>,
     /// The columns hold variances: the square root is taken. `unit` is that of the columns.
     #[serde(default)]
     pub(super) variance: bool,

@@ -82,7 +82,10 @@ impl SegmentSpec for WalkSpec {
     fn build(&self, from: &Junction) -> Result<Box<dyn Segment>, BuildError> {
         from.at_rest()?;
         if !(1..=MOST_STRIDES).contains(&self.strides) {
-            return Err(BuildError::at("strides", format!("from 1 to {MOST_STRIDES} strides make a walk")));
+            return Err(BuildError::at(
+                "strides",
+                format!("a walk has from 1 to {MOST_STRIDES} strides, not {}", self.strides),
+            ));
         }
         if !(self.stance > 0.0 && self.stance < 1.0) {
             return Err(BuildError::at(

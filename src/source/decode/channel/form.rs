@@ -129,6 +129,7 @@ impl Form {
         match self {
             Self::Geodetic => "write e.g. `{ latitude = \"lat\", longitude = \"lon\", height = \"h\", unit = \"deg\" }`",
             Self::Utm => "write e.g. `{ utm = { easting = \"e\", northing = \"n\", zone = 32, hemisphere = \"north\" }, height = \"h\" }`",
+            Self::Vector => "write e.g. `{ columns = [\"x\", \"y\", \"z\"] }`, or `{ column = \"speed\" }` for one number",
             _ => "write e.g. `{ north = \"n\", east = \"e\", down = \"d\" }`",
         }
     }

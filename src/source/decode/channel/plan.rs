@@ -8,7 +8,7 @@ use crate::source::decode::header_unit::common_unit;
 use crate::source::decode::spec::{ChannelSpec, RotationSpec};
 use fusion_core::time::nanos;
 use fusion_models::block::{BuildError, Channel, Shape, check_delay};
-use fusion_models::units::{Dimension, Dimensional, dim, parse_unit};
+use fusion_models::units::{Dimension, Dimensional, dim, parse_unit, range};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 const NEEDS_ANGLE: &str = "add `unit = \"deg\"` or `unit = \"rad\"`";
@@ -120,11 +120,15 @@ impl Planner<'_> {
             }
         };
         if inputs.iter().all(|input| input.columns.is_empty()) {
-            self.wrong("columns", "this channel names no columns", "");
+            self.wrong("columns", "this channel names no columns", form.example());
             return None;
         }
         if let Some(empty) = inputs.iter().find(|input| input.columns.is_empty()) {
-            self.wrong(empty.field, "an empty sum names no column", "");
+            self.wrong(
+                empty.field,
+                "this sum names no column",
+                "write the names of the columns to be added, or the one column as text",
+            );
         }
         for key in form.misfits(self.spec) {
             self.wrong(key, &format!("`{key}` does not apply to {}", form.name()), "");
@@ -153,13 +157,17 @@ impl Planner<'_> {
     fn unit(&mut self, field: &str, text: Option<&str>, wanted: Option<Dimension>) -> (f64, Dimension) {
         let read = text.map_or(Ok((1.0, Dimension::NONE)), parse_unit);
         match (read, wanted) {
-            (Err(error), _) => self.wrong(field, &error.to_string(), ""),
+            (Err(error), wanted) => {
+                let example = wanted.map_or_else(|| "deg/s".to_owned(), |wanted| wanted.to_string());
+                let help = format!("write the unit of the columns alone, e.g. `{field} = {example:?}`");
+                self.wrong(field, &error.to_string(), &help);
+            }
             (Ok((_, found)), Some(wanted)) if found != wanted => {
                 let (unit, found, wanted) = (text.unwrap_or_default(), found.kind(), wanted.kind());
                 self.wrong(
                     field,
                     &format!("{unit:?} is the unit of {found}; that of {wanted} is expected here"),
-                    "",
+                    &format!("write e.g. `{field} = {:?}`", wanted.dimension.to_string()),
                 );
             }
             (Ok(read), _) => return read,
@@ -214,8 +222,11 @@ impl Planner<'_> {
         let width = factor.len();
         match per_axis(scale, width) {
             Some(scale) if scale.iter().all(|s| s.is_finite()) => factor.iter_mut().zip(scale).for_each(|(f, s)| *f *= s),
-            Some(_) => self.wrong("scale", "a scale is a finite number", ""),
-            None => self.wrong("scale", &format!("{} factors are given for {width} columns", scale.len()), ""),
+            Some(_) => self.wrong("scale", "a scale is a finite number", "write e.g. `scale = 0.001`"),
+            None => {
+                let message = format!("{} factors are given for {width} columns", scale.len());
+                self.wrong("scale", &message, "write one factor for all columns, or an array of one for each");
+            }
         }
     }
 
@@ -231,17 +242,13 @@ impl Planner<'_> {
 
     /// What is added after unit and scale.
     fn offset(&mut self, dimension: Dimension, width: usize) -> Vec<f64> {
-        let Some(OneOrMany(offset)) = &self.spec.offset else {
+        let Some(offset) = &self.spec.offset else {
             return vec![0.0; width];
         };
-        let read: Result<Vec<f64>, _> = offset.iter().map(|q| q.expect(dimension)).collect();
-        let message = match read.map(|read| per_axis(&read, width)) {
-            Ok(Some(add)) => return add,
-            Ok(None) => format!("{} offsets are given for {width} columns", offset.len()),
-            Err(error) => error.to_string(),
-        };
-        self.wrong("offset", &message, "");
-        Vec::new()
+        offset.si::<range::Finite>(&vec![dimension; width]).unwrap_or_else(|error| {
+            self.wrong(&error.path("offset"), &error.to_string(), "");
+            Vec::new()
+        })
     }
 
     /// The dimension of the rate of an increment.
@@ -271,7 +278,7 @@ impl Planner<'_> {
         let navigation = self.rotation("navigation_rotation", spec.navigation_rotation.as_ref());
         if form == Form::Vector && body.is_some() && width != 3 {
             let message = format!("a rotation needs 3 columns, this channel has {width}");
-            self.wrong("rotation", &message, "");
+            self.wrong("columns", &message, "name the columns of x, y and z, or leave `rotation` out");
         }
         let turn = |m: Option<Matrix3<f64>>| {
             let m = m.unwrap_or_else(Matrix3::identity);

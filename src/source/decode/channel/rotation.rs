@@ -5,7 +5,7 @@ use fusion_core::geometry::so3;
 use nalgebra::Matrix3;
 
 /// The matrix of a rotation; `Err` is the key below the rotation and the reason.
-pub(super) fn matrix(spec: &RotationSpec) -> Result<Matrix3<f64>, (&'static str, String)> {
+pub(super) fn matrix(spec: &RotationSpec) -> Result<Matrix3<f64>, (String, String)> {
     match (&spec.rpy, &spec.axes) {
         (Some(rpy), None) => {
             let [roll, pitch, yaw] = rpy.si();
@@ -16,15 +16,18 @@ pub(super) fn matrix(spec: &RotationSpec) -> Result<Matrix3<f64>, (&'static str,
             for (row, axis) in axes.iter().enumerate() {
                 let (sign, letter) = axis.strip_prefix('-').map_or((1.0, axis.as_str()), |letter| (-1.0, letter));
                 let column = ["x", "y", "z"].into_iter().position(|known| known == letter);
-                let column = column.ok_or_else(|| (".axes", format!("{axis:?} is not an axis: x, y, z, -x, -y or -z")))?;
+                let column = column.ok_or_else(|| (format!(".axes.{row}"), format!("{axis:?} is not an axis: x, y, z, -x, -y or -z")))?;
                 m[(row, column)] = sign;
             }
             match m.determinant() {
                 d if d > 0.5 => Ok(m),
-                d if d < -0.5 => Err((".axes", "these axes turn a right-handed frame into a left-handed one".to_owned())),
-                _ => Err((".axes", "each of x, y and z occurs once".to_owned())),
+                d if d < -0.5 => Err((
+                    ".axes".to_owned(),
+                    "these axes turn a right-handed frame into a left-handed one".to_owned(),
+                )),
+                _ => Err((".axes".to_owned(), "each of x, y and z must occur once".to_owned())),
             }
         }
-        _ => Err(("", "a rotation is given by `rpy` or by `axes`".to_owned())),
+        _ => Err((String::new(), "a rotation is given by `rpy` or by `axes`".to_owned())),
     }
 }
