@@ -7,7 +7,7 @@ use fusion::config::{Diagnostics, Node, Value};
 use fusion::core::state::{Dynamics, Kind};
 use fusion::design::{Design, SensorDesign};
 use fusion::examine::{Missing, is_pipe, opening, variants};
-use fusion::frames::{Judged, judge};
+use fusion::frames::{Judged, judge, units};
 use fusion::models::block::Listen;
 use fusion::models::units::Dimension;
 use fusion::present::{Cell, Column, Page, Section, Table, Unit, short};
@@ -65,16 +65,18 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
             design.document.flat()
         ));
     }
-    let judged = if args.design.data.is_some() && has_all_files(&design, &options) {
+    let unjudged = unjudged(&design, args.design.data.is_some(), &options);
+    let mut judged = if unjudged.is_none() {
         judge(&design, &options)?
     } else {
         Judged::default()
     };
+    judged.mistakes.extend(units(&design).iter().cloned());
     let page = Page {
         title: design.run.description.clone(),
         warnings: Vec::new(),
         sections: vec![
-            Section::new("", [facts(&design, &mut assembly)]),
+            Section::new("", [facts(&design, &mut assembly, unjudged)]),
             Section::new(format!("State, {} dimensions", assembly.layout.dim()), [state(&assembly)]),
             Section::new("Sensors", [sensors(&design, &assembly)]),
             Section::new("Gates and losses", [policies(&design)]),
@@ -89,6 +91,19 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
     args.output.print(&page)?;
     report(&judged.mistakes);
     Ok(())
+}
+
+/// Why the frames of recorded data are not judged; `None` where they are, and where there are none.
+fn unjudged(design: &Design, has_data: bool, options: &Options) -> Option<&'static str> {
+    if design.simulation.is_some() || design.sources.is_empty() {
+        None
+    } else if !has_data {
+        Some("not judged: with `--data DIR` the recorded channels are compared with each other")
+    } else if !has_all_files(design, options) {
+        Some("not judged: not all files of the sources are there, or one is a pipe")
+    } else {
+        None
+    }
 }
 
 /// Whether the data can be read before the run.
@@ -115,7 +130,7 @@ fn frames(judged: &Judged) -> Table {
     t
 }
 
-fn facts(design: &Design, assembly: &mut Assembly) -> Table {
+fn facts(design: &Design, assembly: &mut Assembly, unjudged: Option<&str>) -> Table {
     let mut t = Table::list();
     t.row(["backend", &design.filter.backend_name()]);
     let process = &design.process;
@@ -145,6 +160,9 @@ fn facts(design: &Design, assembly: &mut Assembly) -> Table {
         t.row(["reference", "the simulated truth"]);
     } else if let Some(r) = &design.reference {
         t.row(["reference", &format!("`{}`", r.block.source)]);
+    }
+    if let Some(why) = unjudged {
+        t.row(["frames", why]);
     }
     t
 }

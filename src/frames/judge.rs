@@ -159,7 +159,7 @@ impl Judge<'_> {
                     .filter_map(|(t, v)| Some((v, velocities.at(*t)?)))
                     .for_each(|(v, m)| expected.push_all(v, m));
                 let with = format!("the slope of {}", self.name(&position));
-                let (axes, factor) = self.compare(&track, &with, &expected.fits(), true);
+                let (axes, factor) = self.compare(&track, &with, &expected.fits(), true, LONG);
                 velocities.values.iter_mut().for_each(|v| *v = turned(v, &axes) * factor);
             }
             let is_reference = self.is_reference(&track);
@@ -185,11 +185,12 @@ impl Judge<'_> {
         all
     }
 
-    /// Tells what the fits of a channel say; the axes and the factor that put it right.
-    fn compare(&mut self, track: &Track, with: &str, fits: &[Option<Fit>; 3], is_world: bool) -> (Axes, f64) {
+    /// Tells what the fits of a channel say, or what they lack; the axes and the factor that put it right.
+    fn compare(&mut self, track: &Track, with: &str, fits: &[Option<Fit>; 3], is_world: bool, lack: &str) -> (Axes, f64) {
         let known = known(fits);
         let fitted = || fits.iter().flatten();
         if fitted().next().is_none() {
+            self.untold(track, with, lack);
             return (mistake::DECLARED, 1.0);
         }
         let factors: Vec<f64> = fitted().filter_map(Fit::wrong_factor).collect();
@@ -221,6 +222,18 @@ impl Judge<'_> {
             self.found.mistakes.push(told);
         }
         (whole.unwrap_or(mistake::DECLARED), factor.unwrap_or(1.0))
+    }
+
+    /// Lists a comparison that could not be made, with what would help.
+    fn untold(&mut self, track: &Track, with: &str, why: &str) {
+        self.found.comparisons.push(Comparison {
+            what: self.name(track),
+            with: with.to_owned(),
+            samples: 0,
+            correlation: Vec::new(),
+            margin: 0.0,
+            verdict: why.to_owned(),
+        });
     }
 
     /// The axes of a channel are not those that are declared.
@@ -280,7 +293,11 @@ impl Judge<'_> {
             Some((heading, course(&v)))
         });
         let pairs: Vec<(f64, f64)> = pairs.collect();
-        let Some(agreed) = Turned::of(&pairs) else { return true };
+        let Some(agreed) = Turned::of(&pairs) else {
+            let why = "not judged: a course that goes round, at more than 2 m/s, would tell";
+            self.untold(track, &format!("the course of {}", moved.name), why);
+            return true;
+        };
         let wrong = agreed.wrong();
         self.found.comparisons.push(Comparison {
             what: self.name(track),
@@ -354,7 +371,11 @@ impl Judge<'_> {
                 with = format!("gravity and {with}");
             }
         }
-        self.compare(track, &with, &fits, false);
+        self.compare(track, &with, &fits, false, LONG);
+        if let (true, Some(moved), [None, None, Some(_)]) = (attitude.is_none(), moved, &fits) {
+            let with = format!("the accelerations of {}", moved.name);
+            self.untold(track, &with, FAST);
+        }
         (known(&fits), factor)
     }
 
@@ -385,9 +406,15 @@ impl Judge<'_> {
             let tilts = tilts(track, forces, right, lag, &moved.velocities).fits();
             (fits[0], fits[1]) = (tilts[0], tilts[1]);
         }
-        self.compare(track, &with, &fits, false);
+        let lack = if attitude.is_some() { LONG } else { FAST };
+        self.compare(track, &with, &fits, false, lack);
     }
 }
+
+/// What would have given enough samples to judge by a course ...
+const FAST: &str = "not judged: a minute of turns at more than 2 m/s would tell";
+/// ... and by what needs none.
+const LONG: &str = "not judged: both together for a minute would tell";
 
 /// Which axes of a specific force the data tell, and the factor that it is too small by.
 type Force = ([Option<(usize, bool)>; 3], f64);

@@ -13,13 +13,17 @@
 //! is told only where another signed axis, or a factor such as 57.3, explains the data clearly better than what is
 //! declared, in most parts of the log; where the data cannot tell, nothing is said. That ahead is x is taken from the
 //! course of whatever moves faster than 2 m/s: something that drifts sideways as often as it moves
-//! ahead shows no correlation, and is not judged by its course.
+//! ahead shows no correlation, and is not judged by its course. What could not be judged is listed with what would help.
+//!
+//! Without data, the units that the names of columns state are compared with those that are declared (`header.rs`).
 
 mod arm;
+mod header;
 mod judge;
 mod log;
 mod mistake;
 mod motion;
 mod regression;
 
+pub use header::units;
 pub use judge::{Comparison, Judged, judge};

@@ -29,6 +29,7 @@ pub use log::{Log, Repeats};
 pub use pair::Pair;
 pub use signal::{Kind, Signal};
 pub use track::Track;
+pub(crate) use words::stated_unit;
 pub use yaw::Yaw;
 
 use crate::config::{Diagnostic, Diagnostics};

@@ -56,6 +56,11 @@ fn unit(written: &str) -> Option<&'static str> {
     UNITS.iter().find(|(name, _)| *name == plain).map(|(_, unit)| *unit)
 }
 
+/// The unit that the name of a column states.
+pub(crate) fn stated_unit(column: &str) -> Option<&'static str> {
+    Words::of(column).unit.filter(|unit| *unit != "counts")
+}
+
 impl Words {
     /// Takes a name apart.
     pub(super) fn of(name: &str) -> Self {
