@@ -33,23 +33,35 @@ pub struct Clock {
     pub backwards: usize,
     /// Of these, those that go back by more than a second: the clock began anew.
     pub resets: usize,
+    /// What was added to the stamps, to bring them to the clock of the positions \[s\].
+    pub shift: f64,
 }
 
 impl Clock {
     /// That of a table; `None` where no column looks like time.
     pub(super) fn of(table: &Table) -> Option<Self> {
         let (column, words) = named(table).or_else(|| rising(table))?;
+        Some(Self::at(table, column, &words))
+    }
+
+    /// That of a column which is called time.
+    pub(crate) fn named(table: &Table) -> Option<Self> {
+        let (column, words) = named(table)?;
+        Some(Self::at(table, column, &words))
+    }
+
+    fn at(table: &Table, column: usize, words: &Words) -> Self {
         let values = &table.columns[column].values;
         let step = median(values.windows(2).map(|w| w[1] - w[0]).filter(|d| *d > 0.0));
-        let (unit, why) = unit(&words, values, step);
+        let (unit, why) = unit(words, values, step);
         let scale = factor(unit);
         let stamps: Vec<f64> = values.iter().map(|v| v * scale).collect();
-        Some(Self {
+        Self {
             column,
             unit,
             why,
             ..Self::measured(stamps)
-        })
+        }
     }
 
     fn measured(stamps: Vec<f64>) -> Self {
@@ -72,8 +84,16 @@ impl Clock {
             ties: intervals().filter(|d| *d == 0.0).count(),
             backwards: intervals().filter(|d| *d < 0.0).count(),
             resets: intervals().filter(|d| *d < -1.0).count(),
+            shift: 0.0,
             stamps,
         }
+    }
+
+    /// Moves the stamps.
+    pub(super) fn shift(&mut self, by: f64) {
+        self.shift += by;
+        self.longest.1 += by;
+        self.stamps.iter_mut().for_each(|t| *t += by);
     }
 
     /// The earliest and the latest stamp \[s\].

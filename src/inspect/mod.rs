@@ -19,7 +19,10 @@ mod numbers;
 mod page;
 mod pair;
 mod signal;
+#[cfg(test)]
+mod tests;
 mod track;
+mod turn;
 mod words;
 mod yaw;
 
@@ -39,7 +42,7 @@ use signal::Kind::{AngularRate, Euler, Geodetic, Local, Quaternion, SpecificForc
 use std::path::{Path, PathBuf};
 
 /// Names of files that are looked at in a folder end in one of these.
-const ENDINGS: [&str; 4] = [".csv", ".csv.gz", ".txt", ".txt.gz"];
+const ENDINGS: [&str; 6] = [".csv", ".csv.gz", ".txt", ".txt.gz", ".pos", ".pos.gz"];
 
 /// Logs, and what they are to a filter.
 #[derive(Clone, Debug)]
@@ -113,8 +116,11 @@ impl Inspection {
 
     /// Looks at logs.
     #[must_use]
-    pub fn look(logs: Vec<Log>) -> Self {
+    pub fn look(mut logs: Vec<Log>) -> Self {
         let (position, reference) = tracks(&logs);
+        if let Some((_, track)) = position.as_ref().or(reference.as_ref()) {
+            bring_together(&mut logs, track);
+        }
         let best = position.as_ref().or(reference.as_ref());
         let speed = |t: f64| best.filter(|(_, track)| track.is_reported).and_then(|(_, track)| track.speed(t));
         let imu = units(&logs).first().and_then(|k| Some((*k, Imu::of(&logs[*k], &speed)?)));
@@ -177,6 +183,26 @@ impl Inspection {
             all.push("positions: without them a filter gives the attitude only".to_owned());
         }
         all
+    }
+}
+
+/// Moves the stamps of the unit whose turns agree with those of the positions only at another time.
+fn bring_together(logs: &mut [Log], track: &Track) {
+    /// Below this the turns do not agree.
+    const AGREES: f64 = 0.5;
+    let Some(k) = units(logs).first().copied() else { return };
+    let log = &logs[k];
+    let has_positions = log.has(Geodetic) || log.has(Local);
+    let (Some(force), Some(rate), Some(imu)) = (log.values(SpecificForce), log.values(AngularRate), Imu::of(log, &|_| None)) else {
+        return;
+    };
+    let pair = Pair::of(log.stamps(), &force, &rate, imu.gravity, imu.up, track);
+    if has_positions || pair.is_some_and(|pair| pair.correlation.abs() > AGREES) {
+        return;
+    }
+    let lag = pair::apart(log.stamps(), &rate, imu.gravity, track);
+    if let (Some(lag), Some(clock)) = (lag, &mut logs[k].clock) {
+        clock.shift(lag);
     }
 }
 

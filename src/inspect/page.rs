@@ -136,6 +136,11 @@ impl Inspection {
             "turns",
             &format!("{turn} (slope {:.3}, correlation {:.3})", pair.slope, pair.correlation),
         ]);
+        let clock = self.imu.as_ref().and_then(|(k, _)| self.logs[*k].clock.as_ref());
+        if let Some(clock) = clock.filter(|c| c.shift != 0.0) {
+            let moved = format!("{:.2} s was added to the stamps of the unit: there the turns agree", clock.shift);
+            t.row(["clocks apart", &moved]);
+        }
         t.row(["positions are late by", &format!("{:.2} s, by their velocity or course", pair.lag)]);
         if let Some((first, last)) = pair.lags {
             t.row(["in the first and the last third", &format!("{first:.2} s, {last:.2} s")]);

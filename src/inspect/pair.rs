@@ -42,7 +42,7 @@ pub(super) fn cross(a: Vec3, b: Vec3) -> Vec3 {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-fn dot(a: Vec3, b: Vec3) -> f64 {
+pub(super) fn dot(a: Vec3, b: Vec3) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
@@ -82,6 +82,32 @@ impl Pair {
             forward: forward(&intervals, &forces, gravity, up, lag),
         })
     }
+}
+
+/// By how much the clock of a unit is behind that of a track whose turns do not agree with its own within [`REACH`]: two
+/// files that count from beginnings of their own. `None` where there is no one offset at which the turns agree.
+pub(super) fn apart(t: &[f64], rate: &[Vec3], gravity: Vec3, track: &Track) -> Option<f64> {
+    /// Turns of a vehicle last seconds.
+    const COARSE: f64 = 0.25;
+    /// Chance does not correlate so over half of the intervals of a drive.
+    const CERTAIN: f64 = 0.8;
+    let intervals = intervals(track);
+    let (first, last) = (t.iter().copied().reduce(f64::min)?, t.iter().copied().reduce(f64::max)?);
+    let (begin, end) = (intervals.first()?.from, intervals.last()?.to);
+    let (rates, down) = (Integral::of(t, rate), gravity.map(|g| -g / norm(gravity)));
+    let enough = ENOUGH.max(intervals.len() / 2);
+    let at = |lag: f64| {
+        let pairs: Vec<(f64, f64)> = intervals
+            .iter()
+            .filter_map(|i| Some((i.turn, dot(down, rates.mean(i.from - lag, i.to - lag)?))))
+            .collect();
+        (pairs.len() >= enough).then(|| line(&pairs).1.abs())
+    };
+    let steps = ((last - first + end - begin) / COARSE) as usize;
+    let tried = (0..=steps).map(|k| begin - last + COARSE * k as f64);
+    let tried = tried.filter_map(|lag| Some((lag, at(lag).filter(|c| c.is_finite())?)));
+    let (lag, correlation) = tried.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    (correlation > CERTAIN).then_some(lag)
 }
 
 fn intervals(track: &Track) -> Vec<Interval> {
@@ -199,6 +225,28 @@ mod tests {
         assert!((p.slope - 1.0).abs() < 0.01 && p.correlation > 0.999, "{p:?}");
         let (first, last) = p.lags.unwrap();
         assert!((first - last).abs() < 0.041, "one clock: {p:?}");
+    }
+
+    #[test]
+    fn clocks_that_drift_apart_are_seen_from_the_first_third_to_the_last() {
+        let (t, force, rate, mut track) = winding(0.0, 0.0, 1.0);
+        // 2 ms/s: 0.4 s between the middles of the thirds, which are 195 s apart.
+        track.t.iter_mut().for_each(|t| *t *= 1.002);
+        let p = Pair::of(&t, &force, &rate, [0.0, 0.0, 9.8], (2, false), &track).unwrap();
+        let (first, last) = p.lags.unwrap();
+        // Two steps of 20 ms, and the drift within a third.
+        assert!((last - first - 0.39).abs() < 0.06, "{p:?}");
+    }
+
+    #[test]
+    fn clocks_with_beginnings_of_their_own_are_brought_together() {
+        let (t, _, rate, track) = winding(0.0, 0.0, 1.0);
+        let begun: Vec<f64> = t.iter().map(|t| t + 261.9).collect();
+        let lag = apart(&begun, &rate, [0.0, 0.0, 9.8], &track).unwrap();
+        // Half a coarse step.
+        assert!((lag + 261.9).abs() <= 0.125, "{lag}");
+        let other: Vec<Vec3> = t.iter().map(|t| [0.0, 0.0, (1.7 * t).sin()]).collect();
+        assert_eq!(apart(&begun, &other, [0.0, 0.0, 9.8], &track), None);
     }
 
     #[test]

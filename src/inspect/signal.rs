@@ -1,6 +1,7 @@
 //! Which columns of a table are which quantity.
 
 use super::numbers::{Vec3, median, norm, quantile};
+use super::turn;
 use super::words::{Words, begins, contains};
 use crate::source::table::Table;
 
@@ -155,6 +156,7 @@ pub(super) fn signals(table: &Table, rate: f64) -> Vec<Signal> {
     let mut found = finder.found;
     found.retain(|s| !is_constant(table, s));
     found.iter_mut().for_each(|s| settle(s, table, rate));
+    settle_by_turns(&mut found, table, rate);
     found.retain(|s| !is_without_gravity(table, s));
     found
 }
@@ -353,6 +355,32 @@ fn settle(signal: &mut Signal, table: &Table, rate: f64) {
         (Kind::SpecificForce, "counts") => GRAVITY / length(signal, table, 0.5),
         (_, unit) => factor(unit),
     };
+}
+
+/// Tells the unit of gyros that no name tells by how the magnetic field turns, or gravity, where they do: hands turn a
+/// unit faster than 10 rad/s, and vehicles slower than 10 deg/s.
+fn settle_by_turns(found: &mut [Signal], table: &Table, rate: f64) {
+    // Accelerations do not turn the field.
+    let directions = [(Kind::MagneticField, "the field"), (Kind::SpecificForce, "gravity")].map(|(kind, name)| {
+        let signal = found.iter().find(|s| s.kind == kind && !s.increment);
+        signal.map(|s| (s.values(table), name))
+    });
+    let gyros = found.iter_mut().find(|s| s.kind == Kind::AngularRate && !s.increment);
+    let is_named = |s: &Signal| Words::of(&table.columns[s.columns[0].0].name).unit.is_some();
+    let Some(gyros) = gyros.filter(|s| !is_named(s)) else { return };
+    let raw: Vec<Vec3> = (0..table.rows()).map(|row| gyros.raw(table, row)).collect();
+    let told = directions.iter().flatten();
+    let mut slopes = told.filter_map(|(direction, name)| Some((turn::slope(direction, &raw, rate)?, *name)));
+    let Some((slope, what)) = slopes.next() else { return };
+    let (radians, degrees) = (1.0, 1_f64.to_radians());
+    // On a logarithmic scale half-way between the two.
+    let unit = if slope > (radians * degrees).sqrt() { "rad/s" } else { "deg/s" };
+    if (slope / factor(unit)).ln().abs() < 2_f64.ln() {
+        gyros.unit = unit.to_owned();
+        gyros.factor = factor(unit);
+        let found = gyros.why.split(';').next().unwrap_or_default().to_owned();
+        gyros.why = format!("{found}; {unit}: {what} turns by {:.2} of what they say", slope / gyros.factor);
+    }
 }
 
 /// The length of a vector that a share of the rows stays below, in the unit of its columns.

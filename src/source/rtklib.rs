@@ -105,7 +105,7 @@ impl RtklibSpec {
 }
 
 /// The rows of a solution: those of the text, but that the two fields of a stamp are one column.
-struct PosRows {
+pub(super) struct PosRows {
     text: CsvRows,
     columns: Vec<String>,
     system: System,
@@ -148,7 +148,7 @@ impl System {
 }
 
 impl PosRows {
-    fn open(file: &DataFile, context: &OpenContext) -> Result<Self, SourceError> {
+    pub(super) fn open(file: &DataFile, context: &OpenContext) -> Result<Self, SourceError> {
         let dialect = Dialect {
             delimiter: None,
             comment: Some(b'%'),

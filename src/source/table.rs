@@ -8,6 +8,8 @@
 use super::OpenContext;
 use super::csv::CsvSpec;
 use super::decode::RawRows;
+use super::file::DataFile;
+use super::rtklib::PosRows;
 use crate::rows::{DataError, SourceError};
 use fusion_models::block::BuildError;
 use serde::Deserialize;
@@ -16,11 +18,23 @@ use std::path::{Path, PathBuf};
 /// What may separate the fields of a text file, the usual one first.
 const DELIMITERS: [&str; 3] = [",", ";", "\t"];
 
+/// How the rows of a file are written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Format {
+    /// Fields with something between them.
+    #[default]
+    Csv,
+    /// A solution of RTKLIB.
+    Rtklib,
+}
+
 /// A file as columns of numbers.
 #[derive(Clone, Debug, Default)]
 pub struct Table {
     /// The file.
     pub path: PathBuf,
+    /// How it is written.
+    pub format: Format,
     /// What separates its fields.
     pub delimiter: String,
     /// Whether its first line names the columns.
@@ -48,6 +62,17 @@ impl Table {
     /// # Errors
     /// It cannot be opened or read.
     pub fn read(path: &Path) -> Result<Self, SourceError> {
+        let name = path.to_string_lossy();
+        if name.ends_with(".pos") || name.ends_with(".pos.gz") {
+            let rows = PosRows::open(&DataFile::new(path, &OpenContext::default()), &OpenContext::default())?;
+            let table = Self {
+                path: path.to_owned(),
+                format: Format::Rtklib,
+                header: true,
+                ..Self::default()
+            };
+            return table.filled(rows);
+        }
         let mut best: Option<(&str, Vec<String>)> = None;
         for delimiter in DELIMITERS {
             let names = names(path, delimiter)?;
@@ -57,22 +82,26 @@ impl Table {
         }
         let (delimiter, names) = best.unwrap_or_default();
         let header = !names.iter().all(|name| name.parse::<f64>().is_ok());
-        let mut rows = spec(path, delimiter, header)?.raw(&OpenContext::default())?;
+        let table = Self {
+            path: path.to_owned(),
+            delimiter: delimiter.to_owned(),
+            header,
+            ..Self::default()
+        };
+        table.filled(spec(path, delimiter, header)?.raw(&OpenContext::default())?)
+    }
+
+    /// With all rows.
+    fn filled(mut self, mut rows: impl RawRows) -> Result<Self, SourceError> {
         let named = rows.columns().iter().map(|name| Column {
             name: name.clone(),
             ..Column::default()
         });
-        let mut table = Self {
-            path: path.to_owned(),
-            delimiter: delimiter.to_owned(),
-            header,
-            columns: named.collect(),
-            malformed: 0,
-        };
+        self.columns = named.collect();
         while rows.advance()? {
-            table.take(&rows);
+            self.take(&rows);
         }
-        Ok(table)
+        Ok(self)
     }
 
     fn take(&mut self, row: &impl RawRows) {
@@ -129,6 +158,20 @@ mod tests {
         let table = Table::read(&path).unwrap();
         std::fs::remove_file(path).unwrap();
         table
+    }
+
+    #[test]
+    fn a_solution_of_rtklib_has_its_stamps_in_nanoseconds() {
+        let header = "% program : RTKPOST\n%  GPST  latitude(deg) longitude(deg) height(m) Q\n";
+        let rows = "2025/07/08 19:34:18.500 40.1 -105.2 1601.4 1\n2374 243259.750 40.2 -105.2 1601.5 2\n2025/07/08 lost\n";
+        let table = of("solution.pos", &format!("{header}{rows}"));
+        assert_eq!((table.format, table.rows(), table.malformed), (Format::Rtklib, 2, 1));
+        let names: Vec<&str> = table.columns.iter().map(|c| c.name.as_str()).collect();
+        assert_eq!(names, ["time", "latitude(deg)", "longitude(deg)", "height(m)", "Q"]);
+        // Week 2374 began on 6 July 2025; in double precision a stamp of today is known to 256 ns.
+        let stamps = &table.columns[0].values;
+        assert!((stamps[1] - stamps[0] - 1.25e9).abs() < 512.0, "{stamps:?}");
+        assert_eq!(table.columns[1].values, [40.1, 40.2]);
     }
 
     #[test]

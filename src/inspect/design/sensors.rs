@@ -88,6 +88,12 @@ impl Inspection {
                 0.3 * lag.max(0.0)
             );
             text.line(&share, "guessed: positions are smoothed less than velocities, and are less late");
+        } else if self.is_shifted() {
+            let lag = lag.unwrap_or_default();
+            text.line(
+                &format!("time_offset = {{ estimate = true, initial = \"{lag:.2} s\", sigma = \"0.2 s\" }}"),
+                "guessed: the clocks were brought together by velocities, which are late; what is found belongs to the `offset` of the unit",
+            );
         }
         if self.is_slow(log, track) {
             // A vehicle on foot speed stays near the same houses, and its odometer shows what they do.
@@ -107,6 +113,12 @@ impl Inspection {
         if track.is_reported && is_moving {
             self.velocity_sensor(text, log, track, lag);
         }
+    }
+
+    /// Whether the stamps of the unit were moved to those of the positions.
+    fn is_shifted(&self) -> bool {
+        let clock = self.imu.as_ref().and_then(|(k, _)| self.logs[*k].clock.as_ref());
+        clock.is_some_and(|clock| clock.shift != 0.0)
     }
 
     fn velocity_sensor(&self, text: &mut Text, log: &Log, track: &Track, lag: Option<f64>) {

@@ -6,6 +6,7 @@ use crate::inspect::pair::{cross, horizontal};
 use crate::inspect::signal::{Kind, Signal};
 use crate::inspect::words::{Words, contains};
 use crate::inspect::{Clock, Inspection};
+use crate::source::table::Format;
 
 /// Repeated rows above this share are not measurements of their own.
 const REPEATED: f64 = 0.1;
@@ -14,16 +15,21 @@ const ZEROS: f64 = 0.01;
 /// Clocks that move apart by more over the log than can be seen are brought together \[s\].
 const DRIFT: f64 = 0.05;
 
+/// Whether it is read as a solution of RTKLIB, which names its stamps itself.
+fn is_solution(log: &Log) -> bool {
+    log.table.format == Format::Rtklib
+}
+
 impl Inspection {
     /// `[source.NAME]` with the channels of these kinds, and a line more.
     pub(super) fn source(&self, text: &mut Text, name: &str, k: usize, kinds: &[Kind], more: &str) {
         let log = &self.logs[k];
         let Some(clock) = &log.clock else { return };
         text.table(&format!("source.{name}"));
-        text.quoted("type", "csv");
+        text.quoted("type", if is_solution(log) { "rtklib" } else { "csv" });
         let path = log.table.path.strip_prefix(self.common()).unwrap_or(&log.table.path);
         text.quoted("path", &path.display().to_string());
-        if log.table.delimiter != "," {
+        if log.table.format == Format::Csv && log.table.delimiter != "," {
             text.quoted("delimiter", &log.table.delimiter);
         }
         if !log.table.header {
@@ -52,13 +58,19 @@ impl Inspection {
     }
 
     fn time(&self, text: &mut Text, name: &str, log: &Log, clock: &Clock) {
-        let mut parts = vec![format!("column = {}", quoted(&log.table.columns[clock.column].name))];
-        if clock.unit != "s" {
-            parts.push(format!("unit = \"{}\"", clock.unit));
+        let mut parts = Vec::new();
+        if !is_solution(log) {
+            parts.push(format!("column = {}", quoted(&log.table.columns[clock.column].name)));
+            if clock.unit != "s" {
+                parts.push(format!("unit = \"{}\"", clock.unit));
+            }
         }
         let begin = self.begin().floor();
         if begin > 1e6 {
             parts.push(format!("epoch = {}", epoch(begin, clock.unit)));
+        }
+        if clock.shift != 0.0 {
+            parts.push(format!("offset = \"{:.2} s\"", clock.shift));
         }
         if let Some(scale) = self.drift().filter(|_| name == "imu") {
             parts.push(format!("scale = {scale:.9}"));
@@ -69,7 +81,16 @@ impl Inspection {
         if clock.backwards > 0 {
             parts.push("backwards = \"skip\"".to_owned());
         }
-        let mut why = vec![format!("unit: {}", clock.why)];
+        if parts.is_empty() {
+            return;
+        }
+        let mut why = match log.table.format {
+            Format::Csv => vec![format!("unit: {}", clock.why)],
+            Format::Rtklib => vec!["an epoch is in nanoseconds of GPS time".to_owned()],
+        };
+        if clock.shift != 0.0 {
+            why.push("offset guessed: there its turns agree with the positions".to_owned());
+        }
         if parts.iter().any(|p| p.starts_with("scale")) {
             why.push("scale guessed: the lag against the positions changes over the log".to_owned());
         }
