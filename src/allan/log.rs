@@ -1,7 +1,9 @@
 //! The samples of a log at rest: of the sources of a design, or of a plain table.
 
 use crate::config::{Diagnostic, Diagnostics, Node, Place};
-use crate::rows::{DataError, width};
+use crate::inspect::Clock;
+use crate::rows::{DataError, SourceError, width};
+use crate::source::table::Table;
 use crate::source::{OpenContext, SourceSpec};
 use flate2::bufread::MultiGzDecoder;
 use fusion_models::registry::{self, Role};
@@ -85,7 +87,7 @@ pub fn declared(root: &Node, data_dir: &Path, only: Option<&str>) -> Result<Vec<
 }
 
 /// The inertial channels of one source.
-fn read(spec: &dyn SourceSpec, context: &OpenContext) -> Result<Vec<Log>, crate::rows::SourceError> {
+fn read(spec: &dyn SourceSpec, context: &OpenContext) -> Result<Vec<Log>, SourceError> {
     let wanted = [
         (Instrument::Gyro, channel::ANGULAR_RATE),
         (Instrument::Accelerometer, channel::SPECIFIC_FORCE),
@@ -143,6 +145,68 @@ fn longest_piece(times: &[f64]) -> Option<(core::ops::Range<usize>, f64, usize)>
     (end - start > 2 && interval > 0.0).then_some((start..end, interval, ends.len()))
 }
 
+/// Columns of a table that has a column of stamps, found as `fusion inspect` finds it. Rows without a number or a later
+/// stamp than the row before are left out.
+///
+/// # Errors
+/// A file that cannot be read, no column of stamps, a column that there is not, fewer than three samples.
+pub fn stamped(path: &Path, wanted: &[Columns]) -> Result<Vec<Log>, Diagnostics> {
+    let name = path.display().to_string();
+    let table = Table::read(path).map_err(|error| match error {
+        SourceError::Data(error) => Diagnostics::from(Diagnostic::from(error.as_ref())),
+        SourceError::Declared(errors) => {
+            let mut d = Diagnostics::new();
+            d.extend(errors.iter().map(|error| Diagnostic::error(error.to_string())));
+            d
+        }
+    })?;
+    let Some(clock) = Clock::named(&table) else {
+        let message = format!("`{name}` has no column of stamps: none is called `t`, `time` or `timestamp`");
+        let help = "add `--rate \"100 Hz\"`: every row is then one sample";
+        return Err(Diagnostic::error(message).help(help).into());
+    };
+    let known: Vec<&str> = table.columns.iter().map(|c| c.name.as_str()).collect();
+    let mut logs = Vec::new();
+    for of in wanted {
+        let columns = places(&name, &known, &of.names)?;
+        let value = |k: usize, row: usize| table.columns[k].values[row] * of.factor;
+        let (mut times, mut axes) = (Vec::new(), <[Vec<f64>; 3]>::default());
+        for (row, stamp) in clock.stamps.iter().enumerate() {
+            let is_later = times.last().is_none_or(|last| stamp > last);
+            if stamp.is_finite() && is_later && columns.iter().all(|k| value(*k, row).is_finite()) {
+                times.push(*stamp);
+                axes.iter_mut().zip(&columns).for_each(|(axis, k)| axis.push(value(*k, row)));
+            }
+        }
+        let Some((piece, interval, gaps)) = longest_piece(&times) else {
+            return Err(Diagnostic::error(format!("`{name}` has fewer than three samples with stamps that rise")).into());
+        };
+        logs.push(Log {
+            instrument: of.instrument,
+            name: name.clone(),
+            interval,
+            axes: axes.map(|axis| axis[piece.clone()].to_vec()),
+            gaps,
+        });
+    }
+    Ok(logs)
+}
+
+/// Where the columns of these names stand.
+fn places(file: &str, known: &[&str], names: &[String]) -> Result<Vec<usize>, Diagnostics> {
+    let (mut d, mut places) = (Diagnostics::new(), Vec::new());
+    for column in names {
+        match known.iter().position(|k| k == column) {
+            Some(place) => places.push(place),
+            None => {
+                let unknown = Diagnostic::error(format!("`{file}` has no column `{column}`"));
+                d.push(unknown.suggest(column, known, "its columns"));
+            }
+        }
+    }
+    d.unless_errors(places)
+}
+
 /// Columns of a table with a header, comma-separated, plain or gzip-compressed, sampled every
 /// `interval` seconds.
 ///
@@ -162,17 +226,8 @@ pub fn plain(path: &Path, interval: f64, wanted: &[Columns]) -> Result<Vec<Log>,
     let mut table = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes);
     let header = table.headers().map_err(|e| failed(&e))?.clone();
     let known: Vec<&str> = header.iter().collect();
-    let (mut d, mut places) = (Diagnostics::new(), Vec::new());
-    for column in wanted.iter().flat_map(|w| &w.names) {
-        match known.iter().position(|k| k == column) {
-            Some(place) => places.push(place),
-            None => {
-                let unknown = Diagnostic::error(format!("`{name}` has no column `{column}`"));
-                d.push(unknown.suggest(column, &known, "its columns"));
-            }
-        }
-    }
-    d.unless_errors(())?;
+    let names: Vec<String> = wanted.iter().flat_map(|w| w.names.clone()).collect();
+    let places = places(&name, &known, &names)?;
     let mut columns = vec![Vec::new(); places.len()];
     let mut record = csv::StringRecord::new();
     while table.read_record(&mut record).map_err(|e| failed(&e))? {

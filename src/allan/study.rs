@@ -179,6 +179,10 @@ pub fn toml(studies: &[Study]) -> String {
             .axes
             .each_ref()
             .map(|axis| format!("\"{:.3e} {unit}/sqrt(Hz)\"", axis.noises.white / si));
+        let walk = study
+            .axes
+            .each_ref()
+            .map(|axis| format!("\"{:.2e} {unit}/sqrt(s)\"", axis.noises.walk / si));
         let instability = study.axes.each_ref().map(|axis| format!("{:.2e}", axis.noises.flicker / si));
         text += &format!(
             "# B = {} {unit}; `sigma` is the bias that this log shows: a data sheet knows more.\n",
@@ -186,9 +190,9 @@ pub fn toml(studies: &[Study]) -> String {
         );
         text += &format!("{key}.noise = [{}]\n", noise.join(", "));
         text += &format!(
-            "{key}.bias = {{ estimate = true, initial = [0, 0, 0], sigma = \"{:.2e} {unit}\", random_walk = \"{:.2e} {unit}/sqrt(s)\" }}\n",
+            "{key}.bias = {{ estimate = true, initial = [0, 0, 0], sigma = \"{:.2e} {unit}\", random_walk = [{}] }}\n",
             study.bias(),
-            study.rms(|axis| axis.noises.walk),
+            walk.join(", "),
         );
     }
     text

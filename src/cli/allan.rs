@@ -3,7 +3,7 @@
 use super::run::written;
 use super::{Failure, Format, OutputArgs, print, read_text};
 use clap::Args;
-use fusion::allan::{Columns, Instrument, Log, Study, declared, plain, svg, toml};
+use fusion::allan::{Columns, Instrument, Log, Study, declared, plain, stamped, svg, toml};
 use fusion::config::{Diagnostic, Diagnostics, Document, Files};
 use fusion::models::units::{Dimension, Dimensional, dim, parse, parse_unit};
 use fusion::output::FileSet;
@@ -21,7 +21,8 @@ pub(super) struct AllanArgs {
     /// Of a design: where relative source paths start, instead of at its `data_dir`.
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// Of a table: its samples per time, e.g. "100 Hz".
+    /// Of a table: its samples per time, e.g. "100 Hz": every row is one sample. Without it the stamps of the table are
+    /// read: of the column that is called `t`, `time` or `timestamp`.
     #[arg(long, value_name = "RATE")]
     rate: Option<String>,
     /// Of a table: the columns of the gyros, x, y, z.
@@ -106,8 +107,7 @@ fn of_table(args: &AllanArgs) -> Result<Vec<Log>, Diagnostics> {
         .rate
         .as_deref()
         .map(|text| factor("--rate", text, kind.dimension, kind.example));
-    let missing = || Err(Diagnostic::error("every row of a table is one sample: its rate has to be given").help("add `--rate \"100 Hz\"`"));
-    let rate = d.keep(rate.unwrap_or_else(missing));
+    let rate = rate.and_then(|rate| d.keep(rate));
     let given = [
         (Instrument::Gyro, "--gyro", &args.gyro, &args.gyro_unit, dim::AngularRate::KIND),
         (
@@ -137,7 +137,10 @@ fn of_table(args: &AllanArgs) -> Result<Vec<Log>, Diagnostics> {
         d.push(Diagnostic::error("a table needs the names of its columns").help(help));
     }
     d.unless_errors(())?;
-    plain(&args.log, 1.0 / rate.unwrap_or(1.0), &wanted)
+    match rate {
+        Some(rate) => plain(&args.log, 1.0 / rate, &wanted),
+        None => stamped(&args.log, &wanted),
+    }
 }
 
 /// SI per number of what an option says: a unit, or a number with a unit.

@@ -143,6 +143,30 @@ fn a_design_that_declares_the_channels_is_enough() {
     w.fusion(&["check", "pasted.toml"]).success();
 }
 
+/// A table with stamps is read as the design that declares them reads it.
+#[test]
+fn a_table_is_read_by_its_stamps_unless_a_rate_is_given() {
+    let w = Workspace::new("allan-stamps");
+    w.write("rest.csv", rest());
+    w.write("rest.toml", REST);
+    let noises = |args: &[&str]| {
+        let mut all = vec!["allan"];
+        all.extend(args);
+        let ran = w.fusion(&all).success();
+        let printed = stdout(&ran);
+        let paste = printed.split("# For a design:").nth(1).unwrap().to_owned();
+        (paste, stderr(&ran))
+    };
+    let table = ["rest.csv", "--gyro", "gx,gy,gz", "--gyro-unit", "deg/s"];
+    let (declared, _) = noises(&["rest.toml"]);
+    let (stamped, told) = noises(&table);
+    assert!(told.contains("1 gap"), "{told}");
+    assert_eq!(stamped, declared);
+    // Rows count: the gap is not seen, and its rows are used.
+    let (by_rows, told) = noises(&[&table[..], &["--rate", "10 Hz"]].concat());
+    assert!(by_rows != stamped && told.is_empty(), "{told}");
+}
+
 #[test]
 fn a_mistake_says_what_is_accepted() {
     let w = Workspace::new("allan-mistakes");
@@ -150,9 +174,11 @@ fn a_mistake_says_what_is_accepted() {
     w.write("rest.toml", REST.replace("angular_rate", "velocity").replace("deg/s", "m/s"));
     let broken = rest().replacen("0.200,", "0.200,x", 1);
     w.write("broken.csv", broken);
+    w.write("bare.csv", rest().replacen("t,", "row,", 1));
     let columns = ["--gyro", "gx,gy,gz"];
     for (args, said) in [
-        (&["rest.csv"][..], "add `--rate"),
+        (&["rest.csv"][..], "`--gyro gx,gy,gz`"),
+        (&["bare.csv", columns[0], columns[1]], "add `--rate"),
         (&["rest.csv", "--rate", "100 m"], "a frequency"),
         (&["rest.csv", "--rate", "100 Hz"], "`--gyro gx,gy,gz`"),
         (&["rest.csv", "--rate", "100 Hz", "--gyro", "gx,gy"], "takes three columns, not 2"),

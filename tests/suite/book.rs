@@ -40,6 +40,7 @@ chapters! {
     inspecting: "inspecting.md",
     simulation: "simulation.md",
     designs: "designs.md",
+    allan: "allan.md",
     backends: "backends.md",
     hypotheses: "hypotheses.md",
     latency_and_lever_arms: "latency-lever-arms.md",
