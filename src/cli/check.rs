@@ -85,6 +85,7 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
             Section::new("Streams", [streams(&assembly.streams)]),
             Section::new("Sources", [sources(&design, &options)]),
             Section::new("Faults", [faults(&design)]),
+            Section::new("Trajectory", [trajectory(&design)]),
             Section::new("Frames, judged by the data", [frames(&judged)]),
         ],
     };
@@ -111,6 +112,36 @@ fn has_all_files(design: &Design, options: &Options) -> bool {
     let dir = data_dir(design, options);
     let files = design.sources.iter().flat_map(|named| named.block.source.files());
     files.map(|file| dir.join(file)).all(|path| path.exists() && !is_pipe(&path))
+}
+
+/// When each segment of the simulated trajectory begins and ends; of a controlled vehicle only its run tells.
+fn trajectory(design: &Design) -> Table {
+    let second = || Unit::of_si("s");
+    let mut t = Table::new([
+        Column::number("segment"),
+        Column::text("type"),
+        Column::with_unit("from", second()),
+        Column::with_unit("to", second()),
+    ]);
+    let Some(simulation) = design.simulation.as_ref().filter(|s| s.node.get("vehicle").is_none()) else {
+        return t;
+    };
+    // What is wrong with it has been told.
+    let Ok(trajectory) = simulation.block.world.trajectory() else {
+        return t;
+    };
+    let starts: Vec<f64> = trajectory.starts().collect();
+    let ends = starts.iter().copied().skip(1).chain([trajectory.duration()]);
+    for (number, (from, to)) in starts.iter().zip(ends).enumerate() {
+        let segment = simulation.node.at(&format!("trajectory.{number}"));
+        t.row([
+            Cell::from(number + 1),
+            Cell::text(segment.map_or("?", type_of)),
+            Cell::Real(*from),
+            Cell::Real(to),
+        ]);
+    }
+    t
 }
 
 /// What was compared with what, and what came of it.

@@ -453,3 +453,35 @@ fn the_estimate_at_a_fix_is_the_one_after_it_in_file_and_score() {
     let three_sigma = summary["score"]["position"]["three_sigma"][0].as_f64().unwrap();
     assert!(three_sigma < 3.0 * 0.21, "{three_sigma}");
 }
+
+#[test]
+fn check_lists_when_the_segments_of_a_trajectory_begin() {
+    let w = Workspace::new("command-segments");
+    let segments = r#"simulation.trajectory=[{ type = "rest", duration = "9 s" }, { type = "rest", duration = "5 s" }]"#;
+    let ran = w.fusion(&["check", "--set", segments]).success();
+    shows(ran, &["Trajectory", "1 rest 0 9.000", "2 rest 9.000 14.00"]);
+}
+
+#[test]
+fn check_without_data_says_how_frames_are_judged() {
+    let w = Workspace::new("command-frames");
+    let plain = w.fusion(&["check", "design.toml"]).success();
+    shows(plain, &["frames not judged: with `--data DIR`"]);
+    // A minute northwards without a turn: nothing to compare a velocity with but the position.
+    let named = w.fusion(&["check", "design.toml", "--data", "."]).success();
+    assert!(!stdout(&named).contains("with `--data DIR`"), "{}", stdout(&named));
+    // The simulated drive has nothing to be judged.
+    let simulated = w.fusion(&["check"]).success();
+    assert!(!stdout(&simulated).contains("not judged"), "{}", stdout(&simulated));
+}
+
+#[test]
+fn check_warns_of_a_unit_that_the_header_contradicts() {
+    let w = Workspace::new("command-units");
+    w.write("gnss.csv", fixes().replacen("vn,ve,vd", "vn [km/h],ve [km/h],vd [km/h]", 1));
+    let columns = r#"source.gnss.channels.velocity.columns=["vn [km/h]", "ve [km/h]", "vd [km/h]"]"#;
+    let ran = w.fusion(&["check", "design.toml", "--set", columns]).success();
+    let told = stderr(&ran);
+    assert!(told.contains("warning: the column `vn [km/h]` is named as in `km/h`"), "{told}");
+    assert!(told.contains("--> design.toml:36:8"), "{told}");
+}
