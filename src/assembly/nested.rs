@@ -143,8 +143,8 @@ impl<'a, P> Assembler<'a, P> {
     fn check_order(&mut self, named: &Named<Draft>, made_up: &[StreamLayout]) {
         let is_filter = |name: &str| self.design.filters.iter().any(|f| f.name == name);
         if let Some(later) = made_up.iter().find(|s| !s.declared && is_filter(&s.name)) {
-            let message = format!("`{}` reads itself, or a filter after it: `{}`", named.name, later.name);
-            let help = "a filter reads sources, stages, and filters that stand before it";
+            let message = format!("`{}` reads `{}`, which is itself or is declared after it", named.name, later.name);
+            let help = "a filter reads sources, stages, and filters that are declared before it: change their sequence, or what is read";
             self.d.push(Diagnostic::error(message).at(named.node.name_place()).help(help));
         }
     }

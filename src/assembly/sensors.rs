@@ -205,7 +205,9 @@ impl<P> Assembler<'_, P> {
     fn reported(&mut self, stream: StreamId, spec: &dyn SensorSpec, node: &Node) -> Option<Vec<usize>> {
         let Some(sigma) = spec.reported_sigma() else {
             let message = "`from_source` is for a sensor that reads one channel: no source reports this noise";
-            self.d.push(Diagnostic::error(message).at(node.place_of("noise.from_source")));
+            let help = "write its 1σ, e.g. `noise = { sigma = … }`";
+            self.d
+                .push(Diagnostic::error(message).at(node.place_of("noise.from_source")).help(help));
             return None;
         };
         let (found, rows) = (self.channel(stream, &sigma, node)?, spec.noise().len());

@@ -285,7 +285,11 @@ impl Grower {
             DeValue::Integer(number) => {
                 let parsed = i64::from_str_radix(number.as_str(), number.radix());
                 Value::Integer(parsed.unwrap_or_else(|_| {
-                    self.found.push(Diagnostic::error("this integer exceeds 64 bits").at(&place));
+                    self.found.push(
+                        Diagnostic::error("this integer exceeds 64 bits")
+                            .at(&place)
+                            .help("write it with a decimal point or an exponent, e.g. 1e20"),
+                    );
                     0
                 }))
             }

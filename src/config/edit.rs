@@ -67,7 +67,8 @@ impl Document {
             node = node.get(key).ok_or_else(|| unknown(node, key, &node.name))?;
         }
         let Value::Table { .. } = node.value else {
-            return Err(Diagnostic::error(format!("`{path}` is not a table")).at(&node.place));
+            let help = "a variant is a table of the values that differ: `[variant.NAME]`";
+            return Err(Diagnostic::error(format!("`{path}` is not a table")).at(&node.place).help(help));
         };
         let over = node.clone();
         self.base.get_or_insert_with(|| Arc::clone(&self.root));

@@ -299,7 +299,7 @@ impl FilterSpec {
                 "reset"
             } else {
                 let known = names();
-                let message = format!("`{word}` is no backend, chart, update or form");
+                let message = format!("`{word}` is not a backend, a chart, an update or a form");
                 let near =
                     did_you_mean(word, &known.iter().map(String::as_str).collect::<Vec<_>>()).map(|near| format!("did you mean `{near}`?"));
                 let help = near.unwrap_or_else(|| format!("there are {}", known.join(", ")));
@@ -379,14 +379,18 @@ impl FilterSpec {
         }) = self.bank
         {
             if !(1..=100).contains(&hypotheses) {
-                return mistake("bank", "a bank has 1 to 100 hypotheses", "20 are usual");
+                return mistake("bank", "a bank has 1 to 100 hypotheses", "write e.g. `hypotheses = 20`");
             }
             if headings == 0 || headings > hypotheses {
-                let message = format!("{headings} headings do not fit into {hypotheses} hypotheses");
+                let message = format!("a bank of {hypotheses} hypotheses cannot begin with {headings} headings, a hypothesis each");
                 return mistake("bank", &message, "write `headings` from 1 to `hypotheses`");
             }
             if !(switch >= 1.0 && switch.is_finite()) {
-                return mistake("bank", "`switch` is how many times as probable: 1 or more", "1e6 is usual");
+                return mistake(
+                    "bank",
+                    "`switch` must be at least 1: how many times as probable another hypothesis must be to be shown instead",
+                    "1e6 is usual",
+                );
             }
         }
         if is_iterated && self.reset == Some(ResetSpec::Plain) {

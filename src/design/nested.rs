@@ -170,7 +170,7 @@ noise = { from_source = true }
             (
                 "source = \"imu\", noise",
                 "source = \"attitude\", noise",
-                "`attitude` reads itself, or a filter after it",
+                "which is itself or is declared after it",
             ),
         ] {
             assert!(CASCADE.contains(right), "{right}");

@@ -33,7 +33,9 @@ pub(super) fn script(design: &Design, simulation: &Named<SimulationDesign>, seed
         pilot.set_kernel(kernel);
     }
     let Some(own) = pilot.simulation.as_ref().filter(|s| s.block.world.steered_by.is_none()) else {
-        return Err(mistake(format!("`{name}` does not steer the vehicle itself")));
+        return Err(mistake(format!(
+            "`{name}` does not steer the vehicle itself: it leaves that to another variant, by a `steered_by` of its own"
+        )));
     };
     let mut assembly = assemble(&pilot, declared_streams(&pilot)?)?;
     let drawn = drawn_start(&pilot, own, &assembly, seed)?;

@@ -61,7 +61,7 @@ fn a_bank_that_cannot_be_is_refused_at_its_place() {
     refused(
         "filter.bank={ hypotheses = 3, headings = 5 }",
         &["check"],
-        "5 headings do not fit into 3 hypotheses",
+        "a bank of 3 hypotheses cannot begin with 5 headings",
     );
     refused("filter.bank={ hypotheses = 0 }", &["check"], "1 to 100 hypotheses");
     refused(

@@ -526,13 +526,13 @@ fn all_mistakes_of_a_declaration_are_found_at_once() {
     let seen: Vec<String> = errors.iter().map(|e| format!("{}: {}", e.field, e.message)).collect();
     let expected = [
         "time.unit: \"m\" is the unit of a length [m], not of a time",
-        "time.scale: a clock's scale is a number near 1, not 0",
-        "time.stop: the source would stop before it starts",
+        "time.scale: the scale of a clock is greater than 0 and near 1, e.g. 1.00002, not 0",
+        "time.stop: `stop` is not later than `start`, so that no row is left: write a later `stop` or an earlier `start`",
         "channels.a: this channel names no columns",
         "channels.b: this channel is made in two ways",
         "channels.c: this channel misses `longitude`",
         "channels.d.unit: unknown unit `metre`; did you mean `m`?",
-        "channels.d.rotation: a rotation needs 3 columns, this channel has 2",
+        "channels.d.columns: a rotation needs 3 columns, this channel has 2",
         "channels.e.rotation.axes: these axes turn a right-handed frame into a left-handed one",
         "channels.f.unit: `unit` does not apply to a quaternion",
         "channels.g.unit: with `variance = true` the unit is that of a variance",

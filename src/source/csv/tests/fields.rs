@@ -59,7 +59,7 @@ fn a_number_may_be_the_sum_of_columns() {
     let missing = said(&toml, "t,l\n1,3\n");
     assert!(missing.contains("has no column `r`"), "{missing}");
     let empty = said(&format!("{T}channels.a = {{ columns = ['l', []] }}"), "t,l\n1,3\n");
-    assert!(empty.contains("an empty sum names no column"), "{empty}");
+    assert!(empty.contains("this sum names no column"), "{empty}");
 }
 
 #[test]
