@@ -1,5 +1,6 @@
 //! `[reference]`: what a run is scored against.
 
+use crate::score::trajectory::{Alignment, Pairs};
 use core::fmt;
 use core::marker::PhantomData;
 use fusion_models::fault::Windows;
@@ -28,6 +29,9 @@ pub struct ReferenceSpec {
     /// The errors that a run stays within once it has converged; it is told which runs have, and how soon.
     #[serde(default, deserialize_with = "ConvergedSpec::with_a_limit")]
     pub converged: Option<ConvergedSpec>,
+    /// How the trajectory as a whole is compared: absolute and relative errors (ATE, RPE).
+    #[serde(default)]
+    pub trajectory: Option<TrajectorySpec>,
     /// The reference's point in body axes, from the body origin: position and velocity of the
     /// estimate are moved there.
     #[serde(default)]
@@ -42,6 +46,23 @@ pub struct ReferenceSpec {
     /// Derives a missing reference velocity from its positions.
     #[serde(default)]
     pub velocity_from_position: Option<DifferentiateSpec>,
+}
+
+/// How the trajectory as a whole is compared, as the tool evo does.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TrajectorySpec {
+    /// What is taken out of the absolute error that is shown: `none`, `yaw` with the position, or `se3`, any turn
+    /// and the position. `yaw` by default; summary.json has all three.
+    #[serde(default)]
+    pub align: Alignment,
+    /// Distances along the way over which relative errors are told; by default the two largest powers of ten \[m\]
+    /// that the way holds five times.
+    #[serde(default)]
+    pub distances: Vec<Positive<dim::Length>>,
+    /// Pairs of poses that are compared over them: `consecutive`, or `all`, which overlap.
+    #[serde(default)]
+    pub pairs: Pairs,
 }
 
 /// Limits of the errors of a run that has converged, at least one. Every epoch from the start of the filter on

@@ -20,6 +20,7 @@ pub mod run;
 mod sensors;
 mod stress;
 pub mod text;
+mod trajectory;
 mod tree;
 mod unit;
 

@@ -4,9 +4,9 @@ use super::control;
 use super::health;
 use super::judged::{NEES, axis_name, consistency, is_judged_as_block};
 use super::sensors::{count_columns, counts, residual_rows, row_name};
-use super::text;
 use super::tree::{Cell, Column, Page, Section, Table};
 use super::unit::Unit;
+use super::{text, trajectory};
 use crate::observe::{ConsumerCounts, SensorStatistics};
 use crate::run::{Current, FinalState, InsideScore, Smoothed, Summary};
 use crate::score::{Axes, Consistency, Convergence, Episodes, Score, Verdict};
@@ -175,6 +175,7 @@ impl Summary {
         sections.extend(self.current.iter().filter_map(|c| c.score.as_ref()).map(current_errors));
         sections.extend(smoothed.map(|(how, score)| smoothed_errors(how, score)));
         sections.extend(self.inside.iter().map(of_inside));
+        sections.extend(own.clone().map(trajectory::section));
         sections.extend(own.clone().filter_map(|score| score.episodes.as_ref()).map(episodes));
         sections.extend(own.clone().map(parameters));
         sections.push(consistency(all_nees.chain(nees_smoothed).chain(of_blocks).chain(nis)));

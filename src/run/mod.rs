@@ -170,8 +170,8 @@ impl<'a> Run<'a> {
         let mut finals = Finals::new(&filters);
         let mut health = HealthRecord::new(&filters, &self.assembly);
         let scored = filters.iter().filter(|_| !reference.is_empty());
-        let outages = outages(self.design, &self.assembly);
-        let rules = |filter: &Heard| reference.rules(self.design, if filter.is_outermost() { &outages } else { &[] });
+        let (outages, many) = (outages(self.design, &self.assembly), self.is_one_of_many);
+        let rules = |filter: &Heard| reference.rules(self.design, if filter.is_outermost() { &outages } else { &[] }, many);
         let rows = &self.data.rows;
         let score = |f: &Heard| FilterScore::new(f, rules(f), |block| f.is_outermost() && rows.is_drawn(block));
         let mut scores: Vec<FilterScore> = scored.map(score).collect();
@@ -182,7 +182,8 @@ impl<'a> Run<'a> {
             .map(score);
         let rewinds = self.assembly.runner.rewinds().is_some();
         let outermost = filters.outermost().filter(|_| rewinds && !reference.is_empty());
-        let mut current_score = outermost.map(|f| FilterScore::new(f, reference.rules(self.design, &[]), |block| rows.is_drawn(block)));
+        let mut current_score =
+            outermost.map(|f| FilterScore::new(f, reference.rules(self.design, &[], many), |block| rows.is_drawn(block)));
         let mut files = Files::create(self.design, self.options, &filters, planned.is_some())?;
         let comparison = reference.comparison(self.design);
         let mut smoother = match planned {

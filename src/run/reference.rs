@@ -2,9 +2,9 @@
 
 use crate::assembly::{Assembly, StreamLayout};
 use crate::config::{Diagnostic, Diagnostics};
-use crate::design::{ConvergedSpec, Design, Named, ReferenceSpec, SigmaOf, SourceDesign};
+use crate::design::{ConvergedSpec, Design, Named, ReferenceSpec, SigmaOf, SourceDesign, TrajectorySpec};
 use crate::rows::{Row, RowStream};
-use crate::score::{Comparison, Limits, Outage, ReferenceEpoch, Rules, differentiate};
+use crate::score::{Comparison, Limits, Outage, ReferenceEpoch, Rules, TrajectoryRules, differentiate};
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::runner::StreamId;
 use fusion_core::state::{Attitude, Manifold};
@@ -86,7 +86,9 @@ impl Reference {
     }
 
     /// How a design is scored against it; `outages` are those whose drift is told.
-    pub(super) fn rules(&self, design: &Design, outages: &[Outage]) -> Rules {
+    ///
+    /// The trajectory of one of many runs is compared only if the design asks for it: nobody reads so many.
+    pub(super) fn rules(&self, design: &Design, outages: &[Outage], is_one_of_many: bool) -> Rules {
         let spec = design.reference.as_ref().map(|r| &r.block);
         Rules {
             from: spec.and_then(|s| s.from).map(|t| Time::from_seconds(t.si())),
@@ -95,6 +97,7 @@ impl Reference {
             remove_mean_mounting: spec.is_some_and(|s| s.remove_mean_mounting),
             outages: outages.to_vec(),
             episodes: spec.and_then(|s| s.episodes.clone()),
+            trajectory: trajectory(spec.and_then(|s| s.trajectory.as_ref()), is_one_of_many),
         }
     }
 
@@ -110,6 +113,16 @@ impl Reference {
         let lever_arm = spec.map_or_else(Vector3::zeros, |s| s.lever_arm.si().into());
         Some(Comparison::new(lever_arm, core::mem::take(epochs)))
     }
+}
+
+/// How the trajectory is compared.
+fn trajectory(spec: Option<&TrajectorySpec>, is_one_of_many: bool) -> Option<TrajectoryRules> {
+    let declared = |s: &TrajectorySpec| TrajectoryRules {
+        align: s.align,
+        distances: s.distances.iter().map(|distance| distance.si()).collect(),
+        pairs: s.pairs,
+    };
+    spec.map(declared).or_else(|| (!is_one_of_many).then(TrajectoryRules::default))
 }
 
 /// The declared limits in SI units.

@@ -1,9 +1,9 @@
 //! The attitude errors of a run, the mean rotation between the two bodies taken out or not.
 
-use super::Axes;
-use super::bounded::Thinned;
+use super::bounded::{Quantiles, Thinned};
 use super::comparison::{AttitudeError, Deviation, attitude_error};
 use super::scorer::Sums;
+use super::{Axes, Spread};
 use fusion_core::geometry::so3;
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -30,11 +30,14 @@ struct Kept {
 }
 
 /// Sums of squared turns \[rad²\].
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Turns {
     whole: f64,
     heading: f64,
     inclination: f64,
+    /// Of the angle between the attitudes, and of the turn about the vertical \[rad\].
+    angles: Quantiles,
+    headings: Quantiles,
 }
 
 /// The errors of a run.
@@ -44,6 +47,11 @@ pub(super) struct Found {
     pub(super) axes: Option<Axes>,
     /// The mounting that was taken out, roll pitch yaw \[deg\].
     pub(super) mounting_deg: Option<[f64; 3]>,
+    /// The same as a rotation, from body to the reference's body.
+    pub(super) mounting: UnitQuaternion<f64>,
+    /// Median and 95 % of the angle between the attitudes, and of the turn about the vertical \[deg\].
+    pub(super) rotation_spread: Option<Spread>,
+    pub(super) heading_spread: Option<Spread>,
     /// RMS of the angle between the attitudes \[deg\].
     pub(super) rotation: Option<f64>,
     /// RMS of the turn about the vertical, and of what is left \[deg\].
@@ -61,14 +69,19 @@ fusion_core::memory!(Kept {
 fusion_core::memory!(Turns {
     whole,
     heading,
-    inclination
+    inclination,
+    angles,
+    headings
 });
 
 impl Turns {
     /// The attitude error `e`, resolved in navigation axes.
     fn add(&mut self, e: &UnitQuaternion<f64>) {
         let [heading, inclination] = swing_and_twist(e);
-        self.whole += so3::log(e).norm_squared();
+        let whole = so3::log(e).norm();
+        self.whole += whole * whole;
+        self.angles.add(whole);
+        self.headings.add(heading);
         self.heading += heading * heading;
         self.inclination += inclination * inclination;
     }
@@ -103,7 +116,7 @@ impl Attitudes {
         }
     }
 
-    pub(super) fn finish(&self) -> Found {
+    pub(super) fn finish(self) -> Found {
         let kept = self.kept.rows();
         if !self.removes_mounting {
             return Found::of(self.sums, self.turns, self.count as f64, None);
@@ -122,11 +135,15 @@ impl Attitudes {
 }
 
 impl Found {
-    fn of(sums: Sums, turns: Turns, count: f64, mounting_deg: Option<[f64; 3]>) -> Self {
+    fn of(sums: Sums, mut turns: Turns, count: f64, mounting_deg: Option<[f64; 3]>) -> Self {
+        let degrees = |of: &mut Quantiles| Spread::of(of).map(|spread| spread.times(1_f64.to_degrees()));
         let rms = |squares: f64| (count > 0.0).then(|| (squares / count).sqrt().to_degrees());
         Self {
             axes: sums.axes(),
             mounting_deg,
+            mounting: mounting_deg.map(rotation_of).unwrap_or_default(),
+            rotation_spread: degrees(&mut turns.angles),
+            heading_spread: degrees(&mut turns.headings),
             rotation: rms(turns.whole),
             heading: rms(turns.heading),
             inclination: rms(turns.inclination),

@@ -107,6 +107,12 @@ impl Quantiles {
         self.values.len() + self.bins.iter().map(|(_, count)| *count as usize).sum::<usize>()
     }
 
+    /// What so large a share of all does not exceed.
+    pub(crate) fn within(&mut self, share: f64) -> Option<f64> {
+        let count = self.len() as f64;
+        self.at(((share * count).ceil() as usize).saturating_sub(1))
+    }
+
     /// The value that so many are before, in their order: exact, or the middle of its bin.
     pub(crate) fn at(&mut self, rank: usize) -> Option<f64> {
         self.values.sort_unstable_by(f64::total_cmp);

@@ -15,6 +15,7 @@ mod nees;
 mod reference;
 mod scorer;
 mod series;
+pub mod trajectory;
 mod travelled;
 
 pub use blocks::{BlockScore, BlockScorer};
@@ -29,6 +30,7 @@ pub use reference::{ReferenceEpoch, ReferenceSigma, differentiate};
 pub(crate) use scorer::median;
 pub use scorer::{Rules, Scorer};
 pub use series::Series;
+pub use trajectory::{Trajectory, TrajectoryRules};
 pub use travelled::Travelled;
 
 use serde::Serialize;
@@ -62,6 +64,46 @@ impl Axes {
             inside: three,
         }
     }
+}
+
+/// Median and 95 % of the length of an error.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Spread {
+    /// What half of the epochs do not exceed.
+    pub median: f64,
+    /// What 95 % of the epochs do not exceed.
+    pub p95: f64,
+}
+
+impl Spread {
+    pub(crate) fn of(lengths: &mut Quantiles) -> Option<Self> {
+        let [median, p95] = [0.5, 0.95].map(|share| lengths.within(share));
+        let (median, p95) = median.zip(p95)?;
+        Some(Self { median, p95 })
+    }
+
+    /// In another unit.
+    pub(crate) fn times(self, factor: f64) -> Self {
+        Self {
+            median: factor * self.median,
+            p95: factor * self.p95,
+        }
+    }
+}
+
+/// Median and 95 % of each error.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Spreads {
+    /// Length of the position error \[m\].
+    pub position: Option<Spread>,
+    /// Length of its horizontal part \[m\].
+    pub horizontal: Option<Spread>,
+    /// Length of the velocity error \[m/s\].
+    pub velocity: Option<Spread>,
+    /// Angle between the two attitudes \[deg\].
+    pub rotation_deg: Option<Spread>,
+    /// Turn about the vertical \[deg\].
+    pub heading_deg: Option<Spread>,
 }
 
 /// The result.
@@ -106,6 +148,11 @@ pub struct Score {
     /// is not positive semidefinite, a number that is not finite, or fewer directions estimated
     /// than at other epochs.
     pub nees_undefined: [usize; 3],
+    /// Median and 95 % of the lengths of the errors.
+    pub spread: Spreads,
+    /// Absolute and relative errors of the trajectory; none of fewer than two positions, and of one run of many
+    /// only where the design asks for it.
+    pub trajectory: Option<Trajectory>,
     /// Whether the errors stay within the limits declared, and from when on.
     pub convergence: Option<Convergence>,
     /// In the declared episodes and outside them; none where none is declared.

@@ -1,13 +1,15 @@
 //! The score of a run, made as it goes.
 
 use super::attitudes::Attitudes;
+use super::bounded::Quantiles;
 use super::comparison::{Deviation, EpochError};
 use super::convergence::{Limits, Tracker};
 use super::drift::{Drifts, Outage};
 use super::episodes::EpisodeScorer;
 use super::nees::{NeesSeries, of};
+use super::trajectory::{Poses, TrajectoryRules};
 use super::travelled::Horizontal;
-use super::{Axes, Score};
+use super::{Axes, Score, Spread, Spreads};
 use fusion_core::time::Time;
 use fusion_models::fault::Windows;
 use nalgebra::Vector3;
@@ -27,6 +29,8 @@ pub struct Rules {
     pub outages: Vec<Outage>,
     /// Times that are scored apart from the others.
     pub episodes: Option<Windows>,
+    /// How the trajectory as a whole is compared; it is not without.
+    pub trajectory: Option<TrajectoryRules>,
 }
 
 /// Errors as they are added up.
@@ -93,6 +97,9 @@ pub struct Scorer {
     velocity: Sums,
     attitudes: Attitudes,
     horizontal: Horizontal,
+    /// Lengths of the errors of position \[m\] and velocity \[m/s\].
+    lengths: [Quantiles; 2],
+    poses: Poses,
     nees_position: NeesSeries,
     nees_velocity: NeesSeries,
     nees_attitude: NeesSeries,
@@ -106,6 +113,8 @@ fusion_core::memory!(Scorer {
     velocity,
     attitudes,
     horizontal,
+    lengths,
+    poses,
     nees_position,
     nees_velocity,
     nees_attitude,
@@ -128,6 +137,8 @@ impl Scorer {
             position: Sums::default(),
             velocity: Sums::default(),
             horizontal: Horizontal::default(),
+            lengths: Default::default(),
+            poses: Poses::default(),
             nees_position: NeesSeries::default(),
             nees_velocity: NeesSeries::default(),
             nees_attitude: NeesSeries::default(),
@@ -142,6 +153,7 @@ impl Scorer {
         if let Some(d) = &error.position {
             if counts {
                 self.position.add(d);
+                self.lengths[0].add(d.error.norm());
                 self.horizontal.add([d.error.x, d.error.y], error.truth.position.as_ref());
                 if is_settled {
                     self.nees_position.add(of(d));
@@ -152,11 +164,15 @@ impl Scorer {
         if !counts {
             return;
         }
+        if self.rules.trajectory.is_some() {
+            self.poses.add(error);
+        }
         if let Some(episodes) = &mut self.episodes {
             episodes.add(error, is_settled, !self.rules.remove_mean_mounting);
         }
         if let Some(d) = &error.velocity {
             self.velocity.add(d);
+            self.lengths[1].add(d.error.norm());
             if is_settled {
                 self.nees_velocity.add(of(d));
             }
@@ -178,18 +194,28 @@ impl Scorer {
     #[must_use]
     pub fn finish(mut self) -> Score {
         let count = self.position.count;
-        let [horizontal_median, horizontal_p95] = [0.5, 0.95].map(|share| self.horizontal.within(share));
+        let attitude_count = self.attitudes.count() as usize;
         let attitude = self.attitudes.finish();
+        let [position, velocity] = self.lengths.each_mut().map(Spread::of);
+        let spread = Spreads {
+            position,
+            horizontal: Spread::of(&mut self.horizontal.lengths),
+            velocity,
+            rotation_deg: attitude.rotation_spread,
+            heading_deg: attitude.heading_spread,
+        };
+        let trajectory = self.rules.trajectory.as_ref();
+        let trajectory = trajectory.and_then(|rules| self.poses.finish(rules, &attitude.mounting));
         let drift = self.drifts.finish();
         Score {
-            epochs: (self.position.count as usize)
-                .max(self.velocity.count as usize)
-                .max(self.attitudes.count() as usize),
+            epochs: (self.position.count as usize).max(self.velocity.count as usize).max(attitude_count),
             position: self.position.axes(),
             horizontal_rms: (self.horizontal.squares / count).sqrt(),
             horizontal_max: self.horizontal.largest(),
-            horizontal_median,
-            horizontal_p95,
+            horizontal_median: spread.horizontal.map(|s| s.median),
+            horizontal_p95: spread.horizontal.map(|s| s.p95),
+            spread,
+            trajectory,
             travelled: self.horizontal.travelled(),
             velocity: self.velocity.axes(),
             attitude_deg: attitude.axes,

@@ -95,12 +95,6 @@ impl Horizontal {
         self.largest.unwrap_or(f64::NAN)
     }
 
-    /// What so large a share of all does not exceed.
-    pub(super) fn within(&mut self, share: f64) -> Option<f64> {
-        let count = self.lengths.len() as f64;
-        self.lengths.at(((share * count).ceil() as usize).saturating_sub(1))
-    }
-
     /// What the way has cost.
     pub(super) fn travelled(&self) -> Option<Travelled> {
         self.way.finish()

@@ -1,0 +1,73 @@
+//! Lengths of the errors, and the errors of the trajectory as a whole.
+
+use super::tree::{Cell, Column, Section, Table};
+use super::unit::Unit;
+use crate::score::trajectory::Statistics;
+use crate::score::{Score, Spread, Trajectory};
+
+/// What ATE and RPE are, and which poses they are of.
+const NOTE: &str = "ATE: distance to the reference after alignment. RPE: error of the way and of the turn from one pose to another that far \
+                    along. Both as evo_ape and evo_rpe compute them.";
+
+/// Median and 95 % of each error; absolute and relative errors of the trajectory.
+pub(super) fn section(score: &Score) -> Section {
+    let section = Section::new("Lengths of the errors", [spreads(score)]);
+    let Some(trajectory) = score.trajectory.as_ref().filter(|t| !t.absolute.is_empty()) else {
+        return section;
+    };
+    Section {
+        tables: section.tables.into_iter().chain([errors(trajectory)]).collect(),
+        ..section
+    }
+    .note(NOTE)
+}
+
+fn columns(first: &str) -> [Column; 5] {
+    let numbers = ["RMS", "median", "95 %", "max"].map(Column::number);
+    let [rms, median, p95, max] = numbers;
+    [Column::text(first), rms, median, p95, max]
+}
+
+/// RMS, median and 95 % of the lengths.
+fn spreads(score: &Score) -> Table {
+    let mut t = Table::new(columns("length of the error"));
+    let horizontal = score.spread.horizontal.map(|_| score.horizontal_rms);
+    let max = score.spread.horizontal.map(|_| score.horizontal_max);
+    let speed = score.velocity.map(|a| a.rms.iter().map(|rms| rms * rms).sum::<f64>().sqrt());
+    let rows: [(&str, &str, Option<f64>, Option<Spread>, Option<f64>); 5] = [
+        ("position", "m", score.position_rmse_m, score.spread.position, None),
+        ("position horizontal", "m", horizontal, score.spread.horizontal, max),
+        ("velocity", "m/s", speed, score.spread.velocity, None),
+        ("attitude", "deg", score.rotation_rmse_deg, score.spread.rotation_deg, None),
+        ("heading", "deg", score.heading_rmse_deg, score.spread.heading_deg, None),
+    ];
+    for (name, unit, rms, spread, max) in rows {
+        let Some(spread) = spread else { continue };
+        let numbers = [Cell::real(rms), Cell::Real(spread.median), Cell::Real(spread.p95), Cell::real(max)];
+        t.row_in(Unit::shown(unit), [Cell::text(name)].into_iter().chain(numbers));
+    }
+    t
+}
+
+fn errors(trajectory: &Trajectory) -> Table {
+    let [name, rms, median, p95, max] = columns("trajectory");
+    let mut t = Table::new([name, rms, median, p95, max, Column::number("count")]);
+    let mut add = |name: String, unit: &str, s: Option<&Statistics>| {
+        let Some(s) = s else { return };
+        let numbers = [s.rmse, s.median, s.p95, s.max].map(Cell::Real);
+        let cells = [Cell::Text(name)].into_iter().chain(numbers).chain([Cell::from(s.count)]);
+        t.row_in(Unit::shown(unit), cells);
+    };
+    let horizontal = if trajectory.horizontal { "horizontal, " } else { "" };
+    for a in trajectory.absolute.iter().filter(|a| a.align == trajectory.shown) {
+        let name = format!("ATE, {horizontal}{}", a.align);
+        add(name.clone(), "m", Some(&a.position));
+        add(name, "deg", a.rotation_deg.as_ref());
+    }
+    for r in &trajectory.relative {
+        let name = format!("RPE over {} m", super::short(r.distance));
+        add(name.clone(), "m", Some(&r.position));
+        add(name, "deg", r.rotation_deg.as_ref());
+    }
+    t
+}

@@ -1,0 +1,45 @@
+//! Statistics of errors that are not negative.
+
+use serde::Serialize;
+
+/// Statistics of errors.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Statistics {
+    /// How many.
+    pub count: usize,
+    /// Root mean square.
+    pub rmse: f64,
+    /// Mean.
+    pub mean: f64,
+    /// Median: the middle one, or the mean of the two in the middle.
+    pub median: f64,
+    /// What 95 % of them do not exceed.
+    pub p95: f64,
+    /// Standard deviation about the mean, divided by their number.
+    pub std: f64,
+    /// The smallest.
+    pub min: f64,
+    /// The largest.
+    pub max: f64,
+}
+
+impl Statistics {
+    /// None without a value.
+    pub(super) fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
+        let mut values: Vec<f64> = values.collect();
+        values.sort_unstable_by(f64::total_cmp);
+        let (min, max) = (*values.first()?, *values.last()?);
+        let (count, n) = (values.len(), values.len() as f64);
+        let mean = values.iter().sum::<f64>() / n;
+        Some(Self {
+            count,
+            rmse: (values.iter().map(|v| v * v).sum::<f64>() / n).sqrt(),
+            mean,
+            median: 0.5 * (values[(count - 1) / 2] + values[count / 2]),
+            p95: values[((0.95 * n).ceil() as usize).clamp(1, count) - 1],
+            std: (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt(),
+            min,
+            max,
+        })
+    }
+}
