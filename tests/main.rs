@@ -106,6 +106,9 @@ mod record;
 /// Every value of every shipped design made wrong: each message says where, and what is accepted.
 #[path = "suite/refused.rs"]
 mod refused;
+/// References of several sources, and of some axes only.
+#[path = "suite/references.rs"]
+mod references;
 /// Runs that are stopped, and gone on with from what was saved.
 #[cfg(unix)]
 #[path = "suite/resumed.rs"]
@@ -134,6 +137,9 @@ mod stress;
 /// A workspace of files for a test, and the command run in it.
 #[path = "suite/support.rs"]
 mod support;
+/// Absolute and relative errors of a recorded trajectory, against figures of evo.
+#[path = "suite/trajectories.rs"]
+mod trajectories;
 /// Track odometry of a skidding robot: parameters learnt on some of its log, judged on the rest.
 #[path = "suite/warthog.rs"]
 mod warthog;

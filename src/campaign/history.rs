@@ -191,10 +191,12 @@ mod tests {
             let t = from + 0.1 * k as f64 + 0.01;
             let error = EpochError {
                 truth: ReferenceEpoch::default(),
+                places: None,
                 position: Some(Deviation {
                     error: Vector3::new(north(t), 0.0, 0.0),
                     own: Matrix3::identity() * 4.0,
                     reference: Matrix3::zeros(),
+                    known: [true; 3],
                 }),
                 velocity: None,
                 attitude: None,

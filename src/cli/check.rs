@@ -190,7 +190,7 @@ fn facts(design: &Design, assembly: &mut Assembly, unjudged: Option<&str>) -> Ta
     if design.simulation.is_some() {
         t.row(["reference", "the simulated truth"]);
     } else if let Some(r) = &design.reference {
-        t.row(["reference", &format!("`{}`", r.block.source)]);
+        t.row(["reference", &r.block.source.to_string()]);
     }
     if let Some(why) = unjudged {
         t.row(["frames", why]);

@@ -39,5 +39,7 @@ pub(crate) use nested::TABLES as FILTER_TABLES;
 pub use noise::NoiseSpec;
 pub use read::Design;
 pub(crate) use read::Draft;
-pub use reference::{ConvergedSpec, DifferentiateSpec, ReferenceSpec, SigmaOf, SigmaSpec, TrajectorySpec};
+pub use reference::{
+    ConvergedSpec, DifferentiateSpec, ReferenceChannel, ReferencePart, ReferenceSources, ReferenceSpec, SigmaOf, SigmaSpec, TrajectorySpec,
+};
 pub use run::{MapDetailSpec, OrderSpec, RewindSpec, RunSpec, SmoothSpec};

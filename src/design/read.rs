@@ -114,7 +114,7 @@ impl Draft {
         draft.unread.streams.extend(unread_sources);
         draft.simulation = one(&root, "simulation", d, |n, d| read_simulation(n, &root, d));
         draft.unread.simulation = draft.simulation.is_none() && root.get("simulation").is_some();
-        draft.reference = one(&root, "reference", d, Node::read);
+        draft.reference = one(&root, "reference", d, ReferenceSpec::read);
         names::check(&mut draft, d);
         draft
     }

@@ -132,7 +132,7 @@ impl Judge<'_> {
 
     fn is_reference(&self, track: &Track) -> bool {
         let name = &self.design.sources[track.source].name;
-        self.design.reference.as_ref().is_some_and(|r| r.block.source == *name)
+        self.design.reference.as_ref().is_some_and(|r| r.block.source.has(name))
     }
 
     fn all(&self, channel: &str) -> Vec<Track> {

@@ -372,9 +372,12 @@ fn innovations(sensors: &[SensorStatistics]) -> Table {
 
 /// The NEES of a score, each with its name; `path` stands for the space in it.
 fn nees(score: &Score, path: String) -> impl Iterator<Item = (String, &Consistency)> {
-    let all = NEES
-        .into_iter()
-        .zip([&score.nees_position, &score.nees_velocity, &score.nees_attitude]);
+    let all = [NEES[0], "NEES height", NEES[1], NEES[2]].into_iter().zip([
+        &score.nees_position,
+        &score.nees_height,
+        &score.nees_velocity,
+        &score.nees_attitude,
+    ]);
     all.filter_map(move |(name, c)| Some((name.replacen(' ', &path, 1), c.as_ref()?)))
 }
 
@@ -390,7 +393,9 @@ fn errors(score: &Score) -> Section {
     ]);
     let mut add = |values: &Option<Axes>, what: &str, names: [&str; 3], unit: &str| {
         let Some(a) = values else { return };
-        for (k, name) in names.into_iter().enumerate() {
+        // An axis that the reference does not know has no row.
+        let is_known = |k: &usize| !(a.rms[*k].is_nan() && a.max[*k].is_nan());
+        for (k, name) in (0..3).filter(is_known).map(|k| (k, names[k])) {
             let values = [a.rms[k], a.mean[k], a.max[k], a.three_sigma[k]].map(Cell::Real);
             // A share can show overconfidence only: 100 % is no sign that 3σ is right.
             let verdict = Verdict::of_share(a.inside[k]).filter(|v| *v != Verdict::Consistent);
@@ -410,7 +415,7 @@ fn errors(score: &Score) -> Section {
             t.row_in(Unit::shown(unit), [Cell::text(name), Cell::real(rms), Cell::Empty, Cell::real(max)]);
         }
     };
-    let horizontal = |v: f64| score.position.map(|_| v);
+    let horizontal = |v: f64| score.spread.horizontal.map(|_| v);
     plain(
         "position horizontal",
         "m",
@@ -420,7 +425,7 @@ fn errors(score: &Score) -> Section {
     plain("heading", "deg", score.heading_rmse_deg, None);
     plain("inclination", "deg", score.inclination_rmse_deg, None);
     let section = Section::new(format!("Errors against the reference, {} epochs", score.epochs), [t]);
-    let section = shares(score).into_iter().fold(section, Section::note);
+    let section = share(score).into_iter().fold(section, Section::note);
     let section = match score.convergence {
         Some(convergence) => section.note(converged(&convergence)),
         None => section,
@@ -434,18 +439,15 @@ fn errors(score: &Score) -> Section {
     }
 }
 
-/// Median and 95 % of the horizontal error, and what of the way travelled it is, each as a sentence.
-fn shares(score: &Score) -> Vec<String> {
-    let quantiles = score.horizontal_median.zip(score.horizontal_p95);
-    let quantiles = quantiles.map(|(median, p95)| format!("Horizontal position error: median {median:.3} m, 95 % {p95:.3} m."));
-    let travelled = score.travelled.map(|t| {
+/// What of the way travelled the horizontal error is, as a sentence.
+fn share(score: &Score) -> Option<String> {
+    score.travelled.map(|t| {
         format!(
-            "It changed by up to {:.2} % of the {:.0} m travelled (from the origin), by {:.2} % for reciprocal lines, \
+            "The horizontal position error changed by up to {:.2} % of the {:.0} m travelled (from the origin), by {:.2} % for reciprocal lines, \
              which cancel constant errors of scale and heading.",
             t.from_origin_percent, t.distance, t.reciprocal_percent
         )
-    });
-    quantiles.into_iter().chain(travelled).collect()
+    })
 }
 
 /// Errors of position and consistency in declared episodes and outside them.
@@ -557,6 +559,10 @@ fn drift(score: &Score, smoothed: Option<&Score>) -> Section {
         all.row(cells.into_iter().chain(beside.into_iter().flatten()));
     }
     let section = Section::new("Drift in outages", [t, all]);
+    if score.drift.is_empty() {
+        return section;
+    }
+    let section = section.note("Growth: the largest change of the error, as a vector, since the outage began.");
     if score.drift.len() > OUTAGES {
         return section.note(format!("The first {OUTAGES} outages are listed; summary.json has all of them."));
     }

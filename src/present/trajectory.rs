@@ -22,36 +22,34 @@ pub(super) fn section(score: &Score) -> Section {
     .note(NOTE)
 }
 
-fn columns(first: &str) -> [Column; 5] {
-    let numbers = ["RMS", "median", "95 %", "max"].map(Column::number);
-    let [rms, median, p95, max] = numbers;
-    [Column::text(first), rms, median, p95, max]
+/// The columns of both tables.
+fn columns(first: &str) -> impl Iterator<Item = Column> {
+    let numbers = ["RMS", "median", "95 %"].map(Column::number);
+    [Column::text(first)].into_iter().chain(numbers)
 }
 
 /// RMS, median and 95 % of the lengths.
 fn spreads(score: &Score) -> Table {
     let mut t = Table::new(columns("length of the error"));
     let horizontal = score.spread.horizontal.map(|_| score.horizontal_rms);
-    let max = score.spread.horizontal.map(|_| score.horizontal_max);
     let speed = score.velocity.map(|a| a.rms.iter().map(|rms| rms * rms).sum::<f64>().sqrt());
-    let rows: [(&str, &str, Option<f64>, Option<Spread>, Option<f64>); 5] = [
-        ("position", "m", score.position_rmse_m, score.spread.position, None),
-        ("position horizontal", "m", horizontal, score.spread.horizontal, max),
-        ("velocity", "m/s", speed, score.spread.velocity, None),
-        ("attitude", "deg", score.rotation_rmse_deg, score.spread.rotation_deg, None),
-        ("heading", "deg", score.heading_rmse_deg, score.spread.heading_deg, None),
+    let rows: [(&str, &str, Option<f64>, Option<Spread>); 5] = [
+        ("position", "m", score.position_rmse_m, score.spread.position),
+        ("position horizontal", "m", horizontal, score.spread.horizontal),
+        ("velocity", "m/s", speed, score.spread.velocity),
+        ("attitude", "deg", score.rotation_rmse_deg, score.spread.rotation_deg),
+        ("heading", "deg", score.heading_rmse_deg, score.spread.heading_deg),
     ];
-    for (name, unit, rms, spread, max) in rows {
+    for (name, unit, rms, spread) in rows {
         let Some(spread) = spread else { continue };
-        let numbers = [Cell::real(rms), Cell::Real(spread.median), Cell::Real(spread.p95), Cell::real(max)];
+        let numbers = [Cell::real(rms), Cell::Real(spread.median), Cell::Real(spread.p95)];
         t.row_in(Unit::shown(unit), [Cell::text(name)].into_iter().chain(numbers));
     }
     t
 }
 
 fn errors(trajectory: &Trajectory) -> Table {
-    let [name, rms, median, p95, max] = columns("trajectory");
-    let mut t = Table::new([name, rms, median, p95, max, Column::number("count")]);
+    let mut t = Table::new(columns("trajectory").chain(["max", "count"].map(Column::number)));
     let mut add = |name: String, unit: &str, s: Option<&Statistics>| {
         let Some(s) = s else { return };
         let numbers = [s.rmse, s.median, s.p95, s.max].map(Cell::Real);

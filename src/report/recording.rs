@@ -9,7 +9,7 @@ use crate::design::{Design, MapDetailSpec};
 use crate::observe::{Filters, RunEvent, RunObserver, Thinning};
 use crate::present::Unit;
 use crate::rows::Row;
-use crate::score::{EpochError, ReferenceEpoch, attitude_error, nees_of};
+use crate::score::{Deviation, EpochError, ReferenceEpoch, attitude_error, nees_of};
 use crate::solution::{Solution, sigmas};
 use fusion_core::filter::Update;
 use fusion_core::geometry::so3;
@@ -224,7 +224,7 @@ impl Recording {
         let reference = design.reference.as_ref().map(|r| &r.block);
         let mut recording = Self::new(Frame {
             origin: design.run.origin.map(Into::into),
-            lever_arm: reference.map_or_else(Vector3::zeros, |r| r.lever_arm.si().into()),
+            lever_arm: reference.map_or_else(Vector3::zeros, |r| r.point().into()),
             remove_mean_mounting: reference.is_some_and(|r| r.remove_mean_mounting),
         });
         recording.details.clone_from(&design.run.map_details);
@@ -239,7 +239,7 @@ impl Recording {
         let drives = |c: &StreamChannel| driving.iter().any(|d| d.name == c.name);
         for stream in &assembly.streams {
             recording.ports.push(Vec::new());
-            if stream.name == crate::world::REFERENCE || reference.is_some_and(|r| r.source == stream.name) {
+            if stream.name == crate::world::REFERENCE || reference.is_some_and(|r| r.source.has(&stream.name)) {
                 continue;
             }
             recording.connect(stream);
@@ -309,9 +309,10 @@ impl Recording {
     /// An epoch of the reference, in order of time, with the error of the estimates told before it.
     pub fn reference(&mut self, epoch: &ReferenceEpoch, error: Option<&EpochError>) {
         let t = epoch.time.seconds();
-        if let Some(place) = epoch.position {
-            let ned = self.ned(&place);
-            self.true_path.push(t, [ned.x, ned.y]);
+        if let Some(ned) = epoch.position.and_then(|place| self.known_ned(&place)) {
+            if ned.x.is_finite() {
+                self.true_path.push(t, [ned.x, ned.y]);
+            }
             self.position.truth.push(t, ned.as_slice());
         }
         if let Some(v) = epoch.velocity {
@@ -328,11 +329,11 @@ impl Recording {
 
     fn error(&mut self, t: f64, error: &EpochError) {
         if let Some(d) = &error.position {
-            self.position.error.push(t, &six(&d.error, &d.sigma()));
+            self.position.error.push(t, &deviation(d));
             self.nees[0].add(t, nees_of(d));
         }
         if let Some(d) = &error.velocity {
-            self.velocity.error.push(t, &six(&d.error, &d.sigma()));
+            self.velocity.error.push(t, &deviation(d));
             self.nees[1].add(t, nees_of(d));
         }
         let Some(a) = &error.attitude else { return };
@@ -416,6 +417,25 @@ impl Recording {
 
     fn ned(&mut self, place: &Geodetic) -> Vector3<f64> {
         self.local.get_or_insert_with(|| LocalFrame::new(*place)).to_ned(place)
+    }
+
+    /// The same of a place of which latitude and longitude, or the height, may be unknown: not a number. None
+    /// before the frame is known, where one is.
+    fn known_ned(&mut self, place: &Geodetic) -> Option<Vector3<f64>> {
+        let (is_placed, has_height) = (place.lat.is_finite() && place.lon.is_finite(), place.height.is_finite());
+        if is_placed && has_height {
+            return Some(self.ned(place));
+        }
+        let frame = self.local?;
+        let origin = frame.origin();
+        if !is_placed {
+            return Some(Vector3::new(f64::NAN, f64::NAN, origin.height - place.height));
+        }
+        let ned = frame.to_ned(&Geodetic {
+            height: origin.height,
+            ..*place
+        });
+        Some(Vector3::new(ned.x, ned.y, f64::NAN))
     }
 
     fn at_the_reference(&self, at: &Solution, place: Geodetic) -> Geodetic {
@@ -508,6 +528,12 @@ pub(super) fn mounted_attitude(samples: &Samples<11>, mounting: &UnitQuaternion<
 }
 
 /// The value and its 3σ.
+/// An error with its 3σ; not a number along an axis that the reference does not know.
+fn deviation(d: &Deviation) -> [f64; 6] {
+    let known = |v: Vector3<f64>| Vector3::from_fn(|k, _| if d.known[k] { v[k] } else { f64::NAN });
+    six(&known(d.error), &known(d.sigma()))
+}
+
 fn six(value: &Vector3<f64>, sigma: &Vector3<f64>) -> [f64; 6] {
     std::array::from_fn(|i| if i < 3 { value[i] } else { 3.0 * sigma[i - 3] })
 }

@@ -5,7 +5,7 @@ use crate::assembly;
 use crate::config::{Diagnostic, Diagnostics, Document, Node};
 use crate::design::{Design, Draft, explain};
 use crate::rows::FaultChain;
-use crate::run::{Options, data_dir, open_one, unknown_reference};
+use crate::run::{Options, data_dir, open_one};
 use crate::source::OpenContext;
 use crate::stress;
 use crate::world;
@@ -94,9 +94,11 @@ pub fn opening<P>(design: &Design<P>, options: &Options, missing: Missing) -> Di
     }
     let is_simulated = design.simulation.is_some() || design.unread.simulation;
     let recorded = design.reference.as_ref().filter(|_| !is_simulated);
-    let is_known = |name: &String| design.unread.streams.contains(name) || design.sources.iter().any(|s| s.name == *name);
-    if let Some(r) = recorded.filter(|r| !is_known(&r.block.source)) {
-        d.push(unknown_reference(design, r));
+    // What refers to a source that could not be read is not told as another mistake.
+    let is_unread = |name: &str| design.unread.streams.iter().any(|unread| unread == name);
+    if let Some(r) = recorded.filter(|r| !r.block.source.names().any(is_unread)) {
+        let mistakes = super::reference::check(r, &design.sources).err().unwrap_or_default();
+        d.extend(mistakes.iter().cloned());
     }
     d
 }

@@ -16,8 +16,8 @@ pub use saving::Checkpoints;
 pub use summary::{Current, FinalState, InsideScore, Smoothed, Summary};
 
 use crate::assembly::{Assembly, assemble, declared_streams, stream_of};
-use crate::config::{Diagnostic, Diagnostics};
-use crate::design::{Design, Named, ReferenceSpec};
+use crate::config::{Diagnostic, Diagnostics, Node};
+use crate::design::{Design, Named, ReferenceSpec, SourceDesign};
 use crate::health::HealthRecord;
 use crate::observe::{Consumers, Counters, FilterScore, Filters, Finals, Heard, Hub, RunObserver, Smoother, Statistics, Timing};
 use crate::rows::{Feed, outages as silences};
@@ -185,7 +185,7 @@ impl<'a> Run<'a> {
         let mut current_score =
             outermost.map(|f| FilterScore::new(f, reference.rules(self.design, &[], many), |block| rows.is_drawn(block)));
         let mut files = Files::create(self.design, self.options, &filters, planned.is_some())?;
-        let comparison = reference.comparison(self.design);
+        let comparison = reference.comparison();
         let mut smoother = match planned {
             None => None,
             Some(planned) => {
@@ -331,10 +331,15 @@ fn feed(
 }
 
 /// The reference names a source that is not there.
-pub(crate) fn unknown_reference<P>(design: &Design<P>, reference: &Named<ReferenceSpec>) -> Diagnostic {
-    let names: Vec<&str> = design.sources.iter().map(|s| s.name.as_str()).collect();
-    let name = &reference.block.source;
-    let unknown = Diagnostic::error(format!("no source is called `{name}`")).at(reference.node.place_of("source"));
+pub(crate) fn unknown_reference(sources: &[Named<SourceDesign>], reference: &Named<ReferenceSpec>, name: &str) -> Diagnostic {
+    let names: Vec<&str> = sources.iter().map(|s| s.name.as_str()).collect();
+    let place = if reference.block.source.is_one() {
+        reference.node.place_of("source")
+    } else {
+        let table = reference.node.at("source").and_then(|table| table.get(name));
+        table.map_or_else(|| reference.node.place(), Node::name_place)
+    };
+    let unknown = Diagnostic::error(format!("no source is called `{name}`")).at(place);
     unknown.suggest(name, &names, "there are")
 }
 

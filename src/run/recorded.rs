@@ -1,7 +1,7 @@
 //! The recorded sources of a design, opened as the feed of a run.
 
-use super::reference::Reference;
-use super::{Options, RunData, data_dir, unknown_reference};
+use super::reference::{Reference, check};
+use super::{Options, RunData, data_dir};
 use crate::assembly::Assembly;
 use crate::config::{Diagnostic, Diagnostics, Node};
 use crate::design::{Design, Named, SourceDesign};
@@ -17,7 +17,7 @@ struct Recorded {
     /// Of each merged source.
     origins: Vec<Origin>,
     /// What the reference delivered, which was read ahead.
-    reference: Option<SourceStatistics>,
+    reference: Vec<SourceStatistics>,
 }
 
 /// Where the rows of a merged source belong.
@@ -39,12 +39,17 @@ pub(super) fn open(design: &Design, assembly: &Assembly, options: &Options) -> R
     }
     let opened = open_all(design, options)?;
     let (mut sources, mut origins) = (Vec::new(), Vec::new());
-    let (mut reference, mut reference_statistics) = (Reference::None, None);
-    let wanted = design.reference.as_ref();
+    let (mut reference, mut reference_statistics) = (Reference::None, Vec::new());
+    let wanted = design
+        .reference
+        .as_ref()
+        .map(|r| check(r, &design.sources))
+        .transpose()?
+        .unwrap_or_default();
     for (named, mut source) in opened {
-        if let Some(spec) = wanted.filter(|r| r.block.source == named.name) {
-            reference = Reference::read(named, source.as_mut(), spec)?;
-            reference_statistics = Some(SourceStatistics::new(&named.name, &source.report()));
+        if let Some(scored) = wanted.iter().find(|scored| scored.name() == named.name) {
+            reference.add(scored, source.as_mut())?;
+            reference_statistics.push(SourceStatistics::new(&named.name, &source.report()));
         } else if let Some(stream) = assembly.streams.iter().position(|s| s.name == named.name) {
             sources.push(source);
             origins.push(Origin {
@@ -53,9 +58,6 @@ pub(super) fn open(design: &Design, assembly: &Assembly, options: &Options) -> R
                 node: named.node.clone(),
             });
         }
-    }
-    if let Some(r) = wanted.filter(|r| !design.sources.iter().any(|s| s.name == r.block.source)) {
-        return Err(unknown_reference(design, r).into());
     }
     Ok(RunData {
         reference,

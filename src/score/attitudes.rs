@@ -127,7 +127,7 @@ impl Attitudes {
         let (mut sums, mut turns) = (Sums::default(), Turns::default());
         for k in kept {
             let error = attitude_error(&(k.estimate * mounting), &k.truth).map(f64::to_degrees);
-            sums.add_error(&error, &k.sigma, k.is_estimated);
+            sums.add_error(&error, &k.sigma, [true; 3], k.is_estimated);
             turns.add(&(k.estimate * shown * k.truth.inverse()));
         }
         Found::of(sums, turns, kept.len() as f64, Some(mounting_deg))
@@ -185,6 +185,7 @@ fn in_degrees(d: &Deviation) -> Deviation {
         error: d.error * degree,
         own: d.own * (degree * degree),
         reference: d.reference * (degree * degree),
+        known: d.known,
     }
 }
 

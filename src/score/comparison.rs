@@ -15,6 +15,9 @@ use std::collections::VecDeque;
 pub struct EpochError {
     /// The epoch of the reference.
     pub truth: ReferenceEpoch,
+    /// The estimated position of the reference's point and that of the reference, in which the estimate stands for
+    /// what is not known.
+    pub places: Option<[Geodetic; 2]>,
     /// Position error at the reference's point, north east down \[m\].
     pub position: Option<Deviation>,
     /// Velocity error at the reference's point, north east down \[m/s\].
@@ -24,17 +27,36 @@ pub struct EpochError {
 }
 
 /// An error of three axes, and what the filter and the reference say of it.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Deviation {
-    /// Estimate less reference.
+    /// Estimate less reference; 0 along an axis that the reference does not know.
     pub error: Vector3<f64>,
     /// Covariance by the filter.
     pub own: Matrix3<f64>,
     /// Covariance of the reference's own error.
     pub reference: Matrix3<f64>,
+    /// Whether the reference knows each axis.
+    pub known: [bool; 3],
 }
 
-fusion_core::memory!(Deviation { error, own, reference });
+fusion_core::memory!(Deviation {
+    error,
+    own,
+    reference,
+    known
+});
+
+impl Default for Deviation {
+    /// No error along three known axes.
+    fn default() -> Self {
+        Self {
+            error: Vector3::zeros(),
+            own: Matrix3::zeros(),
+            reference: Matrix3::zeros(),
+            known: [true; 3],
+        }
+    }
+}
 
 impl Deviation {
     /// 1σ that the error is expected to have, filter and reference together.
@@ -43,10 +65,22 @@ impl Deviation {
         sigmas(&(self.own + self.reference))
     }
 
-    /// Whether the filter estimates each axis; one whose variance is exactly 0 is no state.
+    /// Whether the filter estimates each axis that the reference knows; one whose variance is exactly 0 is no state.
     #[must_use]
     pub fn is_estimated(&self) -> [bool; 3] {
-        self.own.diagonal().map(|v| v != 0.0).into()
+        core::array::from_fn(|k| self.known[k] && self.own[(k, k)] != 0.0)
+    }
+
+    /// Whether the reference knows every axis.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        self.known == [true; 3]
+    }
+
+    /// Whether it knows north and east.
+    #[must_use]
+    pub fn is_horizontal(&self) -> bool {
+        self.known[0] && self.known[1]
     }
 }
 
@@ -67,19 +101,30 @@ impl EpochError {
     /// `rate` is the angular rate of the body \[rad/s\], in its axes, where it is known.
     fn new(truth: &ReferenceEpoch, at: &Solution, lever_arm: &Vector3<f64>, rate: Option<Vector3<f64>>) -> Self {
         let there = AtLever::new(at, lever_arm, rate);
-        let position = there.position.zip(truth.position).map(|((place, own), truth_place)| Deviation {
-            error: place.difference(&truth_place),
-            own,
-            reference: squares(&truth.sigma.position),
+        let position = there.position.and_then(|(place, own)| {
+            let (truth_place, known) = truth.position_beside(&place)?;
+            let deviation = Deviation {
+                error: place.difference(&truth_place),
+                own,
+                reference: squares(&truth.sigma.position),
+                known,
+            };
+            Some((deviation, [place, truth_place]))
         });
-        let velocity = there.velocity.zip(truth.velocity).map(|((v, own), truth_v)| Deviation {
-            error: v - truth_v,
-            own,
-            reference: squares(&truth.sigma.velocity),
+        let (position, places) = position.unzip();
+        let velocity = there.velocity.zip(truth.velocity).map(|((v, own), truth_v)| {
+            let known: [bool; 3] = truth_v.map(f64::is_finite).into();
+            Deviation {
+                error: Vector3::from_fn(|k, _| if known[k] { v[k] - truth_v[k] } else { 0.0 }),
+                own,
+                reference: squares(&truth.sigma.velocity),
+                known,
+            }
         });
         let attitude = at.attitude.zip(truth.attitude);
         Self {
             truth: *truth,
+            places,
             position,
             velocity,
             attitude: attitude.map(|((q, own), true_q)| AttitudeError::new(q, own, true_q, squares(&truth.sigma.attitude))),
@@ -104,11 +149,13 @@ impl AttitudeError {
                 error: so3::log(&(truth.inverse() * estimate)),
                 own,
                 reference,
+                known: [true; 3],
             },
             rpy: Deviation {
                 error: attitude_error(&estimate, &truth),
                 own: e * own * e.transpose(),
                 reference: e * reference * e.transpose(),
+                known: [true; 3],
             },
         }
     }
@@ -167,8 +214,8 @@ pub fn attitude_error(q: &UnitQuaternion<f64>, truth: &UnitQuaternion<f64>) -> V
 /// Compares estimates with a reference, as both go on.
 #[derive(Clone, Debug)]
 pub struct Comparison {
-    /// The reference's point in body axes \[m\].
-    lever_arm: Vector3<f64>,
+    /// The point of each source of the reference in body axes \[m\].
+    points: Vec<Vector3<f64>>,
     /// Epochs that no estimate has reached, in order of time.
     ahead: VecDeque<ReferenceEpoch>,
     /// How many of them were there from the beginning: they are the first.
@@ -199,9 +246,15 @@ impl Comparison {
     /// in body axes \[m\].
     #[must_use]
     pub fn new(lever_arm: Vector3<f64>, epochs: impl IntoIterator<Item = ReferenceEpoch>) -> Self {
+        Self::of_points(vec![lever_arm], epochs)
+    }
+
+    /// The same of a reference of several sources, each with its own point.
+    #[must_use]
+    pub fn of_points(points: Vec<Vector3<f64>>, epochs: impl IntoIterator<Item = ReferenceEpoch>) -> Self {
         let ahead: VecDeque<ReferenceEpoch> = epochs.into_iter().collect();
         Self {
-            lever_arm,
+            points,
             given: ahead.len(),
             ahead,
             previous: None,
@@ -211,7 +264,7 @@ impl Comparison {
     /// The same without an epoch.
     #[must_use]
     pub fn emptied(&self) -> Self {
-        Self::new(self.lever_arm, [])
+        Self::of_points(self.points.clone(), [])
     }
 
     /// Adds an epoch, later than those before it: a reference that comes along with the data.
@@ -249,8 +302,9 @@ impl Comparison {
         while let Some(epoch) = self.ahead.pop_front_if(|e| e.time <= now.time) {
             self.given = self.given.saturating_sub(1);
             let is_known = epoch.time >= previous.time;
-            let rate = (self.lever_arm != Vector3::zeros()).then(|| previous.rate_to(now)).flatten();
-            let error = is_known.then(|| EpochError::new(&epoch, &Solution::between(previous, now, epoch.time), &self.lever_arm, rate));
+            let point = self.points.get(epoch.source).copied().unwrap_or_default();
+            let rate = (point != Vector3::zeros()).then(|| previous.rate_to(now)).flatten();
+            let error = is_known.then(|| EpochError::new(&epoch, &Solution::between(previous, now, epoch.time), &point, rate));
             tell(&epoch, error.as_ref())?;
         }
         Ok(())
@@ -324,6 +378,56 @@ mod tests {
         let expected = Matrix3::from_diagonal(&Vector3::new(1.01, 1.0, 1.01));
         assert!((velocity.own - expected).amax() < 1e-12, "{velocity:?}");
         assert_eq!(errors(Vector3::zeros()).velocity.unwrap().error, Vector3::zeros());
+    }
+
+    #[test]
+    fn an_axis_that_the_reference_does_not_know_has_no_error_and_no_degree_of_freedom() {
+        let nothing = Geodetic::new(f64::NAN, f64::NAN, f64::NAN);
+        let truth = origin().offset(&Vector3::new(-3.0, 4.0, -7.0));
+        let horizontal = Geodetic { height: f64::NAN, ..truth };
+        let height = Geodetic {
+            height: truth.height,
+            ..nothing
+        };
+        let at = Solution {
+            position: Some((origin(), Matrix3::identity())),
+            ..Solution::default()
+        };
+        let [flat, deep] = [horizontal, height].map(|position| {
+            let epoch = ReferenceEpoch {
+                position: Some(position),
+                ..ReferenceEpoch::default()
+            };
+            let error = EpochError::new(&epoch, &at, &Vector3::zeros(), None);
+            error.position.unwrap()
+        });
+        // 1e-5: two charts of the ellipsoid metres apart.
+        assert!((flat.error - Vector3::new(3.0, -4.0, 0.0)).amax() < 1e-5, "{flat:?}");
+        assert!((deep.error - Vector3::new(0.0, 0.0, 7.0)).amax() < 1e-9, "{deep:?}");
+        let [(flat_nees, two), (deep_nees, one)] = [flat, deep].map(|d| super::super::nees_of(&d).unwrap());
+        assert!((flat_nees - 25.0).abs() < 1e-4 && (deep_nees - 49.0).abs() < 1e-6);
+        assert_eq!(
+            ((two, one), flat.is_estimated(), deep.known),
+            ((2, 1), [true, true, false], [false, false, true])
+        );
+    }
+
+    #[test]
+    fn each_source_of_a_reference_has_its_own_point() {
+        let epoch = |source| ReferenceEpoch {
+            source,
+            position: Some(origin()),
+            ..ReferenceEpoch::default()
+        };
+        let mut comparison = Comparison::of_points(vec![Vector3::zeros(), ARM], [epoch(0), epoch(1)]);
+        let mut north = Vec::new();
+        let tell = |_: &ReferenceEpoch, error: Option<&EpochError>| {
+            north.extend(error.and_then(|e| e.position).map(|d| d.error.x));
+            Ok::<_, core::convert::Infallible>(())
+        };
+        comparison.reach(&turning(0.0, 0.0), tell).unwrap();
+        // 1e-6: the curvature of the Earth over two metres.
+        assert!(north.len() == 2 && north[0] == 0.0 && (north[1] - 2.0).abs() < 1e-6, "{north:?}");
     }
 
     #[test]

@@ -1,11 +1,11 @@
 //! Whether a run has converged: from when on its errors stay within declared limits.
 //!
-//! Position and velocity count by the length of the error, the heading by the turn about the vertical
+//! Position and velocity count by the length of the error, its horizontal part where the reference has no height, the heading by the turn about the vertical
 //! between the two attitudes; nothing is taken out of it. Every epoch from the start of the filter on
 //! counts, those before `reference.from` too.
 
 use super::attitudes::swing_and_twist;
-use super::comparison::{AttitudeError, EpochError};
+use super::comparison::{AttitudeError, Deviation, EpochError};
 use fusion_core::time::Time;
 use serde::Serialize;
 
@@ -73,7 +73,7 @@ impl Tracker {
     pub(super) fn add(&mut self, error: &EpochError) {
         let turn = |a: &AttitudeError| swing_and_twist(&(a.estimate * a.truth.inverse()))[0];
         let errors = [
-            error.position.map(|d| d.error.norm()),
+            error.position.filter(Deviation::is_horizontal).map(|d| d.error.norm()),
             error.velocity.map(|d| d.error.norm()),
             error.attitude.as_ref().map(turn),
         ];

@@ -77,10 +77,11 @@ impl EpisodeScorer {
         let part = if is_during { &mut self.during } else { &mut self.outside };
         if let Some(d) = &error.position {
             part.position.add(d);
+            // 0 where it is not known, and not counted then.
             part.horizontal += d.error.x.powi(2) + d.error.y.powi(2);
         }
         let body = error.attitude.as_ref().map(|a| &a.body).filter(|_| attitude);
-        let deviations: [Option<&Deviation>; 3] = [error.position.as_ref(), error.velocity.as_ref(), body];
+        let deviations: [Option<&Deviation>; 3] = [error.position.as_ref().filter(|d| d.is_horizontal()), error.velocity.as_ref(), body];
         for (series, deviation) in part.nees.iter_mut().zip(deviations).filter(|_| nees) {
             deviation.into_iter().for_each(|d| series.add(of(d)));
         }
@@ -98,7 +99,7 @@ impl Part {
         PartScore {
             epochs: count as usize,
             position: self.position.axes(),
-            horizontal_rms: (self.horizontal / count).sqrt(),
+            horizontal_rms: (self.horizontal / self.position.horizontal()).sqrt(),
             nees: self.nees.map(|series| series.consistency()),
         }
     }

@@ -111,7 +111,7 @@ pub struct Spreads {
 pub struct Score {
     /// Reference epochs used.
     pub epochs: usize,
-    /// Position error, north east down \[m\].
+    /// Position error, north east down \[m\]; not a number along an axis that the reference does not know.
     pub position: Option<Axes>,
     /// RMS of the horizontal error \[m\]; not a number without a position.
     pub horizontal_rms: f64,
@@ -138,8 +138,10 @@ pub struct Score {
     pub rotation_rmse_deg: Option<f64>,
     /// The mean rotation from body to the reference's body that was taken out, roll pitch yaw \[deg\].
     pub mounting_deg: Option<[f64; 3]>,
-    /// NEES of position.
+    /// NEES of position; of two degrees of freedom where the reference has no height.
     pub nees_position: Option<Consistency>,
+    /// NEES of height or depth, where the reference has it alone.
+    pub nees_height: Option<Consistency>,
     /// NEES of velocity.
     pub nees_velocity: Option<Consistency>,
     /// NEES of attitude, where no mounting was taken out.

@@ -105,8 +105,14 @@ fn nees_in_part(error: &DVector<f64>, own: DMatrix<f64>, reference: &DMatrix<f64
     Some((e.dot(&solved), known.len()))
 }
 
-/// The NEES of a deviation, with its degrees of freedom.
+/// The NEES of a deviation, with its degrees of freedom: along the axes that the reference knows.
 pub(crate) fn of(d: &Deviation) -> Option<(f64, usize)> {
+    if !d.is_whole() {
+        let known: Vec<usize> = (0..3).filter(|k| d.known[*k]).collect();
+        let part = |m: &nalgebra::Matrix3<f64>| DMatrix::from_fn(known.len(), known.len(), |i, j| m[(known[i], known[j])]);
+        let error = DVector::from_fn(known.len(), |i, _| d.error[known[i]]);
+        return nees(&error, &part(&d.own), &part(&d.reference));
+    }
     nees(&d.error, &d.own, &d.reference)
 }
 

@@ -9,7 +9,10 @@ use nalgebra::{UnitQuaternion, Vector3};
 pub struct ReferenceEpoch {
     /// Its time.
     pub time: Time,
-    /// Position of the reference's point, if it has one at this time.
+    /// Which of the sources of the reference it is of.
+    pub source: usize,
+    /// Position of the reference's point, if it has one at this time; latitude and longitude, or the height, are
+    /// not a number where they are not known.
     pub position: Option<Geodetic>,
     /// Velocity \[m/s\], if it has one.
     pub velocity: Option<Vector3<f64>>,
@@ -21,6 +24,7 @@ pub struct ReferenceEpoch {
 
 fusion_core::memory!(ReferenceEpoch {
     time,
+    source,
     position,
     velocity,
     attitude,
@@ -41,6 +45,18 @@ pub struct ReferenceSigma {
     pub velocity: Vector3<f64>,
     /// Of its attitude, about the axes of its body \[rad\].
     pub attitude: Vector3<f64>,
+}
+
+impl ReferenceEpoch {
+    /// Its position, and which of north, east and down are known; what is not is that of `estimate`.
+    #[must_use]
+    pub fn position_beside(&self, estimate: &Geodetic) -> Option<(Geodetic, [bool; 3])> {
+        let own = self.position?;
+        let (is_placed, has_height) = (own.lat.is_finite() && own.lon.is_finite(), own.height.is_finite());
+        let across = if is_placed { own } else { *estimate };
+        let height = if has_height { own.height } else { estimate.height };
+        Some((Geodetic { height, ..across }, [is_placed, is_placed, has_height]))
+    }
 }
 
 /// Fills in velocities as the slope of a cubic fitted to the positions of `half` epochs on either

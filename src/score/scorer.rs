@@ -10,6 +10,7 @@ use super::nees::{NeesSeries, of};
 use super::trajectory::{Poses, TrajectoryRules};
 use super::travelled::Horizontal;
 use super::{Axes, Score, Spread, Spreads};
+use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::time::Time;
 use fusion_models::fault::Windows;
 use nalgebra::Vector3;
@@ -37,6 +38,8 @@ pub struct Rules {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Sums {
     count: f64,
+    /// Epochs at which the reference knew the axis.
+    known: Vector3<f64>,
     sum: Vector3<f64>,
     squares: Vector3<f64>,
     max: Vector3<f64>,
@@ -48,6 +51,7 @@ pub(super) struct Sums {
 
 fusion_core::memory!(Sums {
     count,
+    known,
     sum,
     squares,
     max,
@@ -58,13 +62,14 @@ fusion_core::memory!(Sums {
 
 impl Sums {
     pub(super) fn add(&mut self, d: &Deviation) {
-        self.add_error(&d.error, &d.sigma(), d.is_estimated());
+        self.add_error(&d.error, &d.sigma(), d.known, d.is_estimated());
     }
 
-    /// Of an error `e` with its 1σ; whether the filter estimates each axis.
-    pub(super) fn add_error(&mut self, e: &Vector3<f64>, sigma: &Vector3<f64>, is_estimated: [bool; 3]) {
+    /// Of an error `e` with its 1σ; whether the reference knows each axis, and the filter estimates it.
+    pub(super) fn add_error(&mut self, e: &Vector3<f64>, sigma: &Vector3<f64>, known: [bool; 3], is_estimated: [bool; 3]) {
+        self.known += Vector3::from(known.map(f64::from));
         let is_estimated = Vector3::from(is_estimated.map(f64::from));
-        self.sigma += sigma;
+        self.sigma += sigma.zip_map(&Vector3::from(known), |sigma, known| if known { sigma } else { 0.0 });
         self.estimated += is_estimated;
         self.inside += e.zip_zip_map(sigma, &is_estimated, |e, s, known| f64::from(e.abs() <= 3.0 * s) * known);
         self.count += 1.0;
@@ -73,17 +78,30 @@ impl Sums {
         self.max = self.max.sup(&e.abs());
     }
 
+    /// RMS of the length; none where the reference does not know every axis.
+    fn whole_rms(&self) -> Option<f64> {
+        let is_known = self.known.min() > 0.0;
+        is_known.then(|| self.squares.component_div(&self.known).sum().sqrt())
+    }
+
     /// Epochs.
     pub(super) const fn count(&self) -> f64 {
         self.count
     }
 
+    /// Those with a horizontal position.
+    pub(super) fn horizontal(&self) -> f64 {
+        self.known.x
+    }
+
     pub(super) fn axes(&self) -> Option<Axes> {
+        // Not a number for an axis that the reference never knew.
+        let once = self.known.map(|known| if known > 0.0 { 1.0 } else { f64::NAN });
         (self.count > 0.0).then(|| Axes {
-            rms: self.squares.map(|s| (s / self.count).sqrt()).into(),
-            mean: (self.sum / self.count).into(),
-            max: self.max.into(),
-            three_sigma: (self.sigma * (3.0 / self.count)).into(),
+            rms: self.squares.component_div(&self.known).map(f64::sqrt).into(),
+            mean: self.sum.component_div(&self.known).into(),
+            max: self.max.component_mul(&once).into(),
+            three_sigma: (3.0 * self.sigma.component_div(&self.known)).into(),
             inside: self.inside.component_div(&self.estimated).into(),
         })
     }
@@ -101,6 +119,8 @@ pub struct Scorer {
     lengths: [Quantiles; 2],
     poses: Poses,
     nees_position: NeesSeries,
+    /// Of epochs with a height alone.
+    nees_height: NeesSeries,
     nees_velocity: NeesSeries,
     nees_attitude: NeesSeries,
     drifts: Drifts,
@@ -116,6 +136,7 @@ fusion_core::memory!(Scorer {
     lengths,
     poses,
     nees_position,
+    nees_height,
     nees_velocity,
     nees_attitude,
     drifts,
@@ -140,6 +161,7 @@ impl Scorer {
             lengths: Default::default(),
             poses: Poses::default(),
             nees_position: NeesSeries::default(),
+            nees_height: NeesSeries::default(),
             nees_velocity: NeesSeries::default(),
             nees_attitude: NeesSeries::default(),
         }
@@ -152,14 +174,11 @@ impl Scorer {
         let (counts, is_settled) = (is_after(self.rules.from), is_after(self.rules.nees_from));
         if let Some(d) = &error.position {
             if counts {
-                self.position.add(d);
-                self.lengths[0].add(d.error.norm());
-                self.horizontal.add([d.error.x, d.error.y], error.truth.position.as_ref());
-                if is_settled {
-                    self.nees_position.add(of(d));
-                }
+                self.add_position(d, error.places.as_ref().map(|[_, truth]| truth), is_settled);
             }
-            self.drifts.add(error.time(), &d.error);
+            if d.is_horizontal() {
+                self.drifts.add(error.time(), &d.error);
+            }
         }
         if !counts {
             return;
@@ -185,6 +204,25 @@ impl Scorer {
         }
     }
 
+    /// A position error that counts, of as many axes as the reference knows, and the place of the reference.
+    fn add_position(&mut self, d: &Deviation, place: Option<&Geodetic>, is_settled: bool) {
+        self.position.add(d);
+        if d.is_whole() {
+            self.lengths[0].add(d.error.norm());
+        }
+        if d.is_horizontal() {
+            self.horizontal.add([d.error.x, d.error.y], place);
+        }
+        if is_settled {
+            let nees = if d.is_horizontal() {
+                &mut self.nees_position
+            } else {
+                &mut self.nees_height
+            };
+            nees.add(of(d));
+        }
+    }
+
     /// Hears that a sensor's measurement, stamped `stamp` and valid at `time`, was used.
     pub fn used(&mut self, sensor: usize, stamp: Time, time: Time) {
         self.drifts.used(sensor, stamp, time);
@@ -193,7 +231,6 @@ impl Scorer {
     /// The score.
     #[must_use]
     pub fn finish(mut self) -> Score {
-        let count = self.position.count;
         let attitude_count = self.attitudes.count() as usize;
         let attitude = self.attitudes.finish();
         let [position, velocity] = self.lengths.each_mut().map(Spread::of);
@@ -210,7 +247,7 @@ impl Scorer {
         Score {
             epochs: (self.position.count as usize).max(self.velocity.count as usize).max(attitude_count),
             position: self.position.axes(),
-            horizontal_rms: (self.horizontal.squares / count).sqrt(),
+            horizontal_rms: (self.horizontal.squares / self.position.horizontal()).sqrt(),
             horizontal_max: self.horizontal.largest(),
             horizontal_median: spread.horizontal.map(|s| s.median),
             horizontal_p95: spread.horizontal.map(|s| s.p95),
@@ -219,12 +256,13 @@ impl Scorer {
             travelled: self.horizontal.travelled(),
             velocity: self.velocity.axes(),
             attitude_deg: attitude.axes,
-            position_rmse_m: self.position.axes().map(|a| a.rms.iter().map(|rms| rms * rms).sum::<f64>().sqrt()),
+            position_rmse_m: self.position.whole_rms(),
             rotation_rmse_deg: attitude.rotation,
             heading_rmse_deg: attitude.heading,
             inclination_rmse_deg: attitude.inclination,
             mounting_deg: attitude.mounting_deg,
             nees_position: self.nees_position.consistency(),
+            nees_height: self.nees_height.consistency(),
             nees_velocity: self.nees_velocity.consistency(),
             nees_attitude: self.nees_attitude.consistency(),
             nees_undefined: [&self.nees_position, &self.nees_velocity, &self.nees_attitude].map(NeesSeries::undefined),

@@ -126,7 +126,7 @@ fn targets<'a>(design: &Design, assembly: &'a Assembly) -> Vec<Target<'a>> {
     let mut targets = Vec::new();
     for (stream, layout) in assembly.streams.iter().enumerate() {
         let name = layout.name.as_str();
-        let is_reference = name == REFERENCE || design.reference.as_ref().is_some_and(|r| r.block.source == name);
+        let is_reference = name == REFERENCE || design.reference.as_ref().is_some_and(|r| r.block.source.has(name));
         let own = INSTRUMENTS.into_iter().find(|(stream, _)| stream_of(design, stream) == name);
         let path = if design.simulation.is_none() {
             format!("source.{name}.fault")

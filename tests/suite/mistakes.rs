@@ -243,6 +243,16 @@ fn references_faults_and_simulations() {
         "[variant.ekf]",
         &format!("{own_sigma}\n{truth}\n[variant.ekf]"),
     );
+    let gnss = "[reference.source.gnss]\nchannels = [\"position\", \"attitude\"]\n[reference.source.thruth]";
+    let sources = format!("[reference]\nfrom = 1\n[reference.source.truth]\n{gnss}\n\n[source.truth]");
+    wrong("reference_sources", "[variant.ekf]", &format!("{sources}\n{truth}\n[variant.ekf]"));
+    let beside = "[reference]\nlever_arm = [1, 0, 0]\n[reference.source.truth]\n\n[source.truth]";
+    wrong("reference_fields", "[variant.ekf]", &format!("{beside}\n{truth}\n[variant.ekf]"));
+    wrong(
+        "horizontal_position_with_a_height",
+        "[source.gnss.channels.velocity]",
+        "[source.gnss.channels.horizontal_position]\nlatitude = \"lat\"\nlongitude = \"lon\"\nheight = \"h\"\nunit = \"deg\"\n\n[source.gnss.channels.velocity]",
+    );
     wrong(
         "fault_on_unknown_channel",
         "[variant.ekf]",

@@ -134,8 +134,9 @@ impl Poses {
             self.keep();
             self.last.time = error.time();
         }
-        if let Some((d, truth)) = error.position.as_ref().zip(error.truth.position) {
-            self.last.places = Some([truth.offset(&d.error), truth]);
+        if error.position.is_some_and(|d| d.is_horizontal()) {
+            self.last.places = error.places;
+            self.horizontal |= error.position.is_some_and(|d| !d.is_whole());
         }
         if let Some(a) = &error.attitude {
             self.last.attitudes = Some([a.estimate, a.truth]);

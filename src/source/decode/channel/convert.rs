@@ -158,7 +158,7 @@ impl Conversion {
                 out.copy_from_slice(so3::to_scalar_first(&q).as_slice());
                 return Ok(());
             }
-            Self::Local { frame: Some(frame) } => frame.to_geodetic(&Vector3::new(read[0], read[1], read[2])),
+            Self::Local { frame: Some(frame) } => frame.to_geodetic(&Vector3::new(read[0], read[1], third(read))),
             Self::Ecef => {
                 let from_centre = Vector3::new(read[0], read[1], read[2]);
                 if from_centre.norm() < NEAREST {
@@ -170,7 +170,7 @@ impl Conversion {
                 geodetic_from_ecef(&from_centre)
             }
             Self::Utm(zone) => {
-                let [easting, northing, height] = [read[0], read[1], read[2]];
+                let [easting, northing, height] = [read[0], read[1], third(read)];
                 if !(EASTINGS.contains(&easting) && NORTHINGS.contains(&northing)) {
                     let message = format!("easting {easting} m, northing {northing} m lie outside every zone");
                     return Err(Wrong::new(message));
@@ -178,9 +178,16 @@ impl Conversion {
                 zone.to_geodetic(easting, northing, height)
             }
         };
-        out.copy_from_slice(&[position.lat, position.lon, position.height]);
+        // A horizontal position is as wide as latitude and longitude.
+        out.copy_from_slice(&[position.lat, position.lon, position.height][..out.len()]);
         Ok(())
     }
+}
+
+/// The height or depth among what is read; of a horizontal position 0, on which its latitude and longitude
+/// hardly depend.
+fn third(read: &[f64]) -> f64 {
+    read.get(2).copied().unwrap_or_default()
 }
 
 impl Written {

@@ -6,6 +6,9 @@ use crate::source::decode::spec::{ChannelSpec, Hemisphere};
 use fusion_models::block::Channel;
 use fusion_models::earth::utm::Zone;
 
+/// The name of the channel that is a position without a height: for a reference, which judges what it knows.
+pub(super) const HORIZONTAL: &str = "horizontal_position";
+
 /// The ways to make a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Form {
@@ -83,33 +86,33 @@ impl Form {
             let columns = columns.unwrap_or_default();
             columns.iter().map(|column| Input::new(field, column)).collect()
         };
+        let with_height = |across: [Input; 2], height: &dyn Fn() -> Result<Input, &'static str>| {
+            let height = if name == HORIZONTAL { None } else { Some(height()?) };
+            Ok(across.into_iter().chain(height).collect())
+        };
         match self {
             Self::Vector => Ok(vector(name, spec)),
             Self::Quaternion => Ok(all("quaternion", spec.quaternion.as_ref().map(|q| &q[..]))),
             Self::Dcm => Ok(all("dcm", spec.dcm.as_ref().map(|m| &m[..]))),
             Self::Rpy => Ok(all("rpy", spec.rpy.as_ref().map(|angles| &angles[..]))),
             Self::Euler => Ok(all("euler.columns", spec.euler.as_ref().map(|euler| &euler.columns[..]))),
-            Self::Geodetic => Ok(vec![
-                named("latitude", &spec.latitude)?,
-                named("longitude", &spec.longitude)?,
-                named("height", &spec.height)?,
-            ]),
+            Self::Geodetic => {
+                let across = [named("latitude", &spec.latitude)?, named("longitude", &spec.longitude)?];
+                with_height(across, &|| named("height", &spec.height))
+            }
             Self::Ecef => Ok(all("ecef", spec.ecef.as_ref().map(|axes| &axes[..]))),
             Self::Utm => {
                 let utm = spec.utm.as_ref().ok_or("utm")?;
-                Ok(vec![
-                    Input::new("utm.easting", &utm.easting),
-                    Input::new("utm.northing", &utm.northing),
-                    named("height", &spec.height)?,
-                ])
+                let across = [Input::new("utm.easting", &utm.easting), Input::new("utm.northing", &utm.northing)];
+                with_height(across, &|| named("height", &spec.height))
             }
             Self::Local => {
-                let vertical = match (&spec.down, &spec.up) {
-                    (Some(_), Some(_)) => return Err("down` or `up` (one of them, not both)"),
-                    (down, None) => named("down", down)?,
-                    (None, up) => named("up", up)?,
+                let vertical = || match (&spec.down, &spec.up) {
+                    (Some(_), Some(_)) => Err("down` or `up` (one of them, not both)"),
+                    (down, None) => named("down", down),
+                    (None, up) => named("up", up),
                 };
-                Ok(vec![named("north", &spec.north)?, named("east", &spec.east)?, vertical])
+                with_height([named("north", &spec.north)?, named("east", &spec.east)?], &vertical)
             }
         }
     }
@@ -145,14 +148,17 @@ impl Form {
     }
 
     /// Keys that are given and mean nothing for this form.
-    pub(super) fn misfits(self, spec: &ChannelSpec) -> Vec<&'static str> {
+    pub(super) fn misfits(self, name: &str, spec: &ChannelSpec) -> Vec<&'static str> {
         let (vector, attitude) = (self == Self::Vector, self.is_attitude());
         let is_turned = vector && spec.enu.is_none();
-        let has_height = matches!(self, Self::Geodetic | Self::Utm);
+        let is_horizontal = name == HORIZONTAL;
+        let has_height = matches!(self, Self::Geodetic | Self::Utm) && !is_horizontal;
         let keys = [
             ("unit", spec.unit.is_some(), !matches!(self, Self::Quaternion | Self::Dcm)),
             ("height", spec.height.is_some(), has_height),
             ("height_unit", spec.height_unit.is_some(), has_height),
+            ("down", spec.down.is_some(), !is_horizontal),
+            ("up", spec.up.is_some(), !is_horizontal),
             ("scale", spec.scale.is_some(), vector),
             ("offset", spec.offset.is_some(), vector || self.is_angles()),
             ("variance", spec.variance, vector),

@@ -1,7 +1,7 @@
 //! From the declaration of a channel to what is done with its cells.
 
 use super::convert::{Conversion, Written};
-use super::form::{Form, Input, forms, turns, zone};
+use super::form::{Form, HORIZONTAL, Input, forms, turns, zone};
 use super::rotation::matrix;
 use crate::source::decode::OneOrMany;
 use crate::source::decode::header_unit::common_unit;
@@ -40,6 +40,8 @@ impl ChannelPlan {
         let width = inputs.len();
         let units = planner.units(form, &inputs);
         let (mut factor, mut dimension) = planner.factor(form, width, &units);
+        // A horizontal position has no factor of a height.
+        factor.truncate(width);
         planner.scale(&mut factor);
         if spec.variance {
             dimension = planner.root(dimension);
@@ -51,6 +53,11 @@ impl ChannelPlan {
         }
         let conversion = planner.conversion(form, width);
         let shape = planner.shape(form, dimension);
+        let (shape, dimension) = if shape == Shape::Geodetic && width == 2 {
+            (Shape::Angle, dim::Angle::KIND.dimension)
+        } else {
+            (shape, dimension)
+        };
         let latency = spec.latency.si();
         errors.extend(check_delay(format!("channels.{name}.latency"), latency).err());
         let plan = Self {
@@ -130,8 +137,13 @@ impl Planner<'_> {
                 "write the names of the columns to be added, or the one column as text",
             );
         }
-        for key in form.misfits(self.spec) {
-            self.wrong(key, &format!("`{key}` does not apply to {}", form.name()), "");
+        for key in form.misfits(self.name, self.spec) {
+            if self.name == HORIZONTAL && ["height", "down", "up"].contains(&key) {
+                let message = format!("a `{HORIZONTAL}` has no `{key}`");
+                self.wrong(key, &message, "leave it out, or call the channel `position`");
+            } else {
+                self.wrong(key, &format!("`{key}` does not apply to {}", form.name()), "");
+            }
         }
         Some((form, inputs))
     }

@@ -1,104 +1,13 @@
-//! `[reference]`: what a run is scored against.
+//! 1σ of a reference's own errors: declared, or reported by its source.
 
-use crate::score::trajectory::{Alignment, Pairs};
 use core::fmt;
 use core::marker::PhantomData;
-use fusion_models::fault::Windows;
-use fusion_models::units::{Axes, Dimensional, Duration, Positive, Vec3Of, dim, range};
+use fusion_models::units::{Axes, Dimensional, Positive, dim, range};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{Deserializer, Error, IntoDeserializer, MapAccess, SeqAccess, Visitor};
 use std::borrow::Cow;
-
-/// What a run is scored against; never fused.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ReferenceSpec {
-    /// The source with a `position` channel and, where it has them, `velocity` and `attitude`.
-    pub source: String,
-    /// Errors and innovations count from this time on.
-    #[serde(default)]
-    pub from: Option<Duration>,
-    /// NEES counts from this time on, where that is later: after the start has settled.
-    #[serde(default)]
-    pub nees_from: Option<Duration>,
-    /// Times that are scored apart from all others: stretches in which more is wrong than the filter is told.
-    #[serde(default)]
-    pub episodes: Option<Windows>,
-    /// The errors that a run stays within once it has converged; it is told which runs have, and how soon.
-    #[serde(default, deserialize_with = "ConvergedSpec::with_a_limit")]
-    pub converged: Option<ConvergedSpec>,
-    /// How the trajectory as a whole is compared: absolute and relative errors (ATE, RPE).
-    #[serde(default)]
-    pub trajectory: Option<TrajectorySpec>,
-    /// The reference's point in body axes, from the body origin: position and velocity of the
-    /// estimate are moved there.
-    #[serde(default)]
-    pub lever_arm: Vec3Of<dim::Length>,
-    /// 1σ of the reference's own errors, which NEES and the share inside 3σ add to that of the
-    /// filter; exact without it.
-    #[serde(default)]
-    pub sigma: SigmaSpec,
-    /// Takes the mean rotation between the two bodies out of the attitude errors.
-    #[serde(default)]
-    pub remove_mean_mounting: bool,
-    /// Derives a missing reference velocity from its positions.
-    #[serde(default)]
-    pub velocity_from_position: Option<DifferentiateSpec>,
-}
-
-/// How the trajectory as a whole is compared, as the tool evo does.
-#[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct TrajectorySpec {
-    /// What is taken out of the absolute error that is shown: `none`, `yaw` with the position, or `se3`, any turn
-    /// and the position. `yaw` by default; summary.json has all three.
-    #[serde(default)]
-    pub align: Alignment,
-    /// Distances along the way over which relative errors are told; by default the two largest powers of ten \[m\]
-    /// that the way holds five times.
-    #[serde(default)]
-    pub distances: Vec<Positive<dim::Length>>,
-    /// Pairs of poses that are compared over them: `consecutive`, or `all`, which overlap.
-    #[serde(default)]
-    pub pairs: Pairs,
-}
-
-/// Limits of the errors of a run that has converged, at least one. Every epoch from the start of the filter on
-/// counts, and no mounting is taken out.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ConvergedSpec {
-    /// From this time on the errors must stay within the limits to the end of the run; without it, at the end.
-    pub by: Option<Duration>,
-    /// Of the length of the position error.
-    pub position: Option<Positive<dim::Length>>,
-    /// Of the length of the velocity error.
-    pub velocity: Option<Positive<dim::Speed>>,
-    /// Of the heading error, the turn about the vertical between the two attitudes.
-    pub heading: Option<Positive<dim::Angle>>,
-}
-
-impl ConvergedSpec {
-    fn with_a_limit<'de, T: Deserializer<'de>>(deserializer: T) -> Result<Option<Self>, T::Error> {
-        let spec = Self::deserialize(deserializer)?;
-        if spec.position.is_none() && spec.velocity.is_none() && spec.heading.is_none() {
-            return Err(T::Error::custom("needs a limit: `position`, `velocity` or `heading`"));
-        }
-        Ok(Some(spec))
-    }
-}
-
-/// The slope of a cubic fitted to neighbouring positions.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct DifferentiateSpec {
-    /// Epochs on either side of each.
-    pub half_window: u32,
-    /// Epochs whose neighbours span more get no velocity.
-    pub max_span: Positive<dim::Duration>,
-}
 
 /// 1σ of a reference's own errors.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
@@ -238,15 +147,6 @@ mod tests {
         ];
         assert_eq!(sigma(text), Ok(expected.map(Some)));
         assert_eq!(sigma(""), Ok([None; 3]));
-    }
-
-    #[test]
-    fn converged_without_a_limit_would_be_every_run() {
-        let read = |converged: &str| toml::from_str::<ReferenceSpec>(&format!("source = 'truth'\n{converged}"));
-        let limits = read("converged = { by = '10 s', position = '5 m' }").unwrap().converged.unwrap();
-        assert_eq!((limits.by.unwrap().si(), limits.position.unwrap().si()), (10.0, 5.0));
-        assert!(read("converged = { by = '10 s' }").unwrap_err().message().contains("needs a limit"));
-        assert!(read("converged = { heading = '5 m' }").is_err() && read("").unwrap().converged.is_none());
     }
 
     #[test]

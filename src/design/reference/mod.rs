@@ -1,0 +1,166 @@
+//! `[reference]`: what a run is scored against.
+
+mod sigma;
+mod source;
+
+pub use sigma::{SigmaOf, SigmaSpec};
+pub use source::{DifferentiateSpec, ReferenceChannel, ReferencePart, ReferenceSources};
+
+use crate::config::{Diagnostic, Diagnostics, Node};
+
+use crate::score::trajectory::{Alignment, Pairs};
+use fusion_models::fault::Windows;
+use fusion_models::units::{Duration, Positive, Quantity, Vec3Of, dim};
+use schemars::JsonSchema;
+use serde::Deserialize;
+use serde::de::{Deserializer, Error};
+
+/// What a run is scored against; never fused.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ReferenceSpec {
+    /// The source with a position and, where it has them, a velocity and an attitude; or several sources, a table
+    /// each: `[reference.source.NAME]`.
+    pub source: ReferenceSources,
+    /// Errors and innovations count from this time on.
+    #[serde(default)]
+    pub from: Option<Duration>,
+    /// NEES counts from this time on, where that is later: after the start has settled.
+    #[serde(default)]
+    pub nees_from: Option<Duration>,
+    /// Times that are scored apart from all others: stretches in which more is wrong than the filter is told.
+    #[serde(default)]
+    pub episodes: Option<Windows>,
+    /// The errors that a run stays within once it has converged; it is told which runs have, and how soon.
+    #[serde(default, deserialize_with = "ConvergedSpec::with_a_limit")]
+    pub converged: Option<ConvergedSpec>,
+    /// How the trajectory as a whole is compared: absolute and relative errors (ATE, RPE).
+    #[serde(default)]
+    pub trajectory: Option<TrajectorySpec>,
+    /// Takes the mean rotation between the two bodies out of the attitude errors.
+    #[serde(default)]
+    pub remove_mean_mounting: bool,
+    /// Of one source: which of its channels count; all without it.
+    pub channels: Option<Vec<ReferenceChannel>>,
+    /// Of one source: the reference's point in body axes, from the body origin: position and velocity of the
+    /// estimate are moved there.
+    pub lever_arm: Option<Vec3Of<dim::Length>>,
+    /// Of one source: height of the water's surface above the ellipsoid, where it has a `depth`.
+    pub surface: Option<Quantity<dim::Length>>,
+    /// Of one source: 1σ of the reference's own errors, which NEES and the share inside 3σ add to that of the
+    /// filter; exact without it.
+    pub sigma: Option<SigmaSpec>,
+    /// Of one source: derives a missing reference velocity from its positions.
+    pub velocity_from_position: Option<DifferentiateSpec>,
+}
+
+impl ReferenceSpec {
+    /// The table, and what no field can say by itself.
+    pub(super) fn read(node: &Node, d: &mut Diagnostics) -> Option<Self> {
+        let spec: Self = node.read(d)?;
+        if spec.source.is_one() {
+            return Some(spec);
+        }
+        let own = ["channels", "lever_arm", "surface", "sigma", "velocity_from_position"];
+        for key in own.into_iter().filter(|key| node.get(key).is_some()) {
+            let message = format!("`{key}` belongs to one of the sources");
+            let help = format!(
+                "write it in its table, [reference.source.{}]",
+                spec.source.names().next().unwrap_or("NAME")
+            );
+            d.push(Diagnostic::error(message).at(node.place_of(key)).help(help));
+        }
+        Some(spec)
+    }
+
+    /// The sources, each with its name and what is declared of it.
+    #[must_use]
+    pub fn sources(&self) -> Vec<(&str, ReferencePart)> {
+        match &self.source {
+            ReferenceSources::One(name) => {
+                let part = ReferencePart {
+                    channels: self.channels.clone(),
+                    lever_arm: self.lever_arm.unwrap_or_default(),
+                    surface: self.surface,
+                    sigma: self.sigma.clone().unwrap_or_default(),
+                    velocity_from_position: self.velocity_from_position,
+                };
+                vec![(name, part)]
+            }
+            ReferenceSources::Each(parts) => parts.iter().map(|(name, part)| (name.as_str(), part.clone())).collect(),
+        }
+    }
+
+    /// The reference's point in body axes \[m\], where it has a position.
+    #[must_use]
+    pub fn point(&self) -> [f64; 3] {
+        let parts = self.sources();
+        let placed = parts.iter().find(|(_, part)| part.may_have_position());
+        placed.map_or([0.0; 3], |(_, part)| part.lever_arm.si())
+    }
+
+    /// Where the table of a source has a field.
+    pub(crate) fn path(&self, source: &str, field: &str) -> String {
+        if self.source.is_one() {
+            field.to_owned()
+        } else {
+            format!("source.{source}.{field}")
+        }
+    }
+}
+
+/// How the trajectory as a whole is compared, as the tool evo does.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TrajectorySpec {
+    /// What is taken out of the absolute error that is shown: `none`, `yaw` with the position, or `se3`, any turn
+    /// and the position. `yaw` by default; summary.json has all three.
+    #[serde(default)]
+    pub align: Alignment,
+    /// Distances along the way over which relative errors are told; by default the two largest powers of ten \[m\]
+    /// that the way holds five times.
+    #[serde(default)]
+    pub distances: Vec<Positive<dim::Length>>,
+    /// Pairs of poses that are compared over them: `consecutive`, or `all`, which overlap.
+    #[serde(default)]
+    pub pairs: Pairs,
+}
+
+/// Limits of the errors of a run that has converged, at least one. Every epoch from the start of the filter on
+/// counts, and no mounting is taken out.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ConvergedSpec {
+    /// From this time on the errors must stay within the limits to the end of the run; without it, at the end.
+    pub by: Option<Duration>,
+    /// Of the length of the position error.
+    pub position: Option<Positive<dim::Length>>,
+    /// Of the length of the velocity error.
+    pub velocity: Option<Positive<dim::Speed>>,
+    /// Of the heading error, the turn about the vertical between the two attitudes.
+    pub heading: Option<Positive<dim::Angle>>,
+}
+
+impl ConvergedSpec {
+    fn with_a_limit<'de, T: Deserializer<'de>>(deserializer: T) -> Result<Option<Self>, T::Error> {
+        let spec = Self::deserialize(deserializer)?;
+        if spec.position.is_none() && spec.velocity.is_none() && spec.heading.is_none() {
+            return Err(T::Error::custom("needs a limit: `position`, `velocity` or `heading`"));
+        }
+        Ok(Some(spec))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn converged_without_a_limit_would_be_every_run() {
+        let read = |converged: &str| toml::from_str::<ReferenceSpec>(&format!("source = 'truth'\n{converged}"));
+        let limits = read("converged = { by = '10 s', position = '5 m' }").unwrap().converged.unwrap();
+        assert_eq!((limits.by.unwrap().si(), limits.position.unwrap().si()), (10.0, 5.0));
+        assert!(read("converged = { by = '10 s' }").unwrap_err().message().contains("needs a limit"));
+        assert!(read("converged = { heading = '5 m' }").is_err() && read("").unwrap().converged.is_none());
+    }
+}

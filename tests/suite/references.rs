@@ -1,0 +1,117 @@
+//! References of several sources, and of some axes only.
+
+use crate::support::{DESIGN, Workspace, fixes, has, stdout};
+use fusion::config::Document;
+use fusion::design::Design;
+use fusion::run::{Options, run};
+use fusion::score::Score;
+
+/// A receiver without a height, a pressure gauge, and a radar for velocity, each in a file of its own.
+const SOURCES: &str = r#"
+[source.rtk]
+type = "csv"
+path = "rtk.csv"
+time = { column = "t" }
+channels.horizontal_position = { latitude = "lat", longitude = "lon", unit = "deg" }
+
+[source.gauge]
+type = "csv"
+path = "gauge.csv"
+time = { column = "t" }
+channels.depth = { column = "depth", unit = "m", latency = "0.25 s" }
+
+[source.radar]
+type = "csv"
+path = "radar.csv"
+time = { column = "t" }
+channels.velocity = { columns = ["vn", "ve", "vd"], unit = "m/s" }
+channels.depth = { column = "depth", unit = "m" }
+"#;
+
+/// The fixes with files of references; the track is 47° + k·10⁻⁴ at 8° and 400 m, the gauge is 9 m below a surface
+/// of 410 m.
+fn workspace(test: &str, reference: &str) -> Workspace {
+    let at = Workspace::new(test);
+    let rows = |header: &str, row: &dyn Fn(u32) -> String| (0..60).fold(format!("{header}\n"), |text, k| text + &row(k) + "\n");
+    at.write(
+        "rtk.csv",
+        rows("t,lat,lon", &|k| format!("{k},{:.9},8.0", 47.0 + 1e-4 * f64::from(k))),
+    );
+    at.write("gauge.csv", rows("t,depth", &|k| format!("{k}.25,9")));
+    at.write("radar.csv", rows("t,vn,ve,vd,depth", &|k| format!("{k},11.1,0,0,70")));
+    at.write("gnss.csv", fixes());
+    at.write("design.toml", format!("{DESIGN}{SOURCES}{reference}"));
+    at
+}
+
+fn score(at: &Workspace, sets: &[&str]) -> Score {
+    let mut document = Document::load(&at.path("design.toml")).unwrap();
+    sets.iter().for_each(|set| document.set(set).unwrap());
+    let design = Design::read(document).unwrap_or_else(|d| panic!("{d}"));
+    let options = Options {
+        base: at.path(""),
+        ..Options::default()
+    };
+    run(&design, &options, &mut |_| {}).unwrap_or_else(|d| panic!("{d}")).score.unwrap()
+}
+
+#[test]
+fn a_reference_without_a_height_is_judged_horizontally() {
+    let at = workspace("horizontal", "[reference]\nsource = \"rtk\"\n");
+    let found = score(&at, &[]);
+    let position = found.position.unwrap();
+    assert!(position.rms[0] > 0.1 && position.rms[0] < 5.0, "{position:?}");
+    assert!(position.rms[2].is_nan() && position.max[2].is_nan() && found.position_rmse_m.is_none());
+    assert!(found.horizontal_rms > 0.1 && found.spread.horizontal.is_some() && found.spread.position.is_none());
+    assert_eq!(found.nees_position.unwrap().dof, 2);
+    let trajectory = found.trajectory.unwrap();
+    // Not aligned, and in yaw: of a height nothing is known.
+    assert!(trajectory.horizontal && trajectory.absolute.len() == 2, "{trajectory:?}");
+    let ate = trajectory.absolute[0].position.rmse;
+    // Metres on the ellipsoid and along axes tangent to it, over 650 m.
+    assert!((ate - found.horizontal_rms).abs() < 1e-3 * ate, "{ate} {}", found.horizontal_rms);
+    let shown = at.fusion(&["run", "design.toml", "--out", "out"]).success();
+    let shown = shown.stdout(has("position east [m]")).stdout(has("NEES position"));
+    assert!(!stdout(&shown).contains("position down"));
+}
+
+#[test]
+fn each_source_of_a_reference_gives_its_channels_at_its_own_times() {
+    let reference = r#"
+[reference.source.rtk]
+[reference.source.gauge]
+surface = "410 m"
+sigma.position = "10 cm"
+[reference.source.radar]
+channels = ["velocity"]
+"#;
+    let at = workspace("sources", reference);
+    let found = score(&at, &[]);
+    let position = found.position.unwrap();
+    // Fixes say 400 m, the gauge 401 m. 1e-3 m: the Earth is round over the 11 m of a second.
+    assert!((position.mean[2] - 1.0).abs() < 1e-3 && position.rms[0] > 0.1, "{position:?}");
+    // The gauge's own error is added to that of the filter.
+    assert!(position.three_sigma[2] > 0.3, "{position:?}");
+    let dof = [found.nees_position, found.nees_height, found.nees_velocity].map(|c| c.unwrap().dof);
+    assert_eq!((dof, found.nees_undefined), ([2, 1, 3], [0; 3]));
+    // At 1 Hz each; the gauge is valid at the full second, a quarter of one before its stamp.
+    let velocity = found.velocity.unwrap();
+    assert!(velocity.mean[0].abs() < 1.0 && found.epochs > 100, "{velocity:?} {}", found.epochs);
+    let deeper = score(&at, &["reference.source.gauge.surface=\"408 m\""]).position.unwrap();
+    assert!((deeper.mean[2] + 1.0).abs() < 1e-3, "{deeper:?}");
+    let shown = at.fusion(&["run", "design.toml"]).success();
+    shown.stdout(has("NEES height")).stdout(has("position down [m]"));
+    at.fusion(&["check", "design.toml"])
+        .success()
+        .stdout(has("`rtk`, `gauge`, `radar`"));
+}
+
+#[test]
+fn sources_of_a_reference_may_be_named_one_by_one_as_the_one_was() {
+    let at = workspace("one", "[reference]\nsource = \"radar\"\nchannels = [\"velocity\"]\n");
+    let one = score(&at, &[]);
+    let at = workspace("table", "[reference.source.radar]\nchannels = [\"velocity\"]\n");
+    let table = score(&at, &[]);
+    assert_eq!((one.velocity, one.position), (table.velocity, None));
+    assert!(one.velocity.is_some());
+}
