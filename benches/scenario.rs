@@ -43,10 +43,10 @@ fn design() -> Design {
 /// The rows that the run feeds, in their order.
 fn rows(design: &Design) -> Vec<Row> {
     let runner = assemble(design, declared_streams(design).unwrap()).unwrap().runner;
-    let reference = design.reference.as_ref().map(|r| r.block.source.clone());
+    let reference = design.reference.as_ref().map(|r| &r.block.source);
     let mut sources: Vec<Box<dyn RowStream>> = Vec::new();
     let mut streams = Vec::new();
-    for named in design.sources.iter().filter(|s| Some(&s.name) != reference.as_ref()) {
+    for named in design.sources.iter().filter(|s| !reference.is_some_and(|r| r.has(&s.name))) {
         let origin = design.run.origin.map(Into::into);
         let context = OpenContext {
             data_dir: data(),

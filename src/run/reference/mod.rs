@@ -21,7 +21,7 @@ pub(super) enum Reference {
     /// Read before the run, in order of time; the points of its sources in body axes \[m\].
     Ahead(Vec<ReferenceEpoch>, Vec<Vector3<f64>>),
     /// Rows of a stream among those of the run.
-    Along(StreamId, Scored),
+    Along(StreamId, Box<Scored>),
 }
 
 impl Reference {
@@ -29,7 +29,7 @@ impl Reference {
     pub(super) fn simulated(assembly: &Assembly) -> Self {
         let mut streams = assembly.streams.iter().enumerate();
         let found = streams.find(|(_, stream)| stream.name == crate::world::REFERENCE);
-        found.map_or(Self::None, |(id, layout)| Self::Along(id, Scored::exact(layout)))
+        found.map_or(Self::None, |(id, layout)| Self::Along(id, Box::new(Scored::exact(layout))))
     }
 
     /// Reads a recorded source to its end, and adds it to those that were read before.
