@@ -349,6 +349,7 @@ mod tests {
     fn errors(lever_arm: Vector3<f64>) -> EpochError {
         let epoch = ReferenceEpoch {
             time: Time::from_seconds(0.1),
+            source: 0,
             position: Some(origin()),
             velocity: Some(Vector3::zeros()),
             attitude: Some(so3::from_rpy(0.0, 0.0, 0.0)),
