@@ -37,6 +37,9 @@ mod command;
 #[cfg(unix)]
 #[path = "suite/files.rs"]
 mod files;
+/// What runs of the shipped designs are told to look at next.
+#[path = "suite/findings.rs"]
+mod findings;
 /// Every shipped design with every form of the covariance.
 #[path = "suite/forms.rs"]
 mod forms;

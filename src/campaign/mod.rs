@@ -8,6 +8,7 @@ pub use history::{History, Together, together};
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
 use crate::observe::{RunObserver, SensorStatistics};
+use crate::provenance::Provenance;
 use crate::run::{Options, Smoothing, Summary, run_sharing};
 use crate::score::{Axes, BlockScore, Consistency, Convergence, Episodes, median};
 use fusion_models::sim::{Record, SharedCourse};
@@ -86,6 +87,10 @@ pub struct Campaign {
     pub independence: Independence,
     /// How fast it was.
     pub pace: Pace,
+    /// What the runs were made of; its seed is that of the campaign.
+    pub provenance: Provenance,
+    /// The design's own line about itself.
+    pub description: String,
 }
 
 /// How fast a campaign was, all of it: simulating or reading the data, filtering, scoring.
@@ -214,7 +219,13 @@ fn runs_of(
         threads: pool.current_num_threads(),
     };
     let independence = Independence::of(design, &rows);
-    let campaign = Campaign { rows, independence, pace };
+    let campaign = Campaign {
+        rows,
+        independence,
+        pace,
+        provenance: Provenance::of(design, Some(seed)),
+        description: design.run.description.clone(),
+    };
     Ok((campaign, histories.into_iter().flatten().collect()))
 }
 

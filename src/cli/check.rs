@@ -11,6 +11,7 @@ use fusion::frames::{Judged, judge, units};
 use fusion::models::block::Listen;
 use fusion::models::units::Dimension;
 use fusion::present::{Cell, Column, Page, Section, Table, Unit, short};
+use fusion::provenance::Provenance;
 use fusion::run::{Options, data_dir};
 use fusion::world::{INSTRUMENTS, SimulatedRows};
 use std::path::Path;
@@ -74,6 +75,7 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
     judged.mistakes.extend(units(&design).iter().cloned());
     let page = Page {
         title: design.run.description.clone(),
+        provenance: Provenance::of(&design, None),
         warnings: Vec::new(),
         sections: vec![
             Section::new("", [facts(&design, &mut assembly, unjudged)]),

@@ -11,6 +11,7 @@ use fusion::examine::{Missing, variants};
 use fusion::output::FileSet;
 use fusion::present::campaign::pooled;
 use fusion::present::{Page, comparison};
+use fusion::provenance::Provenance;
 use fusion::report::{Run, record, write};
 use fusion::run::{Keep, Options, Smoothing, Summary};
 use std::path::PathBuf;
@@ -120,6 +121,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
                 campaigns.push((name, monte_carlo(&design, &options, n, args.seed.unwrap_or(1), 0, &told)?));
                 continue;
             }
+            bar.at(results.len() as u64, number as u64);
             let (finished, recording) = record(&design, &options, &mut |_| {})?;
             title.clone_from(&design.run.description);
             recordings.push(recording);
@@ -135,7 +137,8 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         .iter()
         .flat_map(|(name, s)| s.warnings().into_iter().map(move |w| format!("{name}: {w}")));
     let mut page = Page {
-        title: String::new(),
+        title: title.clone(),
+        provenance: Provenance::common(named.iter().map(|(_, summary)| &summary.provenance)),
         warnings: told.collect(),
         sections: comparison::sections(&named),
     };
@@ -157,6 +160,7 @@ fn together(n: u64, campaigns: &[(String, Campaign)]) -> Page {
         .flat_map(|(name, c)| c.warnings().into_iter().map(move |w| format!("{name}: {w}")));
     Page {
         title: format!("{n} runs each"),
+        provenance: Provenance::common(named.iter().map(|(_, campaign)| &campaign.provenance)),
         warnings: told.collect(),
         sections: vec![pooled(&named)],
     }

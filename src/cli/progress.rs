@@ -21,7 +21,7 @@ impl Progress {
             Some(stop) => {
                 let seconds = stop - design.run.start.map_or(0.0, |t| t.si());
                 let bar = ProgressBar::with_draw_target(Some(seconds.max(0.0) as u64), ProgressDrawTarget::stderr());
-                bar.with_style(style("{bar:40} {pos} of {len} s of data, {elapsed} elapsed"))
+                bar.with_style(style("{bar:40} {pos} of {len} s of data, {eta} left"))
             }
             None => {
                 let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());

@@ -1,7 +1,7 @@
 //! `fusion run`.
 
 use super::progress::Progress;
-use super::{DesignArgs, Failure, OutputArgs};
+use super::{DesignArgs, Failure, Format, OutputArgs};
 use clap::{Args, ValueEnum};
 use fusion::config::Diagnostics;
 use fusion::core::covariance::Kernel;
@@ -50,6 +50,9 @@ pub(super) struct RunArgs {
     /// is the same, to the last bit, as without a stop. Give `--checkpoint FILE` too to save it further.
     #[arg(long, value_name = "FILE")]
     resume: Option<PathBuf>,
+    /// Prints all tables: sources, innovations, errors per axis, consistency, outages, estimated parameters.
+    #[arg(short, long)]
+    verbose: bool,
     /// Exit code 3 unless every filter was in good health from its alignment to the end.
     #[arg(long)]
     strict: bool,
@@ -112,7 +115,8 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     };
     progress.finish();
     let summary = summary?;
-    let mut page = summary.page();
+    let is_brief = !args.verbose && args.output.format == Format::Text;
+    let mut page = if is_brief { summary.brief() } else { summary.page() };
     page.sections.push(match &args.out {
         Some(out) => {
             let smoothed = summary.smoothed.as_ref().map(|_| "smoothed.csv");
@@ -126,6 +130,9 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
         }
         None => Section::new("", []).note("Nothing written; `--out DIR` keeps estimates, updates, summary and report."),
     });
+    if is_brief {
+        page.sections.push(Section::new("", []).note("`--verbose` shows all tables."));
+    }
     args.output.print(&page)?;
     let is_ill = summary.health.iter().any(|h| !h.is_good());
     if args.strict && is_ill { Err(Failure::Health) } else { Ok(()) }

@@ -16,6 +16,16 @@ pub struct Document {
     pub(super) root: Arc<Node>,
     /// The same without the variants that were laid over it; none where none was.
     pub(super) base: Option<Arc<Node>>,
+    pub(super) changes: Changes,
+}
+
+/// What was changed in a document since it was read, in order.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Changes {
+    /// The tables that were laid over it, as `variant.udu`.
+    pub overlays: Vec<String>,
+    /// The values that were set, as `gate.threshold=9`.
+    pub edits: Vec<String>,
 }
 
 /// A value with its places.
@@ -87,8 +97,12 @@ impl Document {
             name: place.clone(),
             place,
         };
-        let root = Arc::new(root);
-        (Self { root, base: None }, grower.found)
+        let document = Self {
+            root: Arc::new(root),
+            base: None,
+            changes: Changes::default(),
+        };
+        (document, grower.found)
     }
 
     /// A document of one table of this one.
@@ -96,14 +110,37 @@ impl Document {
         Self {
             root: Arc::new(table),
             base: None,
+            changes: Changes::default(),
         }
     }
 
     /// The document without the variants that were laid over it.
     #[must_use]
     pub fn base(&self) -> Self {
-        let root = Arc::clone(self.base.as_ref().unwrap_or(&self.root));
-        Self { root, base: None }
+        Self {
+            root: Arc::clone(self.base.as_ref().unwrap_or(&self.root)),
+            base: None,
+            changes: Changes {
+                overlays: Vec::new(),
+                ..self.changes.clone()
+            },
+        }
+    }
+
+    /// What was changed in it.
+    #[must_use]
+    pub const fn changes(&self) -> &Changes {
+        &self.changes
+    }
+
+    /// The file that it was read from, as it was named.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        match &self.root.place {
+            Place::File { path, .. } => path,
+            Place::Text { source, .. } => &source.name,
+            Place::Nowhere => "",
+        }
     }
 
     /// The whole tree.

@@ -41,6 +41,7 @@ impl Document {
             // What only a variant has is not there.
             drop(assign(Arc::make_mut(base), &source, PREFIX.len()..equals));
         }
+        self.changes.edits.push(assignment.to_owned());
         Ok(())
     }
 
@@ -73,6 +74,7 @@ impl Document {
         let over = node.clone();
         self.base.get_or_insert_with(|| Arc::clone(&self.root));
         merge(Arc::make_mut(&mut self.root), &over);
+        self.changes.overlays.push(path.to_owned());
         Ok(())
     }
 }

@@ -25,6 +25,6 @@ mod read;
 mod reader;
 
 pub use diagnostic::{Diagnostic, Diagnostics, Place, Severity, Source, did_you_mean};
-pub use document::{Document, Entry, Node, Value};
+pub use document::{Changes, Document, Entry, Node, Value};
 pub use include::Files;
 pub(crate) use include::INCLUDE;

@@ -50,6 +50,15 @@ pub fn pooled(campaigns: &[(&str, &Campaign)]) -> Section {
     )
 }
 
+/// A description before what follows it.
+fn titled(description: &str) -> String {
+    if description.is_empty() {
+        String::new()
+    } else {
+        format!("{description}: ")
+    }
+}
+
 /// `672,000 filter epochs in 0.61 s: 1.10 M/s on 2 threads`.
 fn pace(pace: &Pace) -> String {
     let Pace { epochs, seconds, threads } = *pace;
@@ -79,7 +88,8 @@ impl Campaign {
     #[must_use]
     pub fn page(&self) -> Page {
         Page {
-            title: format!("{} runs", self.rows.len()),
+            title: format!("{}{} runs", titled(&self.description), self.rows.len()),
+            provenance: self.provenance.clone(),
             warnings: self.warnings(),
             sections: [pooled(&[("all runs", self)]), Section::new("Errors over the runs", [self.errors()])]
                 .into_iter()

@@ -1,7 +1,7 @@
 //! A page as JSON: every number in full precision, in the unit that is shown.
 //!
 //! ```json
-//! {"title": "…", "warnings": [], "sections": [{"title": "Sensors", "notes": [], "tables": [{
+//! {"title": "…", "provenance": {…}, "warnings": [], "sections": [{"title": "Sensors", "notes": [], "tables": [{
 //!   "columns": [{"name": "quantity"}, {"name": "RMS"}, {"name": "at", "unit": "s"}],
 //!   "rows": [{"unit": "m", "cells": ["east", 1.0625, 12.5]}]}]}]}
 //! ```
@@ -19,6 +19,7 @@ pub fn page(page: &Page) -> Value {
     let shown = page.sections.iter().filter(|s| !s.is_empty());
     json!({
         "title": page.title,
+        "provenance": page.provenance,
         "warnings": page.warnings,
         "sections": shown.map(section).collect::<Vec<_>>(),
     })
@@ -68,6 +69,7 @@ fn cell(cell: &Cell, unit: &Unit) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::provenance::Provenance;
 
     #[test]
     fn values_have_the_unit_of_their_column_or_row() {
@@ -86,6 +88,7 @@ mod tests {
         t.row_in(Unit::of_si("rad"), cells);
         let written = page(&Page {
             title: "t".to_owned(),
+            provenance: Provenance::default(),
             warnings: vec!["w".to_owned()],
             sections: vec![Section::new("s", [t]).note("n"), Section::new("empty", [])],
         });

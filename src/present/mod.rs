@@ -8,6 +8,7 @@
 //! `summary.json` is not drawn from the tree: it is the data themselves, in SI and full precision,
 //! with keys that programs rely on.
 
+mod brief;
 pub mod campaign;
 pub mod comparison;
 mod control;

@@ -35,14 +35,21 @@ impl Summary {
     pub fn page(&self) -> Page {
         Page {
             title: self.description.clone(),
+            provenance: self.provenance.clone(),
             warnings: self.warnings(),
-            sections: [self.facts(), health::section(&self.health), self.data()]
-                .into_iter()
-                .chain(self.measurements())
-                .chain(control::section(self.control.as_ref()))
-                .chain(self.errors())
-                .chain([self.estimated()])
-                .collect(),
+            sections: [
+                self.verdict(),
+                self.look_next(usize::MAX),
+                self.facts(),
+                health::section(&self.health),
+                self.data(),
+            ]
+            .into_iter()
+            .chain(self.measurements())
+            .chain(control::section(self.control.as_ref()))
+            .chain(self.errors())
+            .chain([self.estimated()])
+            .collect(),
         }
     }
 
@@ -50,20 +57,10 @@ impl Summary {
     #[must_use]
     pub fn facts(&self) -> Section {
         let mut t = Table::list();
-        for health in &self.health {
-            let name = match health.filter.as_str() {
-                "" => "health".to_owned(),
-                filter => format!("health of `{filter}`"),
-            };
-            t.row([name, health::line(health)]);
-        }
         t.row(["backend", &self.backend]);
         match self.started {
             Some(at) => t.row_in(Unit::of_si("s"), [Cell::text("started"), Cell::Fixed(at, 3)]),
             None => t.row(["started", "never"]),
-        }
-        for (name, what) in &self.waiting {
-            t.row(["", &format!("`{name}` waits for {what}")]);
         }
         t.row([Cell::text("epochs"), Cell::Count(self.epochs)]);
         if let Some(current) = &self.current {
@@ -90,7 +87,7 @@ impl Summary {
         t.row_in(Unit::of_si("s"), [Cell::text("time taken"), Cell::Fixed(self.wall_seconds, 2)]);
         let per_epoch = [Cell::text("filter, per epoch"), Cell::Fixed(self.filter_ns_per_epoch, 0)];
         t.row_in(Unit::shown("ns"), per_epoch);
-        Section::new("", [t])
+        Section::new("Run", [t])
     }
 
     /// What the sources delivered.
@@ -472,7 +469,7 @@ fn episodes(episodes: &Episodes) -> Section {
 }
 
 /// Whether a run has converged, as a sentence.
-fn converged(convergence: &Convergence) -> String {
+pub(super) fn converged(convergence: &Convergence) -> String {
     match convergence {
         Convergence {
             after: Some(after),

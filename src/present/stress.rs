@@ -26,6 +26,7 @@ impl Stress {
         let (pairs, singles): (Vec<&Row>, Vec<&Row>) = self.rows.iter().partition(|r| r.case.sets.len() > 1);
         let alone = core::iter::once(&self.undisturbed).chain(singles.iter().copied());
         Page {
+            provenance: self.provenance.clone(),
             title: format!("{}, under {} faults from {at} s on", self.description, self.rows.len()),
             warnings,
             sections: vec![

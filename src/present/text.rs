@@ -26,6 +26,9 @@ fn write(out: &mut String, page: &Page, width: usize) -> fmt::Result {
     for line in wrapped(&page.title, width).iter().filter(|line| !line.is_empty()) {
         writeln!(out, "{line}")?;
     }
+    for line in wrapped(&page.provenance.line(), width).iter().filter(|line| !line.is_empty()) {
+        writeln!(out, "{line}")?;
+    }
     for section in page.sections.iter().filter(|s| !s.is_empty()) {
         // What has no title of its own goes with the line before it.
         let stands_alone = !section.title.is_empty() || !section.notes.is_empty();

@@ -2,6 +2,7 @@
 
 use super::number::{NONE, fixed, significant};
 use super::unit::Unit;
+use crate::provenance::Provenance;
 use crate::score::{Consistency, Verdict};
 use fusion_core::time::Time;
 
@@ -10,6 +11,8 @@ use fusion_core::time::Time;
 pub struct Page {
     /// What it is about, in a line; may be empty.
     pub title: String,
+    /// What it was made of; of several runs what they have in common.
+    pub provenance: Provenance,
     /// What a reader must not overlook, a sentence each. A command tells these on stderr.
     pub warnings: Vec<String>,
     /// What it consists of, in reading order.

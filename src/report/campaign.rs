@@ -67,7 +67,7 @@ pub fn render_campaign(title: &str, campaign: &Campaign, histories: &[History], 
                 plot to zoom in time, double-click to reset.";
     shell(
         title,
-        &html! {},
+        &html! { p.provenance { (campaign.provenance.line()) } },
         &main,
         help,
         &serde_json::to_string(&data).unwrap_or_default(),

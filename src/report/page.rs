@@ -4,6 +4,7 @@ use super::data::data;
 use super::recording::Recording;
 use crate::output::{FileSet, Unwritable};
 use crate::present::{Section, comparison, html::sections};
+use crate::provenance::Provenance;
 use crate::run::Summary;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use std::io::Write;
@@ -120,7 +121,11 @@ fn descriptions(title: &str, runs: &[Run<'_>]) -> Markup {
             lines.push(text);
         }
     }
-    html! { @for line in lines { p { (line) } } }
+    let provenance = Provenance::common(runs.iter().map(|run| &run.summary.provenance)).line();
+    html! {
+        @for line in lines { p { (line) } }
+        @if !provenance.is_empty() { p.provenance { (provenance) } }
+    }
 }
 
 /// Errors of one run, or several runs beside each other.
@@ -136,7 +141,8 @@ fn compared(runs: &[Run<'_>]) -> Markup {
         [] => html! {},
         [run] => {
             let health = crate::present::health::section(&run.summary.health);
-            let all: Vec<_> = [health].into_iter().chain(run.summary.errors()).collect();
+            let first = [run.summary.verdict(), run.summary.look_next(usize::MAX), health];
+            let all: Vec<_> = first.into_iter().chain(run.summary.errors()).collect();
             sections(&all)
         }
         _ => {

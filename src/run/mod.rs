@@ -18,8 +18,10 @@ pub use summary::{Current, FinalState, InsideScore, Smoothed, Summary};
 use crate::assembly::{Assembly, assemble, declared_streams, stream_of};
 use crate::config::{Diagnostic, Diagnostics, Node};
 use crate::design::{Design, Named, ReferenceSpec, SourceDesign};
+use crate::findings::findings;
 use crate::health::HealthRecord;
 use crate::observe::{Consumers, Counters, FilterScore, Filters, Finals, Heard, Hub, RunObserver, Smoother, Statistics, Timing};
+use crate::provenance::Provenance;
 use crate::rows::{Feed, outages as silences};
 use crate::score::{Comparison, Outage};
 use crate::solution::SolutionReader;
@@ -242,8 +244,10 @@ impl<'a> Run<'a> {
         let mut scores = scores.into_iter().map(FilterScore::finish);
         let score = scores.next();
         let inside = filters.iter().filter(|f| !f.is_outermost()).zip(scores);
-        let summary = Summary {
+        let mut summary = Summary {
             description: self.design.run.description.clone(),
+            provenance: Provenance::of(self.design, self.options.seed),
+            findings: Vec::new(),
             backend: self.design.filter.backend_name(),
             kernel: self.design.filter.kernel.unwrap_or_default().name(),
             health: health.finish(),
@@ -281,6 +285,9 @@ impl<'a> Run<'a> {
             wall_seconds: self.begun.elapsed().as_secs_f64(),
             filter_ns_per_epoch: timing.ns_per_epoch(counters.epochs),
         };
+        if !self.is_one_of_many {
+            summary.findings = findings(self.design, &summary);
+        }
         let checkpoints = self.options.checkpoint.iter().map(|c| &c.file).chain(&self.options.resume);
         Ok(Finished {
             summary,

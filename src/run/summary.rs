@@ -1,7 +1,9 @@
 //! What a run results in.
 
+use crate::findings::Finding;
 use crate::health::FilterHealth;
 use crate::observe::{ConsumerCounts, SensorStatistics};
+use crate::provenance::Provenance;
 use crate::rows::SourceStatistics;
 use crate::score::Score;
 use fusion_core::state::{Belief, Kind, Layout, StateRole};
@@ -70,6 +72,10 @@ pub struct Current {
 pub struct Summary {
     /// The design's own line about itself.
     pub description: String,
+    /// What the run was made of.
+    pub provenance: Provenance,
+    /// What to look at next, the first first.
+    pub findings: Vec<Finding>,
     /// The backend: chart, update, form.
     pub backend: String,
     /// What computed: the instructions of the processor. Another one rounds differently.

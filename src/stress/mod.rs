@@ -28,6 +28,7 @@ use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
 use crate::health::Names;
 use crate::observe::Filters;
+use crate::provenance::Provenance;
 use crate::run::examine::build;
 use crate::run::{Finished, Options, Run, Smoothing};
 use fusion_core::time::Time;
@@ -87,6 +88,8 @@ impl Row {
 pub struct Stress {
     /// The design's own line about itself.
     pub description: String,
+    /// What was put under stress.
+    pub provenance: Provenance,
     /// The undisturbed run, judged as the others are.
     pub undisturbed: Row,
     /// A row per case.
@@ -161,6 +164,7 @@ pub fn stress(
     let rows: Result<Vec<Row>, Diagnostics> = pool.install(|| cases.into_par_iter().map(one).collect());
     Ok(Stress {
         description: design.run.description.clone(),
+        provenance: Provenance::of(design, Some(seed)),
         undisturbed: Row {
             outcome: outcome(design, &undisturbed, catalogue.watch, options, &survey)?,
             case: undisturbed,

@@ -18,7 +18,7 @@ fn help_has_examples_for_every_subcommand() {
 fn the_built_in_design_runs_without_a_file() {
     let w = Workspace::new("command-default");
     // A pipe gets neither progress nor warnings.
-    let ran = w.fusion(&["run"]).success().stderr("").stdout(narrow());
+    let ran = w.fusion(&["run", "--verbose"]).success().stderr("").stdout(narrow());
     let parts = [
         "backend ",
         "started ",
@@ -30,6 +30,72 @@ fn the_built_in_design_runs_without_a_file() {
         "attitude yaw [deg]",
     ];
     shows(ran, &parts);
+}
+
+/// Of a screen's length, and the rest is a word away.
+#[test]
+fn the_first_lines_say_what_the_run_was_and_how_it_went() {
+    let w = Workspace::new("command-brief");
+    let arguments = [
+        "run",
+        "--seed",
+        "7",
+        "--variant",
+        "no-gate",
+        "--set",
+        "sensor.compass.noise.sigma=1 deg",
+        "--out",
+        "out",
+    ];
+    let ran = w.fusion(&arguments).success().stdout(narrow());
+    let lines = squeezed(&stdout(&ran));
+    let made_of = "variant no-gate · set sensor.compass.noise.sigma=1 deg · seed 7 · design ";
+    assert!(lines[1..3].join(" ").contains(made_of), "{lines:#?}");
+    let at = |start: &str| {
+        lines
+            .iter()
+            .position(|line| line.starts_with(start))
+            .unwrap_or_else(|| panic!("{start}: {lines:#?}"))
+    };
+    let order = [
+        "health",
+        "position horizontal",
+        "velocity",
+        "attitude heading",
+        "Look at next",
+        "- NEES position",
+        "Sensors",
+    ]
+    .map(at);
+    assert!(order.is_sorted() && lines.len() <= 45, "{lines:#?}");
+    let summary: Value = serde_json::from_str(&w.read("out/summary.json")).unwrap();
+    let provenance = &summary["provenance"];
+    assert_eq!(provenance["variants"], serde_json::json!(["no-gate"]));
+    assert_eq!(provenance["set"], serde_json::json!(["sensor.compass.noise.sigma=1 deg"]));
+    assert_eq!(
+        (&provenance["seed"], &provenance["version"]),
+        (&7.into(), &env!("CARGO_PKG_VERSION").into())
+    );
+    let hash = provenance["hash"].as_str().unwrap();
+    for page in ["out/report.html"] {
+        assert!(w.read(page).contains(&format!("{made_of}{hash}")), "{page}");
+    }
+    let campaign = w.fusion(&[
+        "montecarlo",
+        "-n",
+        "2",
+        "--variant",
+        "no-gate",
+        "--set",
+        "sensor.compass.noise.sigma=1 deg",
+        "--out",
+        "mc",
+    ]);
+    shows(campaign.success(), &["variant no-gate · set sensor.compass.noise.sigma=1 deg"]);
+    assert!(w.read("mc/montecarlo.html").contains(&format!("seed 1 · design {hash}")));
+    let compared = w.fusion(&["compare", "--variant", "base,no-gate", "--out", "both"]);
+    shows(compared.success(), &["seed 1 · fusion"]);
+    assert!(w.read("both/report.html").contains("seed 1 · fusion"));
 }
 
 #[test]

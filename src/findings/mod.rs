@@ -1,0 +1,252 @@
+//! What to look at next: advice that follows from the statistics of a run.
+//!
+//! ```text
+//! design ──▶ what each sensor is (instrument or constraint, what it measures, whether its bias can be a state)
+//!                                                          │
+//! summary ─▶ gates, NEES, NIS, gaps ───────────────────────┴──▶ findings, the first to look at first
+//! ```
+//!
+//! Each finding names its evidence in figures and the setting to change. What a gate refused is in no other
+//! figure, so that comes first. A reference outranks innovations: they are small, too, where the estimate
+//! follows a slow error of a sensor. A constraint has no instrument: nothing is said of its bias, and nothing
+//! where it is kept better than declared.
+//!
+//! Source   Bar-Shalom, Li, Kirubarajan 2001, §5.4: what a mean NEES or NIS outside its band means
+//! Not here what a run without findings proves: nothing, if its data do not move the vehicle enough
+
+mod instrument;
+#[cfg(test)]
+mod tests;
+
+use self::instrument::{Instrument, Measures};
+use crate::design::Design;
+use crate::observe::SensorStatistics;
+use crate::present::short;
+use crate::run::Summary;
+use crate::score::{Consistency, Score, Verdict};
+use core::fmt;
+use serde::Serialize;
+
+/// Something that a designer should look at.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// What it is about: a sensor, a source, or a NEES.
+    pub about: String,
+    /// What was found, with its figures.
+    pub evidence: String,
+    /// What to do.
+    pub advice: String,
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.evidence, self.advice)
+    }
+}
+
+/// The share of rejected measurements from which on a gate does more than to remove outliers: a gate of 99 %
+/// refuses 1 % of the good ones.
+const REJECTED: f64 = 0.05;
+/// Fewer measurements say little about a share: of 20, one rejected is already 5 %.
+const FEW: u64 = 20;
+/// The mean statistic over its degrees of freedom from which on it is worth a change: errors are then
+/// √1.5 = 1.22 times the 1σ of the filter.
+const LARGE: f64 = 1.5;
+/// The same below: errors are √0.5 = 0.71 times the 1σ.
+const SMALL: f64 = 0.5;
+/// The same of errors that are known: half of the 1σ. A little too careful is no fault.
+const TINY: f64 = 0.25;
+/// A stretch without rows that is worth a word: so many intervals of its source, and seconds.
+const GAP: (f64, f64) = (10.0, 3.0);
+
+/// What was found in a run of `design`; nothing in one that is consistent, or that never started.
+#[must_use]
+pub fn findings(design: &Design, summary: &Summary) -> Vec<Finding> {
+    if summary.started.is_none() {
+        return Vec::new();
+    }
+    let instruments = Instrument::of_design(design, &summary.parameters);
+    let judged = Judged {
+        instruments: &instruments,
+        summary,
+    };
+    judged.findings()
+}
+
+/// A run, and what its sensors are.
+#[derive(Clone, Copy)]
+struct Judged<'a> {
+    instruments: &'a [Instrument],
+    summary: &'a Summary,
+}
+
+impl Judged<'_> {
+    fn findings(&self) -> Vec<Finding> {
+        let sensors = || {
+            let of = |i: &Instrument| self.summary.sensors.iter().find(|s| s.name == i.name);
+            self.instruments.iter().filter_map(move |i| Some((i, of(i)?)))
+        };
+        let rejected = sensors().filter(|(i, _)| i.has_gate).filter_map(|(_, s)| rejected(s));
+        let errors = Measures::ALL.into_iter().filter_map(|what| self.errors(what));
+        let large = sensors().filter_map(|(i, s)| large(i, s.nis.as_ref()?));
+        let small = sensors().filter_map(|(i, s)| self.small(i, s.nis.as_ref()?));
+        let gaps = self.gaps();
+        rejected.chain(errors).chain(large).chain(small).chain(gaps).collect()
+    }
+
+    /// The mean NEES of what a sensor measures.
+    fn nees(&self, what: Measures) -> Option<&Consistency> {
+        nees_of(self.summary.score.as_ref()?, what)
+    }
+
+    /// Errors against the reference that are not what the covariance says.
+    fn errors(&self, what: Measures) -> Option<Finding> {
+        let c = self.nees(what)?;
+        let name = format!("NEES {}", what.word());
+        let evidence = format!("{name} is {} of {}", short(c.mean), c.dof);
+        let advice = match c.verdict()? {
+            Verdict::Overconfident if is_large(c) => self.too_sure(what, c),
+            Verdict::Conservative if ratio(c) < TINY => format!(
+                "errors are only {} times the 1σ of the filter; the noises of its sensors or process are larger than need be",
+                short(c.error_ratio())
+            ),
+            _ => return None,
+        };
+        Some(Finding {
+            about: name,
+            evidence,
+            advice,
+        })
+    }
+
+    /// Why the filter believes more than it should: a sensor whose error it follows, if there is one.
+    fn too_sure(&self, what: Measures, nees: &Consistency) -> String {
+        let times = format!("errors are {} times the 1σ of the filter", short(nees.error_ratio()));
+        let broken = self.measuring(what).find(|(_, nis)| is_large(nis));
+        if let Some((sensor, _)) = broken {
+            return format!("{times}; begin with the innovations of `{}`", sensor.name);
+        }
+        let followed = self.measuring(what).filter(|(_, nis)| nis.verdict() == Some(Verdict::Conservative));
+        let Some((sensor, nis)) = followed.min_by(|a, b| ratio(a.1).total_cmp(&ratio(b.1))) else {
+            return format!(
+                "{times}; a noise of the process is too small, an error of a sensor has no state, or the start was far off \
+                 (`[reference] from` judges from later on)"
+            );
+        };
+        let name = &sensor.name;
+        let follows = format!(
+            "{times}, and NIS of `{name}` is only {} of {}: the estimate follows a slow error of `{name}`",
+            short(nis.mean),
+            nis.dof
+        );
+        match sensor.bias {
+            Some(false) => format!("{follows}; declare its `bias` as a state with a `correlation_time`"),
+            Some(true) => format!("{follows}; its `bias` is a state already: is its `sigma` or `random_walk` too small?"),
+            None => format!("{follows}; raise its `noise`, for its rows are not independent"),
+        }
+    }
+
+    /// The instruments that measure a part of the solution, with their NIS.
+    fn measuring(&self, what: Measures) -> impl Iterator<Item = (&Instrument, &Consistency)> {
+        let of = move |i: &&Instrument| i.measures == Some(what) && !i.is_constraint;
+        self.instruments.iter().filter(of).filter_map(|i| {
+            let sensor = self.summary.sensors.iter().find(|s| s.name == i.name)?;
+            Some((i, sensor.nis.as_ref()?))
+        })
+    }
+
+    /// Innovations that are smaller than the filter expects.
+    fn small(&self, sensor: &Instrument, nis: &Consistency) -> Option<Finding> {
+        // Where errors are known, they judge. What measures no part of the solution may be slow on purpose.
+        let is_judged = Measures::ALL.into_iter().any(|what| self.nees(what).is_some());
+        let is_told = !sensor.is_constraint && sensor.measures.is_some() && !is_judged;
+        if !is_told || nis.verdict() != Some(Verdict::Conservative) || ratio(nis) >= SMALL {
+            return None;
+        }
+        let name = &sensor.name;
+        let state = match sensor.bias {
+            Some(false) => "; then declare its `bias` as a state with a `correlation_time`",
+            Some(true) | None => "",
+        };
+        Some(Finding {
+            about: name.clone(),
+            evidence: format!("NIS of `{name}` is {} of {}", short(nis.mean), nis.dof),
+            advice: format!("its `noise` is larger than its errors, or they change slowly and the estimate follows them{state}"),
+        })
+    }
+
+    /// Sources of sensors that were silent for long, where neither a fault nor a declared outage says so.
+    fn gaps(&self) -> impl Iterator<Item = Finding> {
+        let has_outages = self.summary.score.as_ref().is_some_and(|score| !score.drift.is_empty());
+        let is_read = |name: &str| self.instruments.iter().any(|i| i.source == name);
+        let sources = self.summary.sources.iter();
+        let sources = sources.filter(move |s| !has_outages && s.report.disturbed.is_empty() && is_read(&s.name));
+        sources.filter_map(|source| {
+            let (at, gap) = source.report.longest_gap?;
+            let rate = source.report.mean_rate()?;
+            (gap > GAP.1 && gap * rate > GAP.0).then(|| Finding {
+                about: source.name.clone(),
+                evidence: format!("`{}` has no row for {gap:.1} s at {:.1} s", source.name, at.seconds()),
+                advice: "look at the drift there".to_owned(),
+            })
+        })
+    }
+}
+
+fn nees_of(score: &Score, what: Measures) -> Option<&Consistency> {
+    match what {
+        Measures::Position => score.nees_position.as_ref(),
+        Measures::Velocity => score.nees_velocity.as_ref(),
+        Measures::Attitude => score.nees_attitude.as_ref(),
+    }
+}
+
+/// A gate that refuses more than some outliers.
+fn rejected(s: &SensorStatistics) -> Option<Finding> {
+    let all = s.accepted + s.reacquired + s.rejected;
+    // Rejected rows that a declared fault disturbed are what the gate is there for.
+    let good = s.rejected - s.disturbed.map_or(0, |d| d.caught).min(s.rejected);
+    let share = good as f64 / all as f64;
+    (all >= FEW && share > REJECTED).then(|| Finding {
+        about: s.name.clone(),
+        evidence: format!(
+            "the gate of `{}` rejected {good} of {all} measurements, {:.0} %",
+            s.name,
+            100.0 * share
+        ),
+        advice: "if they are not outliers, look at its time stamps, lever arm and axes, then at its `noise`".to_owned(),
+    })
+}
+
+/// Innovations that are larger than the filter expects.
+fn large(sensor: &Instrument, nis: &Consistency) -> Option<Finding> {
+    let name = &sensor.name;
+    let advice = if sensor.is_constraint {
+        "the vehicle does not keep this constraint so well; raise its `noise`, or apply it less often"
+    } else if !sensor.has_gate {
+        "are there outliers, which a `gate` would refuse? Else look at its time stamps (`time_offset`), lever arm and axes, then at \
+         its `noise`"
+    } else {
+        "look at its time stamps (`time_offset`), lever arm and axes; if they are right, raise its `noise` or that of the process"
+    };
+    is_large(nis).then(|| Finding {
+        about: name.clone(),
+        evidence: format!(
+            "NIS of `{name}` is {} of {}, innovations are {} times what is expected",
+            short(nis.mean),
+            nis.dof,
+            short(nis.error_ratio())
+        ),
+        advice: advice.to_owned(),
+    })
+}
+
+/// Whether errors are so much larger than expected that it is worth a change.
+fn is_large(c: &Consistency) -> bool {
+    c.verdict() == Some(Verdict::Overconfident) && ratio(c) > LARGE
+}
+
+/// The mean over what it should be.
+fn ratio(c: &Consistency) -> f64 {
+    c.mean / c.dof as f64
+}

@@ -1,0 +1,142 @@
+use super::*;
+use crate::observe::Disturbed;
+
+fn consistency(mean: f64) -> Consistency {
+    Consistency {
+        mean,
+        dof: 3,
+        count: 300,
+        independent: 300.0,
+        band: (2.7, 3.3),
+    }
+}
+
+fn instrument(bias: Option<bool>) -> Instrument {
+    Instrument {
+        name: "gnss".to_owned(),
+        source: "receiver".to_owned(),
+        is_constraint: false,
+        measures: Some(Measures::Position),
+        has_gate: true,
+        bias,
+    }
+}
+
+fn sensor(nis: f64) -> SensorStatistics {
+    SensorStatistics {
+        name: "gnss".to_owned(),
+        accepted: 300,
+        nis: Some(consistency(nis)),
+        ..SensorStatistics::default()
+    }
+}
+
+fn found(instrument: Instrument, sensor: SensorStatistics, nees: Option<f64>) -> Vec<String> {
+    let summary = Summary {
+        sensors: vec![sensor],
+        score: nees.map(|mean| Score {
+            nees_position: Some(consistency(mean)),
+            ..Score::default()
+        }),
+        ..Summary::default()
+    };
+    let judged = Judged {
+        instruments: &[instrument],
+        summary: &summary,
+    };
+    judged.findings().iter().map(ToString::to_string).collect()
+}
+
+#[test]
+fn a_consistent_run_has_no_finding() {
+    for nees in [None, Some(3.0), Some(4.4), Some(1.6)] {
+        assert!(found(instrument(Some(false)), sensor(3.0), nees).is_empty());
+        assert!(
+            found(instrument(Some(false)), sensor(4.4), nees).is_empty(),
+            "too near to be worth a change"
+        );
+    }
+}
+
+#[test]
+fn small_innovations_with_large_errors_are_a_slow_error_of_the_sensor() {
+    let all = found(instrument(Some(false)), sensor(0.07), Some(12.0));
+    assert_eq!(all.len(), 1, "{all:?}");
+    assert!(
+        all[0].starts_with("NEES position is 12") && all[0].contains("errors are 2"),
+        "{all:?}"
+    );
+    assert!(
+        all[0].contains("NIS of `gnss` is only 0.07") && all[0].contains("declare its `bias`"),
+        "{all:?}"
+    );
+    assert!(!all[0].contains("`noise`"), "no smaller noise where errors are large: {all:?}");
+    let has_state = found(instrument(Some(true)), sensor(0.07), Some(12.0));
+    assert!(has_state[0].contains("is a state already"), "{has_state:?}");
+    let without = found(instrument(None), sensor(0.07), Some(12.0));
+    assert!(without[0].contains("raise its `noise`"), "{without:?}");
+    let broken = found(instrument(None), sensor(9.0), Some(12.0));
+    assert!(
+        broken.len() == 2 && broken[0].contains("begin with the innovations of `gnss`"),
+        "{broken:?}"
+    );
+    let white = found(instrument(Some(false)), sensor(3.0), Some(12.0));
+    assert!(white[0].contains("noise of the process is too small"), "{white:?}");
+}
+
+#[test]
+fn a_reference_outranks_innovations() {
+    assert!(found(instrument(Some(false)), sensor(0.07), Some(3.0)).is_empty());
+    let alone = found(instrument(Some(false)), sensor(0.07), None);
+    let slow_on_purpose = Instrument {
+        measures: None,
+        ..instrument(None)
+    };
+    assert!(found(slow_on_purpose, sensor(0.07), None).is_empty());
+    assert!(
+        alone.len() == 1 && alone[0].contains("larger than its errors, or they change slowly"),
+        "{alone:?}"
+    );
+    let conservative = found(instrument(Some(false)), sensor(0.07), Some(0.6));
+    assert!(
+        conservative.len() == 1 && conservative[0].contains("larger than need be"),
+        "{conservative:?}"
+    );
+}
+
+#[test]
+fn of_a_constraint_neither_bias_nor_smaller_noise_is_spoken() {
+    let constraint = Instrument {
+        is_constraint: true,
+        measures: Some(Measures::Velocity),
+        ..instrument(Some(false))
+    };
+    assert!(found(constraint.clone(), sensor(0.07), None).is_empty());
+    let broken = found(constraint, sensor(9.0), None);
+    assert!(
+        broken.len() == 1 && broken[0].contains("does not keep this constraint"),
+        "{broken:?}"
+    );
+}
+
+#[test]
+fn a_gate_that_rejects_good_rows_comes_first() {
+    let refused = |caught| SensorStatistics {
+        rejected: 60,
+        disturbed: Some(Disturbed {
+            caught,
+            ..Disturbed::default()
+        }),
+        ..sensor(9.0)
+    };
+    let all = found(instrument(None), refused(0), None);
+    assert!(
+        all.len() == 2 && all[0].contains("rejected 60 of 360 measurements, 17 %"),
+        "{all:?}"
+    );
+    assert_eq!(
+        found(instrument(None), refused(60), None).len(),
+        1,
+        "disturbed rows are rejected rightly"
+    );
+}

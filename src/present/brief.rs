@@ -1,0 +1,151 @@
+//! What matters of a run: a page that fits on a screen.
+
+use super::control;
+use super::health;
+use super::number::short;
+use super::run::converged;
+use super::sensors::{count_columns, counts};
+use super::tree::{Cell, Column, Page, Section, Table};
+use crate::run::Summary;
+use crate::score::{Axes, Consistency, Score};
+
+/// Findings that are shown; all of them are with the other tables.
+const FINDINGS: usize = 4;
+
+impl Summary {
+    /// Health, errors, consistency and what to look at next, then what became of the measurements: no more than
+    /// a screen of most designs. [`page`](Self::page) has everything.
+    #[must_use]
+    pub fn brief(&self) -> Page {
+        Page {
+            title: self.description.clone(),
+            provenance: self.provenance.clone(),
+            warnings: self.warnings(),
+            sections: [self.verdict(), self.look_next(FINDINGS), health::section(&self.health)]
+                .into_iter()
+                .chain(control::section(self.control.as_ref()))
+                .chain([self.sensors_in_short()])
+                .collect(),
+        }
+    }
+
+    /// Health, errors and consistency, a line each.
+    #[must_use]
+    pub fn verdict(&self) -> Section {
+        let mut t = Table::list();
+        for health in &self.health {
+            let name = match health.filter.as_str() {
+                "" => "health".to_owned(),
+                filter => format!("health of `{filter}`"),
+            };
+            t.row([name, health::line_with_reason(health)]);
+        }
+        if self.started.is_none() {
+            t.row(["started", "never"]);
+        }
+        for (name, what) in &self.waiting {
+            t.row(["", &format!("`{name}` waits for {what}")]);
+        }
+        let smoothed = self.smoothed.as_ref().and_then(|s| s.score.as_ref());
+        match &self.score {
+            Some(score) if score.epochs > 0 => {
+                errors(&mut t, "", score);
+                smoothed.into_iter().for_each(|score| errors(&mut t, "smoothed ", score));
+            }
+            Some(_) => t.row(["reference", "none of its epochs lies within the run"]),
+            None if self.started.is_some() => {
+                t.row(["errors", "no reference: judged by innovations alone"]);
+                if let Some(line) = self.innovations_in_short() {
+                    t.row(["NIS over expected", &line]);
+                }
+            }
+            None => {}
+        }
+        Section::new("", [t])
+    }
+
+    /// What to look at next, at most so many findings.
+    #[must_use]
+    pub fn look_next(&self, most: usize) -> Section {
+        let mut section = Section::new("Look at next", []);
+        section.notes = self.findings.iter().take(most).map(|f| format!("- {f}.")).collect();
+        if self.findings.len() > most {
+            section.notes.push(format!("… and {} more.", self.findings.len() - most));
+        }
+        if section.notes.is_empty() { Section::default() } else { section }
+    }
+
+    /// `gnss 0.95, compass 1.1`.
+    fn innovations_in_short(&self) -> Option<String> {
+        let nis = self.sensors.iter().filter_map(|s| Some((&s.name, s.nis.as_ref()?)));
+        let shown: Vec<String> = nis.map(|(name, c)| format!("`{name}` {}", short(c.mean / c.dof as f64))).collect();
+        (!shown.is_empty()).then(|| shown.join(", "))
+    }
+
+    /// Counts and NIS of each sensor.
+    fn sensors_in_short(&self) -> Section {
+        let counts = counts(&self.sensors);
+        let nis = Column::number("NIS over expected");
+        let mut t = Table::new([Column::text("sensor")].into_iter().chain(count_columns(&counts)).chain([nis]));
+        for s in &self.sensors {
+            let cells = counts.iter().map(|(_, count)| Cell::count(count(s)));
+            let nis = Cell::real(s.nis.as_ref().map(|c| c.mean / c.dof as f64));
+            t.row([Cell::text(&s.name)].into_iter().chain(cells).chain([nis]));
+        }
+        Section::new("Sensors", [t])
+    }
+}
+
+/// A line for each of position, velocity and attitude, drift and convergence.
+fn errors(t: &mut Table, whose: &str, score: &Score) {
+    let mut line = |name: &str, parts: Vec<String>, nees: Option<&Consistency>| {
+        let parts = parts.into_iter().chain(nees.map(said)).collect::<Vec<_>>();
+        t.row([format!("{whose}{name}"), parts.join("; ")]);
+    };
+    if let Some(position) = &score.position {
+        let mut horizontal = format!("horizontal {} m RMS", short(score.horizontal_rms));
+        let more = [
+            ("median", score.horizontal_median),
+            ("95 %", score.horizontal_p95),
+            ("max", Some(score.horizontal_max)),
+        ];
+        for (name, value) in more {
+            horizontal.extend(value.map(|value| format!(", {name} {}", short(value))));
+        }
+        let down = format!("down {} m", short(position.rms[2]));
+        line("position", vec![horizontal, down], score.nees_position.as_ref());
+    }
+    let length = |axes: &Axes| axes.rms.iter().map(|v| v * v).sum::<f64>().sqrt();
+    if let Some(velocity) = &score.velocity {
+        line(
+            "velocity",
+            vec![format!("{} m/s RMS", short(length(velocity)))],
+            score.nees_velocity.as_ref(),
+        );
+    }
+    if score.attitude_deg.is_some() {
+        let of = |name: &str, value: Option<f64>| value.map(|v| format!("{name} {}°", short(v)));
+        let parts = [of("heading", score.heading_rmse_deg), of("tilt", score.inclination_rmse_deg)];
+        let parts: Vec<String> = parts.into_iter().flatten().collect();
+        line("attitude", vec![format!("{} RMS", parts.join(", "))], score.nees_attitude.as_ref());
+    }
+    if let (Some(rms), Some(median)) = (score.drift_rms, score.drift_median) {
+        let outages = score.drift.len();
+        let s = if outages == 1 { "" } else { "s" };
+        let drift = format!(
+            "{outages} outage{s}, largest horizontal error {} m RMS, median {}",
+            short(rms),
+            short(median)
+        );
+        line("drift", vec![drift], None);
+    }
+    if let Some(convergence) = &score.convergence {
+        line("convergence", vec![converged(convergence)], None);
+    }
+}
+
+/// `NEES 13.6 of 3, overconfident`.
+fn said(c: &Consistency) -> String {
+    let verdict = c.verdict().map_or(String::new(), |verdict| format!(", {}", verdict.word()));
+    format!("NEES {} of {}{verdict}", short(c.mean), c.dof)
+}
