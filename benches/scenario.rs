@@ -53,6 +53,7 @@ fn rows(design: &Design) -> Vec<Row> {
             name: named.name.clone(),
             origin,
             seed: design.run.seed,
+            ..OpenContext::default()
         };
         sources.push(named.block.source.open(&context).expect("the log is there"));
         streams.push(runner.stream(&named.name).expect("a source is a stream"));

@@ -94,6 +94,9 @@ mod parts;
 /// README's section on speed: made of the figures that were measured.
 #[path = "suite/performance.rs"]
 mod performance;
+/// How far a run over recorded files is.
+#[path = "suite/progress.rs"]
+mod progress;
 /// Published tables of filters on benchmarks, reproduced.
 #[path = "suite/published.rs"]
 mod published;

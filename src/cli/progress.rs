@@ -2,39 +2,53 @@
 
 use fusion::core::time::Time;
 use fusion::design::Design;
+use fusion::run;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
+
+/// Parts of a bar by which the share that has been read is drawn.
+const PARTS: u64 = 1000;
 
 #[derive(Debug)]
 pub(super) struct Progress {
     bar: ProgressBar,
+    /// How long simulated data are; of recorded data the share is told.
+    seconds: Option<f64>,
     first: Option<Time>,
 }
 
 impl Progress {
-    /// A bar where the end is known, the time of the log where it is not.
+    /// A bar with the time that is left where the end is known, the time of the log where it is not.
     pub(super) fn new(design: &Design) -> Self {
         let simulated = design.simulation.as_ref().and_then(|s| s.block.world.duration().ok());
-        let stop = design.run.stop.map(|t| t.si()).or(simulated);
-        let bar = match stop {
-            _ if !std::io::stderr().is_terminal() => ProgressBar::hidden(),
-            Some(stop) => {
-                let seconds = stop - design.run.start.map_or(0.0, |t| t.si());
-                let bar = ProgressBar::with_draw_target(Some(seconds.max(0.0) as u64), ProgressDrawTarget::stderr());
-                bar.with_style(style("{bar:40} {pos} of {len} s of data, {eta} left"))
-            }
-            None => {
-                let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
-                bar.with_style(style("{spinner} {pos} s of data, {elapsed} elapsed"))
-            }
+        let bar = if std::io::stderr().is_terminal() {
+            ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr())
+                .with_style(style("{spinner} {msg} s of data, {elapsed} elapsed"))
+        } else {
+            ProgressBar::hidden()
         };
-        Self { bar, first: None }
+        Self {
+            bar,
+            seconds: simulated.filter(|seconds| *seconds > 0.0),
+            first: None,
+        }
     }
 
-    /// The run has come to `time`.
-    pub(super) fn at(&mut self, time: Time) {
-        let first = *self.first.get_or_insert(time);
-        self.bar.set_position(time.seconds_since(first).max(0.0) as u64);
+    /// The run has come to there.
+    pub(super) fn at(&mut self, to: run::Progress) {
+        let first = *self.first.get_or_insert(to.time);
+        let seconds = to.time.seconds_since(first).max(0.0);
+        self.bar.set_message(format!("{seconds:.0}"));
+        match to.share.or_else(|| Some(seconds / self.seconds?)) {
+            None => self.bar.inc(1),
+            Some(share) => {
+                if self.bar.length().is_none() {
+                    self.bar.set_length(PARTS);
+                    self.bar.set_style(style("{bar:40} {msg} s of data, {eta} left"));
+                }
+                self.bar.set_position((share.clamp(0.0, 1.0) * PARTS as f64) as u64);
+            }
+        }
     }
 
     /// The run is over, and the line is free.

@@ -5,12 +5,11 @@ use super::{DesignArgs, Failure, Format, OutputArgs};
 use clap::{Args, ValueEnum};
 use fusion::config::Diagnostics;
 use fusion::core::covariance::Kernel;
-use fusion::core::time::Time;
 use fusion::design::Design;
 use fusion::models::units::{self, Dimensional, dim};
 use fusion::present::{Section, Table};
 use fusion::report;
-use fusion::run::{Checkpoints, Keep, Options, Smoothing, Summary, run as run_design};
+use fusion::run::{self, Checkpoints, Keep, Options, Smoothing, Summary, run as run_design};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -108,7 +107,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
         causal: args.causal,
     };
     let mut progress = Progress::new(&design);
-    let mut at = |time| progress.at(time);
+    let mut at = |to| progress.at(to);
     let summary = match args.out {
         Some(_) => reported(&design, &options, &mut at),
         None => run_design(&design, &options, &mut at),
@@ -146,7 +145,7 @@ pub(super) fn written(files: impl IntoIterator<Item = PathBuf>) -> Section {
 }
 
 /// Runs a design and writes its files, report.html among them.
-fn reported(design: &Design, options: &Options, progress: &mut dyn FnMut(Time)) -> Result<Summary, Diagnostics> {
+fn reported(design: &Design, options: &Options, progress: &mut dyn FnMut(run::Progress)) -> Result<Summary, Diagnostics> {
     let (mut finished, recording) = report::record(design, options, progress)?;
     if let Some(files) = &mut finished.files {
         let run = report::Run {

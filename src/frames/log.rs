@@ -121,6 +121,7 @@ pub(super) fn read(design: &Design, options: &Options) -> Result<Vec<Track>, Dia
             name: named.name.clone(),
             origin: design.run.origin.map(Into::into),
             seed: options.seed.unwrap_or(design.run.seed),
+            ..OpenContext::default()
         };
         let mut rows = match open_one(&named.block, &context) {
             Ok(rows) => rows,

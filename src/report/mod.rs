@@ -26,15 +26,14 @@ pub use recording::{Frame, Recording};
 
 use crate::config::Diagnostics;
 use crate::design::Design;
-use crate::run::{Finished, Options, Run as OpenRun};
-use fusion_core::time::Time;
+use crate::run::{Finished, Options, Progress, Run as OpenRun};
 
 /// Runs `design` as [`run`](crate::run::run) does, and records what a report draws. Its files have
 /// no names yet.
 ///
 /// # Errors
 /// As [`run`](crate::run::run).
-pub fn record(design: &Design, options: &Options, progress: &mut dyn FnMut(Time)) -> Result<(Finished, Recording), Diagnostics> {
+pub fn record(design: &Design, options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<(Finished, Recording), Diagnostics> {
     let run = OpenRun::open(design, options)?;
     let mut recording = Recording::of(design, run.assembly());
     let finished = run.go(&mut [&mut recording], progress)?;

@@ -56,6 +56,11 @@ pub trait Feed: Debug {
     /// What is wrong with the data.
     fn next(&mut self, aboard: &mut dyn Aboard) -> Result<Option<Row<'_>>, Diagnostics>;
 
+    /// The share of the data that has been read, where the data have an end that is known.
+    fn share(&self) -> Option<f64> {
+        None
+    }
+
     /// How well a vehicle was steered, where there is one.
     fn record(&self) -> Option<Record> {
         None

@@ -69,6 +69,7 @@ pub fn opening<P>(design: &Design<P>, options: &Options, missing: Missing) -> Di
             name: named.name.clone(),
             origin: design.run.origin.map(Into::into),
             seed: design.run.seed,
+            ..OpenContext::default()
         };
         // A wrong declaration has been told.
         let Ok(channels) = named.block.source.channels() else { continue };

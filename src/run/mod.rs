@@ -81,11 +81,20 @@ pub struct Options {
     pub resume: Option<PathBuf>,
 }
 
-/// Runs `design`; `progress` hears the share of the data that is done, from time to time.
+/// How far a run is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// The last row's.
+    pub time: Time,
+    /// The share of the recorded data that has been read; none where it is simulated or not known.
+    pub share: Option<f64>,
+}
+
+/// Runs `design`; `progress` hears how far it is, from time to time.
 ///
 /// # Errors
 /// Mistakes of the design, or what is wrong with the data.
-pub fn run(design: &Design, options: &Options, progress: &mut dyn FnMut(Time)) -> Result<Summary, Diagnostics> {
+pub fn run(design: &Design, options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<Summary, Diagnostics> {
     Ok(Run::open(design, options)?.go(&mut [], progress)?.keep()?)
 }
 
@@ -160,7 +169,7 @@ impl<'a> Run<'a> {
     ///
     /// # Errors
     /// What is wrong with the data, a file that cannot be written, or the first of an observer.
-    pub fn go(mut self, further: &mut [&mut dyn RunObserver], progress: &mut dyn FnMut(Time)) -> Result<Finished, Diagnostics> {
+    pub fn go(mut self, further: &mut [&mut dyn RunObserver], progress: &mut dyn FnMut(Progress)) -> Result<Finished, Diagnostics> {
         let mut saving = Saving::begin(self.design, self.options)?;
         let filters = Filters::of(&self.assembly);
         let reference = &mut self.data.reference;
@@ -304,7 +313,7 @@ fn feed(
     data: &mut RunData,
     (hub, timing): (&mut Hub<'_>, &mut Timing),
     saving: &mut Saving<'_>,
-    progress: &mut dyn FnMut(Time),
+    progress: &mut dyn FnMut(Progress),
 ) -> Result<(), Diagnostics> {
     let start = design.run.start.map_or(Time::MIN, |t| Time::from_seconds(t.si()));
     let stop = design.run.stop.map_or(Time::MAX, |t| Time::from_seconds(t.si()));
@@ -312,17 +321,18 @@ fn feed(
     loop {
         saving.save_in_time(runner, hub, timing)?;
         let said = saving.said();
+        count = count.wrapping_add(1);
+        let told = count.is_multiple_of(4096).then(|| data.rows.share());
         let Some(row) = data.rows.next(&mut Carried { runner, reader, said })? else {
             break;
         };
         saving.used((row.stream, row.time));
+        if let Some(share) = told {
+            progress(Progress { time: row.time, share });
+        }
         if row.time < start || row.time > stop {
             hub.outside(&row, row.time > stop).map_err(stopped)?;
             continue;
-        }
-        count = count.wrapping_add(1);
-        if count.is_multiple_of(4096) {
-            progress(row.time);
         }
         if let Some(epochs) = data.reference.epochs(&row) {
             let time = row.time;

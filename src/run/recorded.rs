@@ -6,7 +6,7 @@ use crate::assembly::Assembly;
 use crate::config::{Diagnostic, Diagnostics, Node};
 use crate::design::{Design, Named, SourceDesign};
 use crate::rows::{Aboard, Faulted, Feed, Merged, Row, RowStream, SourceError, SourceStatistics};
-use crate::source::OpenContext;
+use crate::source::{OpenContext, Unread};
 use core::ops::Range;
 use fusion_core::runner::StreamId;
 
@@ -14,6 +14,10 @@ use fusion_core::runner::StreamId;
 #[derive(Debug)]
 struct Recorded {
     merged: Merged,
+    /// What is still to be read of their files.
+    unread: Unread,
+    /// The same before the first row; none of files that are held in memory.
+    all: u64,
     /// Of each merged source.
     origins: Vec<Origin>,
     /// What the reference delivered, which was read ahead.
@@ -37,7 +41,8 @@ pub(super) fn open(design: &Design, assembly: &Assembly, options: &Options) -> R
         let help = "add [source.NAME] tables for recorded data, or a [simulation]";
         return Err(Diagnostic::error("this design has no data to run on").at(place).help(help).into());
     }
-    let opened = open_all(design, options)?;
+    let unread = Unread::default();
+    let opened = open_all(design, options, &unread)?;
     let (mut sources, mut origins) = (Vec::new(), Vec::new());
     let (mut reference, mut reference_statistics) = (Reference::None, Vec::new());
     let wanted = design
@@ -63,6 +68,8 @@ pub(super) fn open(design: &Design, assembly: &Assembly, options: &Options) -> R
         reference,
         rows: Box::new(Recorded {
             merged: Merged::new(sources),
+            all: unread.bytes(),
+            unread,
             origins,
             reference: reference_statistics,
         }),
@@ -72,7 +79,7 @@ pub(super) fn open(design: &Design, assembly: &Assembly, options: &Options) -> R
 type Opened<'a> = (&'a Named<SourceDesign>, Box<dyn RowStream>);
 
 /// All sources with their faults, or what is wrong with any of them.
-fn open_all<'a>(design: &'a Design, options: &Options) -> Result<Vec<Opened<'a>>, Diagnostics> {
+fn open_all<'a>(design: &'a Design, options: &Options, unread: &Unread) -> Result<Vec<Opened<'a>>, Diagnostics> {
     let (mut d, mut opened) = (Diagnostics::new(), Vec::new());
     let data_dir = data_dir(design, options);
     for named in &design.sources {
@@ -81,6 +88,7 @@ fn open_all<'a>(design: &'a Design, options: &Options) -> Result<Vec<Opened<'a>>
             name: named.name.clone(),
             origin: design.run.origin.map(Into::into),
             seed: options.seed.unwrap_or(design.run.seed),
+            unread: unread.clone(),
         };
         match open_one(&named.block, &context) {
             Ok(source) => opened.push((named, source)),
@@ -113,6 +121,10 @@ impl Feed for Recorded {
                 Err(d)
             }
         }
+    }
+
+    fn share(&self) -> Option<f64> {
+        (self.all > 0).then(|| 1.0 - self.unread.bytes() as f64 / self.all as f64)
     }
 
     fn disturbable(&self) -> Vec<(StreamId, Range<usize>)> {

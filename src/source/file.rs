@@ -45,7 +45,8 @@ impl DataFile {
             BuildError::at("path", message).help(self.whereabouts(context))
         };
         let mut file = File::open(&self.opened).map_err(unreadable)?;
-        if file.metadata().is_ok_and(|m| m.is_dir()) {
+        let metadata = file.metadata().map_err(unreadable)?;
+        if metadata.is_dir() {
             let message = format!("`{}` is a directory, not a file", self.declared.display());
             return Err(BuildError::at("path", message).into());
         }
@@ -53,10 +54,12 @@ impl DataFile {
         let mut start = Vec::with_capacity(BOM.len());
         file.by_ref().take(BOM.len() as u64).read_to_end(&mut start).map_err(unreadable)?;
         let is_packed = start.starts_with(&GZIP);
+        // A pipe has no length.
+        let left = metadata.len().saturating_sub(start.len() as u64);
         if start == BOM {
             start.clear();
         }
-        let file = BufReader::with_capacity(BUFFER, Cursor::new(start).chain(file));
+        let file = BufReader::with_capacity(BUFFER, Cursor::new(start).chain(context.unread.count(file, left)));
         if is_packed {
             return Ok(Box::new(MultiGzDecoder::new(file)));
         }

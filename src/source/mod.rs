@@ -15,10 +15,12 @@ mod mat;
 mod rtklib;
 pub mod table;
 pub mod testing;
+mod unread;
 
 pub use self::csv::CsvSpec;
 pub use self::mat::MatSpec;
 pub use self::rtklib::RtklibSpec;
+pub use self::unread::Unread;
 
 use crate::rows::{ProvidedChannel, RowStream, SourceError};
 use core::fmt::Debug;
@@ -38,6 +40,8 @@ pub struct OpenContext {
     pub origin: Option<Geodetic>,
     /// The seed of the run.
     pub seed: u64,
+    /// What is still to be read of the files that are opened with it.
+    pub unread: Unread,
 }
 
 impl OpenContext {

@@ -38,6 +38,7 @@ impl Log {
             name: "log".to_owned(),
             origin,
             seed: 1,
+            ..OpenContext::default()
         }
     }
 }
