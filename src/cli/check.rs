@@ -67,7 +67,7 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
         ));
     }
     let unjudged = unjudged(&design, args.design.data.is_some(), &options);
-    let mut judged = if unjudged.is_none() {
+    let mut judged = if unjudged.is_none() && !design.sources.is_empty() {
         judge(&design, &options)?
     } else {
         Judged::default()
