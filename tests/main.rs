@@ -109,12 +109,12 @@ mod real;
 /// Simulated worlds as logs, and the filter over them.
 #[path = "suite/record.rs"]
 mod record;
-/// Every value of every shipped design made wrong: each message says where, and what is accepted.
-#[path = "suite/refused.rs"]
-mod refused;
 /// References of several sources, and of some axes only.
 #[path = "suite/references.rs"]
 mod references;
+/// Every value of every shipped design made wrong: each message says where, and what is accepted.
+#[path = "suite/refused.rs"]
+mod refused;
 /// Runs that are stopped, and gone on with from what was saved.
 #[cfg(unix)]
 #[path = "suite/resumed.rs"]

@@ -88,7 +88,7 @@ impl Judged<'_> {
         };
         let rejected = sensors().filter(|(i, _)| i.has_gate).filter_map(|(_, s)| rejected(s));
         let errors = Measures::ALL.into_iter().filter_map(|what| self.errors(what));
-        let large = sensors().filter_map(|(i, s)| large(i, s.nis.as_ref()?));
+        let large = sensors().filter_map(|(i, s)| large(i, s));
         let small = sensors().filter_map(|(i, s)| self.small(i, s.nis.as_ref()?));
         let gaps = self.gaps();
         rejected.chain(errors).chain(large).chain(small).chain(gaps).collect()
@@ -219,11 +219,13 @@ fn rejected(s: &SensorStatistics) -> Option<Finding> {
 }
 
 /// Innovations that are larger than the filter expects.
-fn large(sensor: &Instrument, nis: &Consistency) -> Option<Finding> {
-    let name = &sensor.name;
+fn large(sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
+    let (name, nis) = (&sensor.name, s.nis.as_ref()?);
+    // Of a gate that refuses nothing the power is infinite.
+    let is_gated = s.gate_power.iter().any(|power| power.is_finite());
     let advice = if sensor.is_constraint {
         "the vehicle does not keep this constraint so well; raise its `noise`, or apply it less often"
-    } else if !sensor.has_gate {
+    } else if !is_gated {
         "are there outliers, which a `gate` would refuse? Else look at its time stamps (`time_offset`), lever arm and axes, then at \
          its `noise`"
     } else {

@@ -38,7 +38,10 @@ impl Summary {
                 "" => "health".to_owned(),
                 filter => format!("health of `{filter}`"),
             };
-            t.row([name, health::line_with_reason(health)]);
+            t.row([name, health::line(health)]);
+            if let Some(first) = health::first_ill(health) {
+                t.row(["".to_owned(), first]);
+            }
         }
         if self.started.is_none() {
             t.row(["started", "never"]);

@@ -2,7 +2,7 @@
 
 use super::tree::{Cell, Column, Section, Table};
 use super::unit::Unit;
-use crate::health::{FilterHealth, NamedReason, Spell, State};
+use crate::health::{FilterHealth, NamedReason, State};
 
 /// Spells of ill health that are listed.
 const SPELLS: usize = 20;
@@ -23,36 +23,23 @@ pub(super) fn line(health: &FilterHealth) -> String {
     }
 }
 
-/// The same, with when and why it first was worse than coasting.
-pub(super) fn line_with_reason(health: &FilterHealth) -> String {
-    match first_ill(health) {
-        Some((spell, why)) => format!("{}; {} from {:.1} s on: {why}", line(health), spell.state, spell.from),
-        None => line(health),
-    }
-}
-
-/// The first spell of bad health, and its reasons.
-fn first_ill(health: &FilterHealth) -> Option<(Spell, String)> {
-    let first = health.spells().into_iter().find(|s| s.state >= State::Degraded)?;
-    let why = named(&first.reasons);
-    Some((first, why))
+/// When and why it first was worse than coasting.
+pub(super) fn first_ill(health: &FilterHealth) -> Option<String> {
+    let spells = health.spells();
+    let first = spells.iter().find(|s| s.state >= State::Degraded)?;
+    Some(format!("{} from {:.1} s on: {}", first.state, first.from, named(&first.reasons)))
 }
 
 /// A sentence for each filter that was not in good health.
 pub(super) fn warnings(all: &[FilterHealth]) -> impl Iterator<Item = String> {
     let ill = all.iter().filter(|h| h.spent.degraded + h.spent.lost > 0.0);
     ill.filter_map(|health| {
-        let (first, why) = first_ill(health)?;
+        let first = first_ill(health)?;
         let whose = match health.filter.as_str() {
             "" => String::new(),
             name => format!(" of `{name}`"),
         };
-        Some(format!(
-            "health{whose}: {} from {:.1} s on: {why} ({})",
-            first.state,
-            first.from,
-            line(health)
-        ))
+        Some(format!("health{whose}: {first} ({})", line(health)))
     })
 }
 

@@ -67,7 +67,7 @@ fn the_first_lines_say_what_the_run_was_and_how_it_went() {
         "Sensors",
     ]
     .map(at);
-    assert!(order.is_sorted() && lines.len() <= 45, "{lines:#?}");
+    assert!(order.is_sorted() && lines.len() <= 60, "{lines:#?}");
     let summary: Value = serde_json::from_str(&w.read("out/summary.json")).unwrap();
     let provenance = &summary["provenance"];
     assert_eq!(provenance["variants"], serde_json::json!(["no-gate"]));
@@ -184,7 +184,7 @@ fn every_row_is_in_exactly_one_count() {
         slow = { type = 'late', by = '2.5 s', window = { from = 40, to = 40.5 } }";
     let design = w.read("design.toml").replace("[run]", "[run]\nstart = 5\nstop = 50") + faults;
     w.write("design.toml", design);
-    let ran = w.fusion(&["run", "design.toml", "--out", "results"]).success();
+    let ran = w.fusion(&["run", "design.toml", "--verbose", "--out", "results"]).success();
     let summary: Value = serde_json::from_str(&w.read("results/summary.json")).unwrap();
     // Of 60 fixes, one each second from 0 s: the one at 7 s is the first with numbers and starts the
     // filter, that of 40 s comes at 42.5 s.
@@ -218,7 +218,7 @@ fn every_row_is_in_exactly_one_count() {
 #[test]
 fn a_recorded_design_runs_and_is_reproduced() {
     let w = Workspace::new("command-recorded");
-    let [first, second] = [(); 2].map(|()| w.fusion(&["run", "design.toml"]).success().stderr(""));
+    let [first, second] = [(); 2].map(|()| w.fusion(&["run", "design.toml", "--verbose"]).success().stderr(""));
     let without_times = |text: &str| {
         squeezed(text)
             .into_iter()
@@ -235,7 +235,7 @@ fn a_recorded_design_runs_and_is_reproduced() {
 #[test]
 fn text_json_and_html_show_the_same_numbers() {
     let w = Workspace::new("command-format");
-    let text = stdout(&w.fusion(&["run", "design.toml", "--out", "out"]).success());
+    let text = stdout(&w.fusion(&["run", "design.toml", "--verbose", "--out", "out"]).success());
     let ran = w.fusion(&["run", "design.toml", "--format", "json"]).success().stderr("");
     let page: Value = serde_json::from_str(&stdout(&ran)).unwrap();
     assert_eq!(page["title"], "Constant velocity with GNSS");
@@ -328,12 +328,20 @@ fn results_that_cannot_be_written_are_told() {
 #[test]
 fn an_override_changes_the_run_and_comes_after_the_variants() {
     let w = Workspace::new("command-set");
-    w.fusion(&["run", "design.toml", "--variant", "ekf"])
+    w.fusion(&["run", "design.toml", "--verbose", "--variant", "ekf"])
         .stdout(has("additive_euler / single / joseph"));
-    w.fusion(&["run", "design.toml", "--set", "filter.backend=error_state", "--variant", "ekf"])
-        .success()
-        .stdout(has("body / single / joseph"));
-    w.fusion(&["run", "design.toml", "--set", "sensor.gnss.noise.sigma=1 cm"])
+    w.fusion(&[
+        "run",
+        "design.toml",
+        "--verbose",
+        "--set",
+        "filter.backend=error_state",
+        "--variant",
+        "ekf",
+    ])
+    .success()
+    .stdout(has("body / single / joseph"));
+    w.fusion(&["run", "design.toml", "--verbose", "--set", "sensor.gnss.noise.sigma=1 cm"])
         .stdout(has("overconfident"));
 }
 
@@ -358,7 +366,7 @@ fn a_filter_that_never_starts_is_a_warning() {
 fn rows_left_out_are_told_with_their_reason() {
     let w = Workspace::new("command-left-out");
     w.write("gnss.csv", fixes().replace("\n7.0,", "\nseven,"));
-    let ran = w.fusion(&["run", "design.toml", "--set", "source.gnss.bad_rows=skip"]);
+    let ran = w.fusion(&["run", "design.toml", "--verbose", "--set", "source.gnss.bad_rows=skip"]);
     let parts = ["gnss 60 59 59.0", "gnss: left out 1:", "line 9: `seven` in column `t`"];
     shows(ran.success(), &parts);
 }

@@ -207,7 +207,7 @@ fn smoothing_on_disk_needs_a_folder_and_in_memory_none() {
 #[test]
 fn a_simulated_run_shows_smoothed_errors_beside_the_others() {
     let w = Workspace::new("smoothing-shown");
-    let ran = w.fusion(&["run", "--smooth", "--out", "out"]).success();
+    let ran = w.fusion(&["run", "--verbose", "--smooth", "--out", "out"]).success();
     let ran = shows(ran, &["each smoothed by all data", "NEES position, smoothed", "smoothed.csv"]);
     let summary: Value = serde_json::from_str(&w.read("out/summary.json")).unwrap();
     let rms = |score: &Value| score["horizontal_rms"].as_f64().unwrap();
@@ -218,7 +218,7 @@ fn a_simulated_run_shows_smoothed_errors_beside_the_others() {
     drop(ran);
     let compared = w.fusion(&["compare", "--variant", "base", "--smooth"]).success();
     shows(compared, &["base, smoothed"]);
-    let lag = w.fusion(&["run", "--set", "run.smooth.lag=10 s"]).success();
+    let lag = w.fusion(&["run", "--verbose", "--set", "run.smooth.lag=10 s"]).success();
     lag.stdout(has("each smoothed by data of 10 s after it"));
     let campaign = w.fusion(&["montecarlo", "-n", "2", "--set", "run.smooth.lag=10 s"]);
     campaign.success();

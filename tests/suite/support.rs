@@ -142,5 +142,6 @@ pub fn snapshot(name: &str, text: &str) {
     settings.set_prepend_module_to_snapshot(false);
     settings.set_omit_expression(true);
     settings.add_filter("known types: `.*", "known types: …");
+    settings.add_filter(r"design [0-9a-f]{16} · fusion \S+", "design … · fusion …");
     settings.bind(|| insta::assert_snapshot!(name, text));
 }
