@@ -56,6 +56,8 @@ const LARGE: f64 = 1.5;
 const SMALL: f64 = 0.5;
 /// The same of errors that are known: half of the 1σ. A little too careful is no fault.
 const TINY: f64 = 0.25;
+/// The mean over its degrees of freedom of a NIS below which a larger noise changes nothing: the estimate hardly listens.
+const FOLLOWED: f64 = 0.3;
 /// A stretch without rows that is worth a word: so many intervals of its source, and seconds.
 const GAP: (f64, f64) = (10.0, 3.0);
 
@@ -142,6 +144,12 @@ impl Judged<'_> {
         match sensor.bias {
             Some(false) => format!("{follows}; declare its `bias` as a state with a `correlation_time`"),
             Some(true) => format!("{follows}; its `bias` is a state already: is its `sigma` or `random_walk` too small?"),
+            None if ratio(nis) < FOLLOWED => format!(
+                "{times}, though NIS of `{name}` is {} of {}: does the reference tell of another point (`[reference] lever_arm`), \
+                 or late (`latency`)? Else an error of a sensor has no state",
+                short(nis.mean),
+                nis.dof
+            ),
             None => format!("{follows}; raise its `noise`, for its rows are not independent"),
         }
     }

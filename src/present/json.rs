@@ -96,6 +96,8 @@ mod tests {
         let (turn, degree) = (180.0, 1_f64.to_degrees());
         let rows = json!([{"unit": "deg", "cells": ["yaw", turn, null, [degree, 2.0 * degree]]}]);
         let sections = json!([{"title": "s", "tables": [{"columns": columns, "rows": rows}], "notes": ["n"]}]);
-        assert_eq!(written, json!({"title": "t", "warnings": ["w"], "sections": sections}));
+        let provenance = json!({"design": "", "variants": [], "set": [], "seed": null, "hash": "", "version": ""});
+        let wanted = json!({"title": "t", "provenance": provenance, "warnings": ["w"], "sections": sections});
+        assert_eq!(written, wanted);
     }
 }

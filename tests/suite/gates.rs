@@ -63,7 +63,7 @@ fn missed_and_caught_are_the_rows_that_the_source_says_were_disturbed() {
     // From small ones that pass to large ones that do not.
     let outliers = "type = \"outliers\"\nchannel = \"position\"\nrate = 0.3\nsize = [0, \"20 m\"]\nwindow = { from = 2 }";
     let summary = summary(&w, outliers, &[]);
-    let printed = stdout(&w.fusion(&["run", "faulty.toml"]));
+    let printed = stdout(&w.fusion(&["run", "faulty.toml", "--verbose"]));
     let (_, rest) = printed.split_once("disturbed ").unwrap();
     let disturbed: u64 = rest.split(':').next().unwrap().parse().unwrap();
     let position = &summary["sensors"][0];

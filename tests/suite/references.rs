@@ -70,7 +70,7 @@ fn a_reference_without_a_height_is_judged_horizontally() {
     let ate = trajectory.absolute[0].position.rmse;
     // Metres on the ellipsoid and along axes tangent to it, over 650 m.
     assert!((ate - found.horizontal_rms).abs() < 1e-3 * ate, "{ate} {}", found.horizontal_rms);
-    let shown = at.fusion(&["run", "design.toml", "--out", "out"]).success();
+    let shown = at.fusion(&["run", "design.toml", "--verbose", "--out", "out"]).success();
     let shown = shown.stdout(has("position east [m]")).stdout(has("NEES position"));
     assert!(!stdout(&shown).contains("position down"));
 }
@@ -99,7 +99,7 @@ channels = ["velocity"]
     assert!(velocity.mean[0].abs() < 1.0 && found.epochs > 100, "{velocity:?} {}", found.epochs);
     let deeper = score(&at, &["reference.source.gauge.surface=\"408 m\""]).position.unwrap();
     assert!((deeper.mean[2] + 1.0).abs() < 1e-3, "{deeper:?}");
-    let shown = at.fusion(&["run", "design.toml"]).success();
+    let shown = at.fusion(&["run", "design.toml", "--verbose"]).success();
     shown.stdout(has("NEES height")).stdout(has("position down [m]"));
     at.fusion(&["check", "design.toml"])
         .success()
