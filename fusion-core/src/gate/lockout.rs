@@ -11,6 +11,15 @@ const WITNESSES: usize = 5;
 /// span the same time as a pause that would empty them.
 const PERIODS: f64 = WITNESSES as f64;
 
+/// How many times the span of the witnesses a sensor must have been refused before the way that the
+/// estimate went meanwhile tells of its speed: in a shorter time scattered measurements look like one.
+const SPANS: f64 = 6.0;
+
+/// How far the witnesses may lie from their line where the estimate runs away, as a share of what it
+/// runs within their span: a velocity that is wrong by a constant vector and turns by a right angle
+/// within the span bends the line by about that much.
+const BEND: f64 = 0.25;
+
 /// When a gate denies its sensor, and when it re-acquires it.
 #[derive(Clone, Copy, Debug)]
 pub struct Recovery {
@@ -50,7 +59,12 @@ impl Default for Recovery {
 /// The gate is never widened because it has been rejecting: a sustained false track would then be
 /// believed. A denied sensor returns by passing the test again, or by witnesses that agree with
 /// each other after a long denial or after a gap. They agree if their residuals lie on a straight
-/// line in time: a wrong estimate may also drift at a constant speed.
+/// line in time, up to their noise: a wrong estimate may also drift at a constant speed.
+///
+/// An estimate of wrong attitude does not drift at a constant speed: its acceleration is wrong, and
+/// turns with the vehicle. So where the residual has grown since the first refusal, by d in a time T,
+/// witnesses that span w may also lie off their line by a quarter of d w/T. False measurements that
+/// keep their distance, and those that scatter, gain nothing by that: their d does not grow with T.
 #[derive(Clone, Debug, Default)]
 pub struct Lockout {
     recovery: Recovery,
@@ -68,9 +82,11 @@ pub struct Lockout {
     witnesses: [SmallVec<[f64; 8]>; WITNESSES],
     times: [Time; WITNESSES],
     count: usize,
+    /// The residual of the first rejection of the streak.
+    first: SmallVec<[f64; 8]>,
 }
 crate::memory!(Lockout {
-    mode, rejected, passed, since, last, intervals, resumed, reacquiring, witnesses, times, count;
+    mode, rejected, passed, since, last, intervals, resumed, reacquiring, witnesses, times, count, first;
     recovery
 });
 
@@ -146,6 +162,8 @@ impl Lockout {
         self.rejected += 1;
         if self.rejected == 1 {
             self.since = input.time;
+            self.first.clear();
+            self.first.extend_from_slice(input.residual);
         }
         if self.mode == Mode::Track && self.rejected >= self.recovery.deny_after {
             self.mode = Mode::Denied;
@@ -183,8 +201,9 @@ impl Lockout {
         let times = self.times.map(|t| t.seconds_since(input.time));
         let middle = mean(times);
         let spread = mean(times.map(|t| (t - middle).powi(2)));
+        let agreement = self.recovery.agreement.max(self.bend(input));
         (0..m).all(|i| {
-            let limit = (self.recovery.agreement * input.noise[i * m + i].sqrt()).max(floor);
+            let limit = (agreement * input.noise[i * m + i].sqrt()).max(floor);
             let values = core::array::from_fn(|k| self.witnesses[k][i]);
             let centre = mean(values);
             let moment = mean(core::array::from_fn(|k| (times[k] - middle) * (values[k] - centre)));
@@ -192,5 +211,19 @@ impl Lockout {
             let on_the_line = |(t, v): (&f64, &f64)| (v - centre - slope * (t - middle)).abs() <= limit;
             times.iter().zip(&values).all(on_the_line)
         })
+    }
+
+    /// How far the witnesses may lie from their line because the estimate runs away, in units of
+    /// √R_ii.
+    fn bend(&self, input: &GateInput<'_>) -> f64 {
+        let m = input.residual.len();
+        let span = input.time.seconds_since(self.times[0]);
+        let refused = input.time.seconds_since(self.since);
+        if self.first.len() != m || refused < SPANS * span {
+            return 0.0;
+        }
+        let apart = |i: usize| (input.residual[i] - self.first[i]).powi(2) / input.noise[i * m + i];
+        let bend = BEND * (0..m).map(apart).sum::<f64>().sqrt() * span / refused;
+        if bend.is_finite() { bend } else { 0.0 }
     }
 }

@@ -140,4 +140,28 @@ mod tests {
         let first = (0..100).find(|&k| judge(&mut gate, 20.0 + f64::from(k), 50.0).decision == Decision::Reacquire);
         assert_eq!(first, Some(4));
     }
+
+    /// The first time [s] at which a 5 Hz sensor with R = 1, refused from the beginning, is re-acquired.
+    fn reacquired(residual: impl Fn(f64) -> f64) -> Option<f64> {
+        let mut gate = Nis::new(0.99, Recovery::default());
+        (0..1000)
+            .map(|k| 0.2 * f64::from(k))
+            .find(|&t| judge(&mut gate, t, residual(t)).decision == Decision::Reacquire)
+    }
+
+    #[test]
+    fn an_estimate_that_runs_away_with_a_wrong_attitude_does_not_lock_out_good_fixes() {
+        // Its velocity is wrong by 20 m/s, in a direction that turns back and forth: five fixes lie up
+        // to 9 m off a straight line of residuals, and never all within 4.4 m.
+        let believed = reacquired(|t| 50.0 + 20.0 * t + 9.5 * (1.5 * t).sin());
+        assert!(believed.is_some_and(|t| (30.0..32.0).contains(&t)), "{believed:?}");
+        // What keeps its distance and is off a line by as much, or scatters over all of it, is not
+        // believed.
+        assert_eq!(reacquired(|t| 50.0 + 9.5 * (1.5 * t).sin()), None);
+        let mut random = crate::testing::Lcg::new(1);
+        let scattered: Vec<f64> = (0..1000).map(|_| 100.0 * random.signed()).collect();
+        assert_eq!(reacquired(|t| 300.0 + scattered[(5.0 * t).round() as usize]), None);
+        // A false track that moves away steadily is no easier to believe: it needs its own noise.
+        assert_eq!(reacquired(|t| 10.0 + t + 9.5 * (1.5 * t).sin()), None);
+    }
 }
