@@ -11,7 +11,7 @@ use serde::{Serialize, Serializer};
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct NamedReason {
     /// What it is: `no_input`, `stopped`, `refused`, `unsound`, `floor`, `calibration`,
-    /// `pulled`, `innovations`, `rejected`, `reacquired`, `silent`.
+    /// `pulled`, `innovations`, `rejected`, `reacquired`, `silent`, `ahead`.
     pub reason: &'static str,
     /// The sensor, stream or block; empty where it is the filter as a whole.
     pub of: String,
@@ -21,7 +21,7 @@ pub struct NamedReason {
 }
 
 /// Every word that a reason can have.
-const WORDS: [&str; 17] = [
+const WORDS: [&str; 18] = [
     "",
     "no_input",
     "stopped",
@@ -34,6 +34,7 @@ const WORDS: [&str; 17] = [
     "rejected",
     "reacquired",
     "silent",
+    "ahead",
     State::Good.word(),
     State::Aligning.word(),
     State::Coasting.word(),
@@ -62,9 +63,10 @@ impl NamedReason {
             ("pulled", _) => "moved too far while sensors disagreed",
             ("innovations", State::Lost) => "innovations beyond all σ",
             ("innovations", _) => "innovations too large",
-            ("rejected", State::Lost) => "rejected for long, and no other is used",
+            ("rejected", State::Lost) => "rejected for long, and so is another, or no other is used",
             ("rejected", _) => "rejected",
             ("reacquired", _) => "re-acquired",
+            ("ahead", _) => "stamped ahead of the process input",
             _ => "silent",
         }
     }
@@ -120,6 +122,7 @@ impl Names {
             Reason::Reacquired { sensor } => ("reacquired", Some(&self.sensors), sensor),
             Reason::Silent { sensor } => ("silent", Some(&self.sensors), sensor),
             Reason::StreamSilent { stream } => ("silent", Some(&self.streams), stream),
+            Reason::Ahead { stream } => ("ahead", Some(&self.streams), stream),
             other => (other.state().word(), None, 0),
         };
         NamedReason {

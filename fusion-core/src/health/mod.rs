@@ -133,6 +133,11 @@ pub enum Reason {
         /// The stream.
         stream: StreamId,
     },
+    /// The rows of a stream are stamped ahead of the process input.
+    Ahead {
+        /// The stream.
+        stream: StreamId,
+    },
 }
 
 impl Memory for Reason {
@@ -150,6 +155,7 @@ impl Memory for Reason {
             Self::Reacquired { sensor } => (11, sensor),
             Self::Silent { sensor } => (12, sensor),
             Self::StreamSilent { stream } => (13, stream),
+            Self::Ahead { stream } => (14, stream),
         };
         kind.remember(tape);
         of.remember(tape);
@@ -172,6 +178,7 @@ impl Memory for Reason {
             11 => Self::Reacquired { sensor: of },
             12 => Self::Silent { sensor: of },
             13 => Self::StreamSilent { stream: of },
+            14 => Self::Ahead { stream: of },
             _ => return tape.refuse("a reason does not exist"),
         };
     }

@@ -13,6 +13,9 @@ use crate::time::Time;
 /// Beliefs are looked at no more often than this \[s\].
 const PERIOD: f64 = 0.1;
 
+/// A stamp ahead of the input is told of for so long \[s\]: slow sensors have one a second or less.
+const AHEAD: f64 = 10.0;
+
 /// What a monitor has to know of a sensor.
 #[derive(Clone, Copy, Debug)]
 pub struct Watched {
@@ -38,6 +41,8 @@ pub struct Monitor {
     scrutinised: Time,
     /// Where the input ends, while there is none.
     gap: Option<Time>,
+    /// The stream that was ahead of the input last, and when.
+    ahead: Option<(StreamId, Time)>,
     /// Whether a sensor contradicted the belief at the latest judgement.
     contradicted: bool,
     refused: Held,
@@ -60,6 +65,7 @@ impl Memory for Monitor {
         self.now.remember(tape);
         self.scrutinised.remember(tape);
         self.gap.remember(tape);
+        self.ahead.remember(tape);
         self.contradicted.remember(tape);
         self.refused.remember(tape);
         self.unsound.remember(tape);
@@ -87,8 +93,8 @@ impl Monitor {
     ) -> Self {
         let sensors: Vec<_> = sensors.into_iter().map(|s| Evidence::new(s, &limits)).collect();
         let streams: Vec<_> = streams.into_iter().map(|s| (s, Pulse::default(), Held::default())).collect();
-        // Each reason once at most: six of a sensor, two of a block, four of the filter.
-        let most = 6 * sensors.len() + streams.len() + 2 * layout.blocks().len() + 4;
+        // Each reason once at most: six of a sensor, two of a block, five of the filter.
+        let most = 6 * sensors.len() + streams.len() + 2 * layout.blocks().len() + 5;
         Self {
             limits,
             sensors,
@@ -99,6 +105,7 @@ impl Monitor {
             now: Time::MIN,
             scrutinised: Time::MIN,
             gap: None,
+            ahead: None,
             contradicted: false,
             refused: Held::default(),
             unsound: Held::default(),
@@ -145,6 +152,11 @@ impl Monitor {
             Event::Stopped { time, .. } => {
                 (self.phase, self.gap) = (Phase::Stopped, None);
                 *time
+            }
+            Event::Ahead { stream, .. } => {
+                // Rows may be held back: the judgement's time is that of what is used.
+                self.ahead = Some((*stream, self.now));
+                return false;
             }
             Event::Failed { .. } => {
                 self.refused.hear(self.now, true);
@@ -207,6 +219,13 @@ impl Monitor {
             for (held, reason) in [(&self.refused, Reason::Refused), (&self.unsound, Reason::Unsound)] {
                 if held.is_told(now, limits) {
                     reasons.push(reason);
+                }
+            }
+            if let Some((stream, latest)) = self.ahead {
+                if now.seconds_since(latest) <= AHEAD {
+                    reasons.push(Reason::Ahead { stream });
+                } else {
+                    self.ahead = None;
                 }
             }
             self.blocks.tell(now, limits, reasons);

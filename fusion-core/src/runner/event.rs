@@ -125,6 +125,16 @@ pub enum Event<'a> {
         /// Why.
         why: Discard,
     },
+    /// A row that came before is stamped ahead of the input, which is there by now: its clock is wrong, or
+    /// the input's. It waited, and is used when the input gets there.
+    Ahead {
+        /// The stream of the row.
+        stream: StreamId,
+        /// How far it is ahead \[s\].
+        by: f64,
+        /// The newest stamp of the input.
+        time: Time,
+    },
     /// There has been no usable input since `since`: the belief was moved to `time` without it, the
     /// vehicle's agility being the process noise.
     Coasting {

@@ -182,7 +182,7 @@ fn a_sample_stands_for_up_to_ten_intervals() {
 }
 
 #[test]
-fn a_gap_is_told_and_measurements_in_it_are_used_at_their_own_times() {
+fn a_gap_is_heldand_measurements_in_it_are_used_at_their_own_times() {
     let mut told = Vec::new();
     let mut observer = |event: &Event<'_>| match event {
         Event::Coasting { since, time } => {
@@ -471,7 +471,8 @@ fn without_input_nothing_piles_up() {
         runner
             .feed(&Row::new(1, centi(100 + 20 * k), &[0.0]), &mut |_: &Event<'_>| {})
             .unwrap();
-        assert!(runner.waiting.len() <= 1 && runner.queue.first().is_none(), "{k}");
+        // The first after the input waits for it; by the second it is silent.
+        assert!(runner.waiting.len() <= 1 && runner.queue.first().is_none() == (k > 0), "{k}");
     }
     assert!(runner.belief().time > centi(100 + 20 * 1998));
 }
@@ -547,4 +548,87 @@ fn stages_on_the_input_hear_of_its_silence_and_what_they_emit_is_used_in_the_gap
     };
     feed(&mut runner, &rows(160, 101..150), &mut observer);
     assert_eq!(times, [110, 120, 130, 140].map(centi));
+}
+
+/// The rows of the sensor from the third second on are stamped `ahead` seconds ahead, and arrive as before.
+fn jumped(ahead: f64) -> Rows {
+    let rows = rows(1000, 0..0);
+    let jump = |(stream, time, value): (StreamId, Time, f64)| {
+        let is_ahead = stream == 1 && time > centi(300);
+        (stream, if is_ahead { time.shifted(nanos(ahead)) } else { time }, value)
+    };
+    rows.into_iter().map(jump).collect()
+}
+
+#[test]
+fn a_sensor_whose_stamps_are_ahead_waits_for_the_input_and_does_not_starve_it() {
+    let disordered = jumped(1.0);
+    let mut ordered: Vec<_> = disordered.iter().copied().enumerate().collect();
+    ordered.sort_by_key(|(_, row)| row.1);
+    let mut told = Vec::new();
+    let mut ahead = Vec::new();
+    let mut unit = runner(0.0);
+    let mut observer = |event: &Event<'_>| match event {
+        Event::Ahead { stream, by, .. } => ahead.push((*stream, *by)),
+        other => told.push(text(other)),
+    };
+    feed(&mut unit, &disordered, &mut observer);
+    unit.finish(&mut observer).unwrap();
+    // What is done is what is done of rows that come in the order of their stamps.
+    let mut wanted = Vec::new();
+    let mut observer = |event: &Event<'_>| wanted.push(text(event));
+    let mut sorted = runner(0.0);
+    for (number, (stream, time, value)) in ordered {
+        let values = [value];
+        let row = Row {
+            number: number as u64,
+            ..Row::new(stream, time, &values)
+        };
+        sorted.feed(&row, &mut observer).unwrap();
+    }
+    sorted.finish(&mut observer).unwrap();
+    let used = |told: &[String]| told.iter().filter(|e| !e.starts_with("Health")).cloned().collect::<Vec<_>>();
+    let (held, wanted) = (used(&told), used(&wanted));
+    let differs = held.iter().zip(&wanted).find(|(a, b)| a != b);
+    assert!(held.len() == wanted.len() && differs.is_none(), "{differs:?}");
+    assert!(told.iter().all(|e| !e.starts_with("Discarded position") && !e.contains("Late")));
+    // Each of 35 rows is told when the next input shows it: that is 6 ms later.
+    assert_eq!(ahead.len(), 35);
+    assert!(
+        ahead.iter().all(|&(stream, by)| stream == 1 && (by - 0.994).abs() < 1e-9),
+        "{ahead:?}"
+    );
+    assert!(told.iter().any(|e| e.contains("Ahead { stream: 1 }")), "health says it");
+}
+
+#[test]
+fn rows_in_a_gap_of_the_input_are_not_ahead_of_it() {
+    let mut ahead = 0;
+    let mut coasted = Vec::new();
+    let mut runner = runner(0.0);
+    let mut observer = |event: &Event<'_>| match event {
+        Event::Ahead { .. } => ahead += 1,
+        Event::Coasting { time, .. } => coasted.push(*time),
+        _ => {}
+    };
+    // Positions every 200 ms: by the second one the input is known to be silent.
+    feed(&mut runner, &rows(340, 101..400), &mut observer);
+    assert_eq!(ahead, 0);
+    assert!(coasted.last().is_some_and(|time| *time >= centi(330)), "{coasted:?}");
+}
+
+#[test]
+fn a_runner_saved_while_rows_are_ahead_goes_on_bit_for_bit() {
+    let rows = jumped(1.0);
+    let whole = told(&mut runner(0.0), &rows);
+    // 507 rows are 4.8 s: five positions wait.
+    let (mut first, mut second, mut bytes) = (runner(0.0), runner(0.0), Vec::new());
+    let mut heard = Vec::new();
+    feed_from(0, &mut first, &rows[..507], &mut |event: &Event<'_>| heard.push(text(event)));
+    crate::memory::save(&mut first, &mut bytes);
+    crate::memory::recall(&mut second, &bytes).unwrap();
+    let mut observer = |event: &Event<'_>| heard.push(text(event));
+    feed_from(507, &mut second, &rows[507..], &mut observer);
+    second.finish(&mut observer).unwrap();
+    assert_eq!(heard, whole);
 }

@@ -99,6 +99,11 @@ impl Intake {
         self.longest_gap = nanos(limits.longest_gap);
     }
 
+    /// The longest time that one sample stands for \[ns\].
+    pub(super) fn longest(&self) -> i64 {
+        self.pace.longest()
+    }
+
     /// Whether there is a row that opens an interval.
     pub(super) const fn is_open(&self) -> bool {
         self.latest.is_some()

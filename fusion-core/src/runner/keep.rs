@@ -35,6 +35,7 @@ impl Runner {
         }
         self.remember_last(tape);
         self.quarantine.remember(tape);
+        self.ahead_of_input.remember(tape);
         self.window.remember(tape);
         self.rows.remember(tape);
         self.queue.remember(tape);

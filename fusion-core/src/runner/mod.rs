@@ -8,6 +8,7 @@
 //! An input sample is valid over the interval that ends at its stamp. A measurement inside that
 //! interval waits for the sample and then splits it.
 
+mod ahead;
 mod coasting;
 mod event;
 mod guard;

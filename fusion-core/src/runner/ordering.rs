@@ -1,5 +1,6 @@
 //! The runner itself: what it is put together from, and the order of rows in time.
 
+use super::ahead::Ahead;
 use super::intake::Intake;
 use super::offset::Window;
 use super::parts::Emitted;
@@ -56,6 +57,8 @@ pub struct Runner {
     /// What was believed before the filter stopped.
     pub(super) last: Option<Belief>,
     pub(super) quarantine: Quarantine,
+    /// How far the input is beside the other rows.
+    pub(super) ahead_of_input: Ahead,
     pub(super) buffer: i64,
     pub(super) lag: i64,
     /// How far beyond what is served rows are there, whatever the order of arrival, of the process input \[ns\].
@@ -116,6 +119,7 @@ impl Runner {
             pristine: Vec::new(),
             last: None,
             quarantine: Quarantine::new(f64::INFINITY),
+            ahead_of_input: Ahead::default(),
             buffer,
             lag: buffer,
             foreknown: 0,
@@ -343,7 +347,26 @@ impl Runner {
     fn admit(&mut self, row: &Row<'_>, observer: &mut dyn Observer) -> Result<(), Halt> {
         self.watermark = self.watermark.max(row.time);
         self.enqueue(row, self.watermark, Time::MIN, observer)?;
-        self.drain(self.watermark.shifted(-self.lag), observer)
+        let reach = self.reach(row, observer)?;
+        self.drain(reach.shifted(-self.lag), observer)
+    }
+
+    /// The stamp up to which rows are there, `row` being the newest: those ahead of the input wait.
+    fn reach(&mut self, row: &Row<'_>, observer: &mut dyn Observer) -> Result<Time, Halt> {
+        let Some(input) = &self.input else {
+            return Ok(self.watermark);
+        };
+        let longest = input.longest();
+        if row.stream != input.port.stream {
+            self.ahead_of_input.other(row);
+        } else if let Some((stream, by)) = self.ahead_of_input.input(row, longest) {
+            observer.on(&Event::Ahead {
+                stream,
+                by,
+                time: row.time,
+            })?;
+        }
+        Ok(self.watermark.min(self.ahead_of_input.reach(longest)))
     }
 
     /// Discards a row whose stamp no other has confirmed, for all its consumers.
