@@ -17,7 +17,7 @@ const MOST: f64 = 1.5;
 const STREAK: u32 = 3;
 /// Measurements used after a re-acquisition before the sensor is trusted as before.
 const PROVEN: u32 = 5;
-/// A pause of so many periods ends a streak of rejections.
+/// A pause of so many periods ends a streak of rejections, and what innovations said is old.
 const PAUSE: f64 = 10.0;
 /// What a consistent filter would see: beyond it a rejected residual contradicts the estimate's σ.
 const EXPECTED: f64 = 0.999;
@@ -180,11 +180,15 @@ impl Evidence {
         {
             self.reacquired = None;
         }
+        // What a stage's sensor said is old when the stage is silent; of one from outside only where it
+        // stands for less than a lost filter, which nothing has brought back meanwhile.
+        let is_fresh = self.pulse.is_fresh(now, limits.window, PAUSE);
+        let stands = is_fresh || self.is_outside;
         let conditions = [
-            (self.lost.is_beyond(), Reason::Innovations { sensor, lost: true }),
+            (self.lost.is_beyond() && stands, Reason::Innovations { sensor, lost: true }),
             (is_lost, Reason::Rejected { sensor, lost: true }),
-            (self.degraded.is_beyond(), Reason::Innovations { sensor, lost: false }),
-            (is_rejected, Reason::Rejected { sensor, lost: false }),
+            (self.degraded.is_beyond() && is_fresh, Reason::Innovations { sensor, lost: false }),
+            (is_rejected && is_fresh, Reason::Rejected { sensor, lost: false }),
             (self.reacquired.is_some(), Reason::Reacquired { sensor }),
             (self.is_outside && self.pulse.is_silent(now, limits), Reason::Silent { sensor }),
         ];

@@ -51,6 +51,14 @@ impl Pulse {
     }
 }
 
+impl Pulse {
+    /// Whether one has come lately: within `time` \[s\], or `periods` of its own.
+    pub(super) fn is_fresh(&self, now: Time, time: f64, periods: f64) -> bool {
+        let lately = time.max(periods * self.period);
+        self.last.is_some_and(|last| now.seconds_since(last) <= lately)
+    }
+}
+
 /// A condition that is still told for a while after it has ceased.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Held(Option<Time>);

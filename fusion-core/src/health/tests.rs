@@ -400,6 +400,61 @@ fn a_filter_is_lost_when_all_that_comes_from_outside_has_been_rejected_for_long(
 }
 
 #[test]
+fn what_a_sensor_said_is_old_when_it_has_been_silent_for_as_long_as_innovations_are_averaged() {
+    // The pseudo-measurement of a stage that has become silent; it is told for 5 s more.
+    let mut bench = Bench::new();
+    bench.updates(WHEELS, 1, 60, Accepted, 20.0);
+    let told = Reason::Innovations {
+        sensor: WHEELS,
+        lost: false,
+    };
+    assert_eq!(bench.reasons(), [told]);
+    for (t, reasons) in [(70.0, &[told][..]), (75.0, &[told]), (75.1, &[])] {
+        bench.estimate(t);
+        assert_eq!(bench.reasons(), reasons, "{t}");
+    }
+    let mut bench = Bench::new();
+    bench.updates(WHEELS, 1, 60, Rejected, 100.0);
+    bench.estimate(75.1);
+    assert_eq!(bench.reasons(), []);
+    // One from outside is silent then; a filter that it has lost stays lost.
+    let mut bench = Bench::new();
+    bench.updates(POSITION, 1, 60, Rejected, 100.0);
+    bench.estimate(90.1);
+    let lost = Reason::Rejected {
+        sensor: POSITION,
+        lost: true,
+    };
+    let silent = Reason::Silent { sensor: POSITION };
+    assert_eq!(bench.reasons(), [lost, silent]);
+}
+
+#[test]
+fn a_stream_that_is_stamped_ahead_degrades_until_ten_seconds_after() {
+    let mut bench = Bench::new();
+    bench.estimate(1.0);
+    bench.hear(&Event::Ahead {
+        stream: STREAM,
+        by: 1.0,
+        time: at(1.0),
+    });
+    for (t, reasons) in [
+        (1.2, &[Reason::Ahead { stream: STREAM }][..]),
+        (11.0, &[Reason::Ahead { stream: STREAM }]),
+        (11.2, &[]),
+    ] {
+        bench.estimate(t);
+        let told: Vec<_> = bench
+            .reasons()
+            .iter()
+            .filter(|r| matches!(r, Reason::Ahead { .. }))
+            .copied()
+            .collect();
+        assert_eq!(told, reasons, "{t}");
+    }
+}
+
+#[test]
 fn a_reacquired_sensor_degrades_until_it_is_proven() {
     let mut bench = Bench::new();
     bench.updates(POSITION, 1, 1, Reacquired, 100.0);
