@@ -2,9 +2,9 @@
 
 use super::progress::Runs;
 use super::run::written;
-use super::{DesignArgs, Failure, OutputArgs, read_text, report};
+use super::{DesignArgs, Failure, OutputArgs, read_text};
 use clap::Args;
-use fusion::config::{Diagnostic, Diagnostics, Document};
+use fusion::config::{Diagnostics, Document};
 use fusion::output::FileSet;
 use fusion::run::Options;
 use fusion::stress::{Catalogue, stress as stress_design};
@@ -67,9 +67,6 @@ pub(super) fn stress(args: &StressArgs) -> Result<(), Failure> {
         page.sections.push(written([out.join("stress.csv")]));
     }
     args.output.print(&page)?;
-    let mut warnings = Diagnostics::new();
-    warnings.extend(page.warnings.iter().map(Diagnostic::warning));
-    report(&warnings);
     if result.failures() > 0 { Err(Failure::Stress) } else { Ok(()) }
 }
 

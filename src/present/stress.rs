@@ -47,7 +47,7 @@ impl Stress {
             "worst: the largest error against {reference} that the undisturbed run does not have, in σ of the filter; \
              of \"none\" its own. position: the largest error. recovered: from the end of the fault until the error is within \
              3σ for good. health: the worst state, and when it was no longer good. FAILED: beyond 3σ, or no estimate, for \
-             longer than the recovery time while the health was good."
+             longer than the recovery time while the health was good; and how long in all."
         ));
         let is_known = self
             .rows
@@ -96,10 +96,21 @@ fn outcomes<'a>(rows: impl Iterator<Item = &'a Row>) -> Table {
                 .map_or(Cell::Empty, Cell::Seconds),
             Cell::text(said.map_or("good", |said| said.state.word())),
             said.map_or(Cell::Empty, |said| Cell::Seconds(said.after)),
-            row.verdict().map_or(Cell::Empty, |verdict| Cell::text(verdict.word())),
+            row.verdict().map_or(Cell::Empty, |verdict| judged(verdict, outcome.unsaid)),
         ]);
     }
     t
+}
+
+/// The verdict; of a filter that failed with how long \[s\] it was wrong while its health was good, whatever
+/// it said later, and whatever it was in the end.
+fn judged(verdict: Verdict, unsaid: f64) -> Cell {
+    let word = verdict.word();
+    if verdict == Verdict::Failed && unsaid > 0.0 {
+        Cell::text(format!("{word} {unsaid:.1} s"))
+    } else {
+        Cell::text(word)
+    }
 }
 
 /// To a tenth; large ones with four digits.
