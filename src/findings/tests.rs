@@ -76,7 +76,10 @@ fn small_innovations_with_large_errors_are_a_slow_error_of_the_sensor() {
     let without = found(instrument(None), sensor(1.2), Some(12.0));
     assert!(without[0].contains("raise its `noise`"), "{without:?}");
     let deaf = found(instrument(None), sensor(0.07), Some(12.0));
-    assert!(deaf[0].contains("`[reference] lever_arm`") && !deaf[0].contains("`noise`"), "{deaf:?}");
+    assert!(
+        deaf[0].contains("`[reference] lever_arm`") && !deaf[0].contains("`noise`"),
+        "{deaf:?}"
+    );
     let broken = found(instrument(None), sensor(9.0), Some(12.0));
     assert!(
         broken.len() == 2 && broken[0].contains("begin with the innovations of `gnss`"),

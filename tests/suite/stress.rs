@@ -149,7 +149,7 @@ fn a_case_is_repeated_by_what_its_row_says() {
     let w = boat("stress-repeat");
     w.fusion(&["stress", "boat.toml", "--only", "gap-30", "--pairs", "0", "--out", "out"]);
     let set = &rows(&w, "out/stress.csv")[1]["set"];
-    let ran = w.fusion(&["run", "boat.toml", "--set", set]).success();
+    let ran = w.fusion(&["run", "boat.toml", "--verbose", "--set", set]).success();
     // Half a minute at 2 Hz.
     assert!(
         stdout(&ran).contains("fix: left out 60: withheld by fault stress-1"),
