@@ -112,8 +112,10 @@ impl Draft {
         let (sources, unread_sources) = each(&root, "source", d, read_source);
         draft.sources = sources;
         draft.unread.streams.extend(unread_sources);
-        draft.simulation = one(&root, "simulation", d, |n, d| read_simulation(n, &root, d));
-        draft.unread.simulation = draft.simulation.is_none() && root.get("simulation").is_some();
+        if is_simulated(&root) {
+            draft.simulation = one(&root, "simulation", d, |n, d| read_simulation(n, &root, d));
+            draft.unread.simulation = draft.simulation.is_none();
+        }
         draft.reference = one(&root, "reference", d, ReferenceSpec::read);
         names::check(&mut draft, d);
         draft
@@ -375,6 +377,13 @@ fn read_source(node: &Node, d: &mut Diagnostics) -> Option<SourceDesign> {
     let faults = read_faults(own.take("fault").as_ref(), d);
     let source = own.read_block("source", &registry::names(Role::Source), d)?;
     Some(SourceDesign { source, faults })
+}
+
+/// Whether a world is simulated. The parts of a library bring the errors of their sensors for it; a design that reads its
+/// rows from sources and says neither how a vehicle moves nor which it is needs none of them.
+fn is_simulated(root: &Node) -> bool {
+    let moves = |simulation: &Node| ["trajectory", "vehicle"].iter().any(|key| simulation.get(key).is_some());
+    root.get("simulation").is_some_and(|s| moves(s) || root.get("source").is_none())
 }
 
 fn read_simulation(node: &Node, root: &Node, d: &mut Diagnostics) -> Option<SimulationDesign> {

@@ -52,6 +52,43 @@ fn what_is_written_stands_alone_and_its_filter_knows_its_errors() {
     }
 }
 
+/// As the comments of a template say: rows from a file, and no world. The parts have brought the errors of their sensors.
+#[test]
+fn a_template_goes_on_with_a_log() {
+    let w = Workspace::new("new-log");
+    w.fusion(&["new", "mine", "--from", "person"]).success();
+    let text = w.read("mine.toml");
+    let (filter, _) = text.split_once("\n[simulation]").unwrap();
+    let log = "
+        [source.imu]
+        type = 'csv'
+        path = 'shoe.csv'
+        time = { column = 't' }
+        channels.specific_force = { columns = ['ax', 'ay', 'az'], unit = 'm/s^2' }
+        channels.angular_rate = { columns = ['gx', 'gy', 'gz'], unit = 'rad/s' }";
+    w.write("mine.toml", format!("{filter}\n{log}\n"));
+    let checked = stdout(&w.fusion(&["check", "mine.toml"]).success());
+    assert!(checked.contains("shoe.csv"), "{checked}");
+}
+
+/// A swing is faster than it seems: what is lost between samples adds up from stride to stride.
+#[test]
+fn a_walk_of_many_strides_is_known_as_well_as_a_short_one() {
+    let w = Workspace::new("new-strides");
+    w.fusion(&["new", "mine", "--from", "person"]).success();
+    let text = w.read("mine.toml");
+    assert_eq!(text.matches("strides = 20").count(), 3);
+    w.write("mine.toml", text.replace("strides = 20", "strides = 90"));
+    let design = Design::read(Document::load(&w.path("mine.toml")).unwrap()).unwrap();
+    let campaign = monte_carlo(&design, &Options::default(), 5, 1, 0, &|_| {}).unwrap();
+    let [position, _, attitude] = campaign.pooled().nees.map(Option::unwrap);
+    // As above; with samples at 400 Hz they were 305 and 27.
+    assert!(
+        (0.31..2.19).contains(&position) && (0.31..2.19).contains(&attitude),
+        "{position} {attitude}"
+    );
+}
+
 #[test]
 fn the_filters_of_the_variants_of_a_template_know_their_errors() {
     for (vehicle, variant) in [
