@@ -81,7 +81,7 @@ impl Summary {
     /// `gnss 0.95, compass 1.1`.
     fn innovations_in_short(&self) -> Option<String> {
         let nis = self.sensors.iter().filter_map(|s| Some((&s.name, s.nis.as_ref()?)));
-        let shown: Vec<String> = nis.map(|(name, c)| format!("`{name}` {}", short(c.mean / c.dof as f64))).collect();
+        let shown: Vec<String> = nis.map(|(name, c)| format!("`{name}` {}", short(c.over_expected()))).collect();
         (!shown.is_empty()).then(|| shown.join(", "))
     }
 
@@ -92,7 +92,7 @@ impl Summary {
         let mut t = Table::new([Column::text("sensor")].into_iter().chain(count_columns(&counts)).chain([nis]));
         for s in &self.sensors {
             let cells = counts.iter().map(|(_, count)| Cell::count(count(s)));
-            let nis = Cell::real(s.nis.as_ref().map(|c| c.mean / c.dof as f64));
+            let nis = Cell::real(s.nis.as_ref().map(Consistency::over_expected));
             t.row([Cell::text(&s.name)].into_iter().chain(cells).chain([nis]));
         }
         Section::new("Sensors", [t])

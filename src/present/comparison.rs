@@ -3,14 +3,16 @@
 use super::health;
 use super::judged::NEES;
 use super::run::NED;
-use super::sensors::{count_columns, counts, sum};
+use super::sensors::{count_columns, counts, residual_rows, row_name, sum};
 use super::tree::{Cell, Column, Section, Table};
 use super::unit::Unit;
+use crate::observe::SensorStatistics;
 use crate::run::Summary;
-use crate::score::{Convergence, Score};
+use crate::score::{Consistency, Convergence, Score};
 
 /// Errors per axis, drift, what the gates did, consistency and time per epoch: a row for each run
-/// with its name.
+/// with its name. Where a run has no reference, innovations are all that can be compared: then each
+/// sensor has its counts, NIS and innovations.
 #[must_use]
 pub fn sections(runs: &[(&str, &Summary)]) -> Vec<Section> {
     let drift = if runs.iter().any(|(_, s)| s.score.as_ref().is_some_and(|s| s.drift_rms.is_some())) {
@@ -34,15 +36,30 @@ pub fn sections(runs: &[(&str, &Summary)]) -> Vec<Section> {
     let attitude = of_score(attitude_columns(), attitude);
     let convergence = of_score(convergence_columns(), convergence);
     let healths = runs.iter().filter_map(|(name, s)| Some((*name, s.health.first()?)));
-    vec![
+    let mut sections = vec![
         Section::new(format!("Position against the reference{drift}"), position),
         Section::new("Velocity against the reference", velocity),
         Section::new("Attitude against the reference", attitude),
         Section::new("Within the declared limits to the end, from when on after the start", convergence),
-        Section::new("Measurements of all sensors together", [measurements(runs)]),
-        Section::new("Health, share of the time", [health::shares("run", healths)]),
-        Section::new("Consistency (3 is expected), filter time per epoch", [consistency(runs)]),
-    ]
+    ];
+    if runs.iter().all(|(_, s)| is_scored(s)) {
+        sections.push(Section::new("Measurements of all sensors together", [measurements(runs)]));
+    } else {
+        sections.extend(by_sensor(runs));
+    }
+    let last = if runs.iter().any(|(_, s)| is_scored(s)) {
+        "Consistency (mean over its degrees of freedom, 1 is expected), filter time per epoch"
+    } else {
+        "Filter time per epoch"
+    };
+    sections.push(Section::new("Health, share of the time", [health::shares("run", healths)]));
+    sections.push(Section::new(last, [consistency(runs)]));
+    sections
+}
+
+/// Whether there was a reference to compare estimates with.
+fn is_scored(summary: &Summary) -> bool {
+    summary.score.as_ref().is_some_and(|s| s.epochs > 0)
 }
 
 /// The scores of the runs; that of its smoothed estimates follows that of a run.
@@ -114,6 +131,81 @@ fn measurements(runs: &[(&str, &Summary)]) -> Table {
         t.row([Cell::text(*name)].into_iter().chain(cells));
     }
     t
+}
+
+/// What became of the measurements of each sensor, and how its innovations fit their covariance:
+/// the runs of a sensor beside each other.
+fn by_sensor(runs: &[(&str, &Summary)]) -> [Section; 2] {
+    let counts = counts(runs.iter().flat_map(|(_, s)| &s.sensors));
+    let columns = [Column::text("sensor"), Column::text("run")];
+    let nis = [Column::number("NIS over expected"), Column::text("verdict")];
+    let mut measured = Table::new(columns.into_iter().chain(count_columns(&counts)).chain(nis));
+    let columns = [Column::text("residual"), Column::text("run")];
+    let mut innovations = Table::new(columns.into_iter().chain(["RMS", "max"].map(Column::number)));
+    for name in sensor_names(runs) {
+        let of_runs: Vec<(&str, &SensorStatistics)> = runs
+            .iter()
+            .filter_map(|(run, s)| Some((*run, s.sensors.iter().find(|s| s.name == name)?)))
+            .collect();
+        for (run, s) in &of_runs {
+            let nis = s.nis.as_ref();
+            let judged = [
+                Cell::real(nis.map(Consistency::over_expected)),
+                Cell::verdict(nis.and_then(Consistency::verdict)),
+            ];
+            let cells = counts.iter().map(|(_, count)| Cell::count(count(s)));
+            measured.row([Cell::text(name), Cell::text(*run)].into_iter().chain(cells).chain(judged));
+        }
+        let mut residuals: Vec<Residual> = of_runs.iter().flat_map(|(run, s)| residuals(run, s)).collect();
+        residuals.sort_by_key(|r| r.index);
+        for Residual { unit, cells, .. } in residuals {
+            innovations.row_in(unit, cells);
+        }
+    }
+    [
+        Section::new("Measurements of each sensor", [measured]),
+        Section::new("Innovations of accepted measurements", [innovations]).note(ACCEPTED_ALONE),
+    ]
+}
+
+/// Why the smallest innovations are not those of the best run.
+const ACCEPTED_ALONE: &str = "Without a reference no run has errors. A gate that rejects more makes NIS and innovations \
+    smaller, whether it was right or not: compare the counts as well, or withhold some fixes and use them as the reference.";
+
+/// One residual row of a sensor in one run.
+struct Residual {
+    /// Which row of the sensor.
+    index: usize,
+    unit: Unit,
+    /// Residual, run, RMS and maximum.
+    cells: [Cell; 4],
+}
+
+/// The residual rows of a sensor that had any.
+fn residuals(run: &str, s: &SensorStatistics) -> Vec<Residual> {
+    if s.innovations.count == 0 {
+        return Vec::new();
+    }
+    let of = |(index, (row, unit)): (usize, (String, Unit))| {
+        let [rms, max] = [&s.innovations.rms, &s.innovations.max].map(|v| Cell::real(v.get(index).copied()));
+        Residual {
+            index,
+            unit,
+            cells: [row_name(s, &row), Cell::text(run), rms, max],
+        }
+    };
+    residual_rows(s).into_iter().enumerate().map(of).collect()
+}
+
+/// The sensors of all runs, each once, in the order of their first mention.
+fn sensor_names<'a>(runs: &[(&str, &'a Summary)]) -> Vec<&'a str> {
+    let mut names = Vec::new();
+    for sensor in runs.iter().flat_map(|(_, s)| &s.sensors) {
+        if !names.contains(&sensor.name.as_str()) {
+            names.push(sensor.name.as_str());
+        }
+    }
+    names
 }
 
 fn consistency(runs: &[(&str, &Summary)]) -> Table {

@@ -62,7 +62,7 @@ fn cell(cell: &Cell, unit: &Unit) -> Value {
         Cell::Seconds(v) | Cell::Share(v) => (*v).into(),
         Cell::Band(low, high) => json!([unit.of(*low), unit.of(*high)]),
         Cell::Verdict(v) => v.word().into(),
-        Cell::Judged(c) => json!({ "mean": c.mean, "verdict": c.verdict().map(|v| v.word()) }),
+        Cell::Judged(c) => json!({ "mean": c.mean, "expected": c.dof, "verdict": c.verdict().map(|v| v.word()) }),
     }
 }
 

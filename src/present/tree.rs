@@ -143,7 +143,7 @@ pub enum Cell {
     Band(f64, f64),
     /// How errors compare with their covariance.
     Verdict(Verdict),
-    /// A mean NEES or NIS with its verdict.
+    /// A mean NEES or NIS over its degrees of freedom, with its verdict.
     Judged(Consistency),
 }
 
@@ -203,8 +203,8 @@ impl Cell {
             Self::Band(low, high) => format!("{} … {}", significant(unit.of(*low)), significant(unit.of(*high))),
             Self::Verdict(v) => v.word().to_owned(),
             Self::Judged(c) => match c.verdict() {
-                Some(v) => format!("{} {}", significant(c.mean), v.word()),
-                None => significant(c.mean),
+                Some(v) => format!("{} {}", significant(c.over_expected()), v.word()),
+                None => significant(c.over_expected()),
             },
         }
     }

@@ -142,10 +142,16 @@ impl Consistency {
         self.verdict() == Some(Verdict::Consistent)
     }
 
+    /// The mean over what it should be near: 1 where consistent, for any degrees of freedom.
+    #[must_use]
+    pub fn over_expected(&self) -> f64 {
+        self.mean / self.dof as f64
+    }
+
     /// How large the errors are in units of the filter's own 1σ: √(mean / dof), 1 where consistent.
     #[must_use]
     pub fn error_ratio(&self) -> f64 {
-        (self.mean / self.dof as f64).sqrt()
+        self.over_expected().sqrt()
     }
 }
 

@@ -1,6 +1,6 @@
 use crate::support::{DESIGN, Workspace, fixes, has, narrow, shows, snapshot, squeezed, stderr, stdout};
 use predicates::str::contains;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 #[test]
 fn help_has_examples_for_every_subcommand() {
@@ -111,6 +111,46 @@ fn variants_are_compared_in_one_table_and_one_page() {
     shows(ran, &["base", "ekf", "RMS N [m]", "rejected", "epoch [ns]"]);
     assert!(w.read("both/report.html").contains("ekf"));
     w.fusion(&["compare", "--variant", "base,nobody"]).code(2);
+}
+
+/// NIS of three rows is shown over three, beside the counts and innovations of each sensor.
+#[test]
+fn variants_without_a_reference_are_compared_by_their_sensors() {
+    let w = Workspace::new("command-compare-sensors");
+    w.fusion(&["run", "design.toml", "--out", "one"]).success();
+    let summary: Value = serde_json::from_str(&w.read("one/summary.json")).unwrap();
+    let sensor = &summary["sensors"][0];
+    let ran = w
+        .fusion(&["compare", "design.toml", "--variant", "base,ekf", "--format", "json"])
+        .success();
+    let page: Value = serde_json::from_str(&stdout(&ran)).unwrap();
+    let section = |title: &str| {
+        let sections = page["sections"].as_array().unwrap();
+        let found = sections.iter().find(|s| s["title"] == title);
+        found.unwrap_or_else(|| panic!("{title}: {page}"))["tables"][0].clone()
+    };
+    let measured = section("Measurements of each sensor");
+    let base = measured["rows"][0]["cells"].as_array().unwrap();
+    assert_eq!(base[..2], [json!("gnss"), json!("base")]);
+    assert_eq!(base[2..4], [sensor["accepted"].clone(), sensor["rejected"].clone()]);
+    assert_eq!(sensor["nis"]["dof"], 3);
+    assert_eq!(base[4].as_f64().unwrap(), sensor["nis"]["mean"].as_f64().unwrap() / 3.0);
+    // The fixes alternate by up to 2 m where 2 m per axis are declared.
+    assert_eq!(base[5], "conservative");
+    assert_eq!(measured["rows"][1]["cells"][1], "ekf");
+    let innovations = section("Innovations of accepted measurements");
+    let north = &innovations["rows"][0];
+    assert_eq!((&north["unit"], &north["cells"][0]), (&json!("m"), &json!("gnss north")));
+    assert_eq!(north["cells"][2], sensor["innovations"]["rms"][0]);
+    // The runs of a residual stand beside each other.
+    let next = &innovations["rows"][1]["cells"];
+    assert_eq!((&next[0], &next[1]), (&json!("gnss north"), &json!("ekf")));
+    // Nothing is said of NEES, which there is none of.
+    section("Filter time per epoch");
+    let scored = w.fusion(&["compare", "--variant", "base,ekf"]).success();
+    let scored = stdout(&scored);
+    assert!(scored.contains("Measurements of all sensors together"), "{scored}");
+    assert!(!scored.contains("Measurements of each sensor"), "{scored}");
 }
 
 #[test]

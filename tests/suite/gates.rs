@@ -180,9 +180,6 @@ fn a_campaign_and_a_comparison_show_the_same_counts() {
     }
     let compared = stdout(&w.fusion(&["compare", "faulty.toml", "--variant", "base,ekf"]));
     let line = compared.lines().skip_while(|l| !l.contains("missed")).nth(1).unwrap();
-    assert_eq!(
-        line.split_whitespace().collect::<Vec<_>>(),
-        ["base", "115", "3", "0", "0"],
-        "{compared}"
-    );
+    let counts: Vec<&str> = line.split_whitespace().take(6).collect();
+    assert_eq!(counts, ["gnss", "base", "56", "3", "0", "0"], "{compared}");
 }
