@@ -339,7 +339,12 @@ impl DesignArgs {
             .as_ref()
             .map_or_else(|| builtin::NAME.to_owned(), |p| p.display().to_string());
         let unknown = Diagnostic::error(format!("`{file}` has no variant `{name}`"));
-        Err(if known.is_empty() {
+        Err(if name.contains(',') {
+            unknown.help(format!(
+                "here there is one design: `--variant {}` lays these over each other; `fusion compare` runs each of them",
+                name.replace(',', "+")
+            ))
+        } else if known.is_empty() {
             unknown.help(format!(
                 "a variant is a table [variant.{name}] with what differs; this file has none"
             ))

@@ -111,6 +111,11 @@ fn variants_are_compared_in_one_table_and_one_page() {
     shows(ran, &["base", "ekf", "RMS N [m]", "rejected", "epoch [ns]"]);
     assert!(w.read("both/report.html").contains("ekf"));
     w.fusion(&["compare", "--variant", "base,nobody"]).code(2);
+    // Where one design is wanted, several are no name of one.
+    let listed = w.fusion(&["run", "--variant", "ekf,no-gate"]).code(2);
+    listed
+        .stderr(contains("has no variant `ekf,no-gate`"))
+        .stderr(contains("`--variant ekf+no-gate`"));
 }
 
 /// NIS of three rows is shown over three, beside the counts and innovations of each sensor.
