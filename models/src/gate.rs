@@ -121,8 +121,9 @@ pub struct HypothesesSpec {
     /// default a thousandth of `reach`.
     speed: Option<AnyQuantity>,
     /// By how much that speed changes within a second, in the unit of the sensor per s^1.5; a twentieth of
-    /// `speed` by default. What turns as fast as the vehicle needs what its process has: a false track that is
-    /// easier to foresee than the vehicle is believed in its place.
+    /// `speed` by default. At least the noise of the vehicle's own velocity: √(2/T) σ for a velocity with the
+    /// 1σ σ and the correlation time T. Too small, and a false track is easier to foresee than the vehicle:
+    /// good measurements are taken for a false track when the vehicle turns.
     wander: Option<AnyQuantity>,
     /// The probability that a good measurement finds the estimate wrong beyond its covariance; 1e-9 by
     /// default.
