@@ -128,7 +128,7 @@ mod tests {
         );
         assert_eq!(
             said("channel = 'velocity'\nsigma = [1, 2]"),
-            "sigma: one quantity per axis is expected: 3, not 2"
+            r#"sigma: 3 values, or one for all, are expected here, e.g. ["10 km/h", "10 km/h", "10 km/h"], not 2"#
         );
         assert_eq!(
             said("channel = 'speed'\nsigma = 1"),

@@ -175,7 +175,9 @@ mod tests {
     #[test]
     fn sizes_in_the_wrong_order_are_refused() {
         let said = build::<OutliersSpec>("channel = 'velocity'\nrate = 0.1\nsize = [2, 1]", 1).unwrap_err();
-        let expected = "size: the least size is negative, or greater than the greatest / write `size = [least, greatest]`";
+        let expected = "size: the least size is greater than the greatest / write `size = [least, greatest]`";
         assert_eq!(said, expected);
+        let said = build::<OutliersSpec>("channel = 'velocity'\nrate = 0.1\nsize = [-1, 1]", 1).unwrap_err();
+        assert!(said.contains("-1 is out of range"), "{said}");
     }
 }

@@ -120,11 +120,11 @@ mod tests {
         let said = |text| build::<RampSpec>(text, 1).unwrap_err();
         assert_eq!(
             said("channel = 'velocity'\nwindow = { from = 1 }\nrate = ['1 m/s', 0, 0]"),
-            "rate: \"1 m/s\" is a speed [m/s]; an acceleration [m/s^2] is expected here, e.g. \"1 mg\""
+            "rate.0: \"1 m/s\" is a speed [m/s]; an acceleration [m/s^2] is expected here, e.g. \"1 mg\""
         );
         assert_eq!(
             said("channel = 'velocity'\nwindow = { from = 1 }\nrate = 1"),
-            "rate: one quantity per axis is expected: 3, not 1"
+            r#"rate: 3 values are expected here, e.g. ["1 mg", "1 mg", "1 mg"], not 1"#
         );
         assert_eq!(
             said("channel = 'velocity'\nwindow = { to = 9 }\nrate = [1, 0, 0]"),

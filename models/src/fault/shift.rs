@@ -143,6 +143,9 @@ mod tests {
     #[test]
     fn one_number_is_no_direction() {
         let said = build::<BiasStepSpec>("channel = 'position'\nat = 5\nvalue = 3", 1).unwrap_err();
-        assert_eq!(said, "value: one quantity per axis is expected: 3, not 1");
+        assert_eq!(
+            said,
+            r#"value: 3 values are expected here, e.g. ["0.5 m", "0.5 m", "0.5 m"], not 1"#
+        );
     }
 }
