@@ -146,6 +146,9 @@ mod support;
 /// Absolute and relative errors of a recorded trajectory, against figures of evo.
 #[path = "suite/trajectories.rs"]
 mod trajectories;
+/// Simulated sensors of which the filter is wrong.
+#[path = "suite/truth.rs"]
+mod truth;
 /// Track odometry of a skidding robot: parameters learnt on some of its log, judged on the rest.
 #[path = "suite/warthog.rs"]
 mod warthog;

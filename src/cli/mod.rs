@@ -23,7 +23,7 @@ mod stress;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use fusion::config::{Diagnostic, Diagnostics, Document, Files, Severity};
 use fusion::design::Design;
-use fusion::examine::{Missing, examine, variants};
+use fusion::examine::{Missing, examine, surprises, variants};
 use fusion::output::Unwritable;
 use fusion::present::{Page, json, text};
 use fusion::run::Options;
@@ -108,8 +108,9 @@ Examples:
     /// there is overwritten.
     #[command(after_long_help = "\
 Examples:
-  fusion new --list                 the vehicles that there are
+  fusion new --list                 the vehicles and parts that there are
   fusion new mycar --from car       writes mycar.toml
+  fusion new --part gnss/neo-m8     writes another part, to include in it
   fusion run mycar.toml             runs it, simulated")]
     New(new::NewArgs),
     /// Run variants of a design, or several designs, on the same data, side by side.
@@ -312,7 +313,10 @@ impl DesignArgs {
             d.keep(document.set(assignment));
         }
         match examine(document, &self.options(), missing) {
-            Ok(design) => d.unless_errors(design),
+            Ok(design) => {
+                report(&surprises(&design));
+                d.unless_errors(design)
+            }
             Err(more) => {
                 d.extend(more.iter().cloned());
                 Err(d)

@@ -41,24 +41,30 @@ impl Vehicle {
 #[derive(Debug, Args)]
 pub(super) struct NewArgs {
     /// The design to write: NAME.toml, and what it includes in the folder `parts` beside it.
-    #[arg(required_unless_present = "list")]
+    #[arg(required_unless_present_any = ["list", "part"])]
     name: Option<PathBuf>,
     /// What to begin with.
     #[arg(
         long,
         value_enum,
         value_name = "VEHICLE",
-        required_unless_present = "list",
+        required_unless_present_any = ["list", "part"],
         hide_possible_values = true
     )]
     from: Option<Vehicle>,
-    /// Lists the vehicles.
-    #[arg(long, conflicts_with_all = ["name", "from"])]
+    /// Writes a part of the library into the folder `parts`, to include in a design: `gnss/neo-m8`.
+    #[arg(long, value_name = "PART", conflicts_with_all = ["name", "from"])]
+    part: Vec<String>,
+    /// Lists the vehicles and the parts.
+    #[arg(long, conflicts_with_all = ["name", "from", "part"])]
     list: bool,
 }
 
 /// Writes a design that runs in simulation at once.
 pub(super) fn new(args: &NewArgs) -> Result<(), Failure> {
+    if !args.part.is_empty() {
+        return add(&args.part);
+    }
     let (Some(name), Some(vehicle)) = (&args.name, args.from) else {
         return print(&list());
     };
@@ -75,15 +81,49 @@ pub(super) fn new(args: &NewArgs) -> Result<(), Failure> {
     }
     let mut parts = BTreeMap::new();
     collect(Path::new(""), &design, &mut parts);
-    let absent = absent(&folder, &parts)?;
+    let absent = write_parts(&folder, &parts)?;
+    write(&path, &design)?;
+    print(&next_steps(&shown, &folder, absent))
+}
+
+/// Writes parts of the library, and what they include, below the current folder.
+fn add(names: &[String]) -> Result<(), Failure> {
+    let mut parts = BTreeMap::new();
+    for name in names {
+        let path = part_path(name);
+        let Some((_, text)) = builtin::FILES.iter().find(|(known, _)| *known == path) else {
+            let known: Vec<&str> = builtin::FILES.iter().map(|(path, _)| part_name(path)).collect();
+            let unknown = Diagnostic::error(format!("there is no part `{name}`"));
+            return Err(Failure::Mistakes(unknown.suggest(name, &known, "parts").into()));
+        };
+        parts.insert(PathBuf::from(&path), *text);
+        collect(Path::new(&path).parent().unwrap_or(Path::new("")), text, &mut parts);
+    }
+    write_parts(Path::new(""), &parts)?;
+    let lines: String = names.iter().map(|name| format!("  \"{}\"\n", part_path(name))).collect();
+    print(&format!("To include, as in `include = [\"parts/…\"]`:\n{lines}"))
+}
+
+/// The path of a part from configs/, and how it is named in short.
+fn part_path(name: &str) -> String {
+    format!("parts/{name}.toml")
+}
+
+fn part_name(path: &str) -> &str {
+    let path = path.strip_prefix("parts/").unwrap_or(path);
+    path.strip_suffix(".toml").unwrap_or(path)
+}
+
+/// Writes the parts that are not there yet; how many.
+fn write_parts(folder: &Path, parts: &BTreeMap<PathBuf, &'static str>) -> Result<usize, Diagnostics> {
+    let absent = absent(folder, parts)?;
     for part in &absent {
         write(&folder.join(part), parts[part])?;
     }
-    write(&path, &design)?;
-    print(&next_steps(&shown, &folder, absent.len()))
+    Ok(absent.len())
 }
 
-/// Every vehicle with what it is made of.
+/// Every vehicle with what it is made of, and every part.
 fn list() -> String {
     let line = |vehicle: &Vehicle| {
         let value = vehicle.to_possible_value()?;
@@ -91,7 +131,19 @@ fn list() -> String {
         Some(format!("  {:<7}{help}\n", value.get_name()))
     };
     let lines: String = Vehicle::value_variants().iter().filter_map(line).collect();
-    format!("{lines}\nfusion new NAME --from VEHICLE writes NAME.toml\n")
+    let mut parts: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for (kind, name) in builtin::FILES.iter().filter_map(|(path, _)| part_name(path).split_once('/')) {
+        parts.entry(kind).or_default().push(name);
+    }
+    let parts: String = parts
+        .iter()
+        .map(|(kind, names)| format!("  {kind:<13}{}\n", names.join(", ")))
+        .collect();
+    format!(
+        "Vehicles\n{lines}\nParts\n{parts}\n\
+         fusion new NAME --from VEHICLE writes NAME.toml and the parts that it includes\n\
+         fusion new --part gnss/neo-m8 writes another part, to include in its place\n"
+    )
 }
 
 /// The template as it reads at the place where it is written.

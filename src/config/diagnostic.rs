@@ -40,6 +40,16 @@ pub enum Place {
 }
 
 impl Place {
+    /// Whether `inner` stands within it.
+    pub(crate) fn holds(&self, inner: &Self) -> bool {
+        match (self, inner) {
+            (Self::Text { source, span }, Self::Text { source: of, span: at }) => {
+                source.name == of.name && span.start <= at.start && at.end <= span.end
+            }
+            _ => false,
+        }
+    }
+
     /// A line, from 1, of a data file.
     pub fn row(path: impl Into<String>, line: usize) -> Self {
         Self::File {

@@ -265,6 +265,24 @@ impl Node {
         }
     }
 
+    /// A table without entries at the same place.
+    pub(crate) fn emptied(&self) -> Self {
+        Self {
+            value: Value::table(Vec::new()),
+            place: self.place.clone(),
+            name: self.name.clone(),
+        }
+    }
+
+    /// Gives a key of the table a value, in place of one that it has; a node that is no table stays as it is.
+    pub(crate) fn put(&mut self, key: &str, node: Self) {
+        let Value::Table { entries, .. } = &mut self.value else { return };
+        match entries.iter_mut().find(|entry| entry.key == key) {
+            Some(entry) => entry.node = node,
+            None => entries.push(Entry { key: key.to_owned(), node }),
+        }
+    }
+
     /// Takes one entry out of the table.
     pub fn take(&mut self, key: &str) -> Option<Self> {
         let Value::Table { mut entries, .. } = self.split_off(&[key]).value else {

@@ -45,6 +45,11 @@ impl Document {
         Ok(())
     }
 
+    /// Whether a value was [set](Self::set), or stands in one that was.
+    pub(crate) fn is_set(&self, node: &Node) -> bool {
+        matches!(&node.place, Place::Text { source, .. } if source.name == COMMAND_LINE)
+    }
+
     /// Takes the table or value `key` of the whole tree away, if it is there.
     pub(crate) fn remove(&mut self, key: &str) {
         Arc::make_mut(&mut self.root).take(key);

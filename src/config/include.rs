@@ -202,7 +202,7 @@ impl Composer {
                 let beside = self.files.beside(path);
                 let beside: Vec<&str> = beside.iter().map(String::as_str).collect();
                 let wanted = path.file_name().unwrap_or_default().to_string_lossy();
-                let help = format!("the path starts at `{}`", folder_name(&self.chain));
+                let help = format!("the path starts at `{}`{}", folder_name(&self.chain), library(path));
                 self.found.push(unreadable.meant(&wanted, &beside).help(help));
                 return None;
             }
@@ -215,6 +215,18 @@ impl Composer {
         self.chain.pop();
         self.done.insert(identity, root.clone());
         Some(root)
+    }
+}
+
+/// Where a part of the library comes from, if the path could be that of one.
+fn library(path: &Path) -> String {
+    let mut names = path.iter().rev().map(|name| name.to_string_lossy());
+    match (names.next(), names.next(), names.next().as_deref()) {
+        (Some(file), Some(kind), Some("parts")) => {
+            let name = file.strip_suffix(".toml").unwrap_or(&file);
+            format!("; `fusion new --part {kind}/{name}` writes a part of the library, `fusion new --list` shows them")
+        }
+        _ => String::new(),
     }
 }
 

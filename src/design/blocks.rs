@@ -1,5 +1,6 @@
 //! What the tables of blocks are read as: each block with its name, its place and its siblings.
 
+use super::truth::Truth;
 use super::{InputSpec, NoiseSpec, OnlyWithSpec};
 use crate::config::Node;
 use crate::source::SourceSpec;
@@ -75,6 +76,8 @@ pub struct SimulationDesign {
     pub world: SimulationSpec,
     /// By stream, `imu` or a sensor: what goes wrong with it, in order.
     pub faults: Vec<(String, Vec<Fault>)>,
+    /// What is truly other than the filter believes.
+    pub truth: Option<Truth>,
 }
 
 /// The process with its source.

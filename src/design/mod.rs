@@ -28,6 +28,7 @@ mod read;
 mod reference;
 mod run;
 pub mod schema;
+pub(crate) mod truth;
 
 pub use blocks::{Fault, Named, ProcessDesign, SensorCommon, SensorDesign, SimulationDesign, SourceDesign};
 pub(crate) use explain::explain;
@@ -43,3 +44,4 @@ pub use reference::{
     ConvergedSpec, DifferentiateSpec, ReferenceChannel, ReferencePart, ReferenceSources, ReferenceSpec, SigmaOf, SigmaSpec, TrajectorySpec,
 };
 pub use run::{MapDetailSpec, OrderSpec, RewindSpec, RunSpec, SmoothSpec};
+pub use truth::Truth;

@@ -2,7 +2,7 @@
 
 use super::{
     Fault, FilterSpec, HealthSpec, InputSpec, Named, ProcessDesign, ReferenceSpec, RunSpec, SensorCommon, SensorDesign, SimulationDesign,
-    SourceDesign, leaders, names, nested,
+    SourceDesign, Truth, leaders, names, nested,
 };
 use crate::config::{Diagnostic, Diagnostics, Document, Entry, Node, Value, did_you_mean};
 use fusion_core::covariance::Kernel;
@@ -113,7 +113,7 @@ impl Draft {
         draft.sources = sources;
         draft.unread.streams.extend(unread_sources);
         if is_simulated(&root) {
-            draft.simulation = one(&root, "simulation", d, |n, d| read_simulation(n, &root, d));
+            draft.simulation = one(&root, "simulation", d, |n, d| read_simulation(n, &draft.document, d));
             draft.unread.simulation = draft.simulation.is_none();
         }
         draft.reference = one(&root, "reference", d, ReferenceSpec::read);
@@ -386,8 +386,8 @@ fn is_simulated(root: &Node) -> bool {
     root.get("simulation").is_some_and(|s| moves(s) || root.get("source").is_none())
 }
 
-fn read_simulation(node: &Node, root: &Node, d: &mut Diagnostics) -> Option<SimulationDesign> {
-    let mut own = node.clone();
+fn read_simulation(node: &Node, document: &Document, d: &mut Diagnostics) -> Option<SimulationDesign> {
+    let (mut own, root) = (node.clone(), document.root());
     // A sensor that is left out is not simulated either.
     let is_off = |e: &&Entry| matches!(e.node.get("enabled").map(Node::value), Some(Value::Boolean(false)));
     let off: Vec<&str> = root
@@ -400,6 +400,7 @@ fn read_simulation(node: &Node, root: &Node, d: &mut Diagnostics) -> Option<Simu
     if let Some(sensors) = own.get_mut("sensor") {
         drop(sensors.split_off(&off));
     }
+    let truth = Truth::take(&mut own, document, d);
     let mut faults = Vec::new();
     for (stream, table) in INSTRUMENTS {
         let found = table.split('.').try_fold(&mut own, |node, key| node.get_mut(key));
@@ -415,5 +416,6 @@ fn read_simulation(node: &Node, root: &Node, d: &mut Diagnostics) -> Option<Simu
     Some(SimulationDesign {
         world: own.read(d)?,
         faults,
+        truth,
     })
 }

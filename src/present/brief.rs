@@ -4,7 +4,7 @@ use super::control;
 use super::health;
 use super::number::short;
 use super::run::converged;
-use super::sensors::{count_columns, counts};
+use super::sensors::{count_columns, counted, counts};
 use super::tree::{Cell, Column, Page, Section, Table};
 use crate::run::Summary;
 use crate::score::{Axes, Consistency, Score};
@@ -95,7 +95,7 @@ impl Summary {
             let nis = Cell::real(s.nis.as_ref().map(Consistency::over_expected));
             t.row([Cell::text(&s.name)].into_iter().chain(cells).chain([nis]));
         }
-        Section::new("Sensors", [t])
+        counted(Section::new("Sensors", [t]), &counts)
     }
 }
 

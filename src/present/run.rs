@@ -3,7 +3,7 @@
 use super::control;
 use super::health;
 use super::judged::{NEES, axis_name, consistency, is_judged_as_block};
-use super::sensors::{count_columns, counts, residual_rows, row_name};
+use super::sensors::{count_columns, counted, counts, residual_rows, row_name};
 use super::tree::{Cell, Column, Page, Section, Table};
 use super::unit::Unit;
 use super::{text, trajectory};
@@ -133,13 +133,13 @@ impl Summary {
     #[must_use]
     pub fn measurements(&self) -> Vec<Section> {
         let counts = counts(&self.sensors);
-        let mut counted = Table::new([Column::text("sensor")].into_iter().chain(count_columns(&counts)));
+        let mut table = Table::new([Column::text("sensor")].into_iter().chain(count_columns(&counts)));
         for s in &self.sensors {
             let cells = counts.iter().map(|(_, count)| Cell::count(count(s)));
-            counted.row([Cell::text(&s.name)].into_iter().chain(cells));
+            table.row([Cell::text(&s.name)].into_iter().chain(cells));
         }
         vec![
-            Section::new("Sensors", [counted]),
+            counted(Section::new("Sensors", [table]), &counts),
             Section::new("Rows that were not used", [left_out(&self.consumers)]),
             Section::new("Longest rejection streaks", [streaks(&self.sensors)]),
             innovations_of(&self.sensors),

@@ -1,11 +1,14 @@
 //! What became of measurements: names, counts and units that all results share.
 
-use super::tree::{Cell, Column};
+use super::tree::{Cell, Column, Section};
 use super::unit::Unit;
 use crate::observe::{Innovations, SensorStatistics};
 
 /// A count of a sensor; none where it is not known.
 pub(super) type Count = fn(&SensorStatistics) -> Option<u64>;
+
+/// The title of the first count of disturbed rows.
+const MISSED: &str = "missed";
 
 /// The counts worth a column in a table of these sensors, with their titles: of disturbed rows
 /// where a fault may disturb any, of rare outcomes where there were any.
@@ -13,7 +16,7 @@ pub(super) fn counts<'a>(sensors: impl IntoIterator<Item = &'a SensorStatistics>
     const USUAL: [(&str, Count); 4] = [
         ("accepted", |s| Some(s.accepted)),
         ("rejected", |s| Some(s.rejected)),
-        ("missed", |s| Some(s.disturbed?.missed)),
+        (MISSED, |s| Some(s.disturbed?.missed)),
         ("false", |s| Some(s.disturbed?.false_rejections)),
     ];
     const RARE: [(&str, Count); 2] = [("re-acquired", |s| Some(s.reacquired)), ("unusable", |s| Some(s.unusable))];
@@ -21,6 +24,15 @@ pub(super) fn counts<'a>(sensors: impl IntoIterator<Item = &'a SensorStatistics>
     let usual = USUAL.into_iter().filter(|(_, count)| values(*count).next().is_some());
     let rare = RARE.into_iter().filter(|(_, count)| values(*count).any(|n| n > 0));
     usual.chain(rare).collect()
+}
+
+/// The section with a table of these counts; it says what those of disturbed rows are.
+pub(super) fn counted(section: Section, counts: &[(&'static str, Count)]) -> Section {
+    if counts.iter().any(|(title, _)| *title == MISSED) {
+        section.note("missed: rows that a declared fault disturbed and that were used. false: other rows that were rejected.")
+    } else {
+        section
+    }
 }
 
 /// Their columns.

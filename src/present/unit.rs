@@ -12,12 +12,13 @@ pub struct Unit {
 impl Unit {
     /// Of values counted in the SI unit `si`, as `Dimension` writes it (`rad/s`, `m/s^2`, `1`).
     ///
-    /// Angles are shown in degrees, pressures in hectopascals, pure numbers without a unit.
+    /// Angles are shown in degrees, pressures in hectopascals, magnetic fields in microteslas, pure numbers without a unit.
     #[must_use]
     pub fn of_si(si: &str) -> Self {
         let (factor, symbol) = match (si, si.strip_prefix("rad")) {
             ("" | "1", _) => (1.0, String::new()),
-            ("kg/m/s^2" | "Pa", _) => (0.01, "hPa".to_owned()),
+            ("Pa", _) => (0.01, "hPa".to_owned()),
+            ("T", _) => (1e6, "µT".to_owned()),
             (_, Some(rest)) => (1_f64.to_degrees(), format!("deg{rest}")),
             _ => (1.0, si.to_owned()),
         };
@@ -78,7 +79,7 @@ mod tests {
     fn angles_are_shown_in_degrees_and_pressures_in_hectopascals() {
         let rate = Unit::of_si("rad/s");
         assert_eq!((rate.symbol(), rate.of(core::f64::consts::PI)), ("deg/s", 180.0));
-        let pressure = Unit::of_si("kg/m/s^2");
+        let pressure = Unit::of_si("Pa");
         assert_eq!(pressure.list(&[101_325.0]), "1013 hPa");
         assert_eq!(Unit::of_si("m/s^2").list(&[2.0, 2.0]), "2 m/s²");
         assert_eq!(Unit::of_si("1").list(&[0.5, 1.0]), "0.5, 1");

@@ -3,7 +3,7 @@
 
 use crate::assembly;
 use crate::config::{Diagnostic, Diagnostics, Document, Node};
-use crate::design::{Design, Draft, explain};
+use crate::design::{Design, Draft, explain, truth};
 use crate::rows::FaultChain;
 use crate::run::{Options, data_dir, open_one};
 use crate::source::OpenContext;
@@ -44,6 +44,12 @@ pub fn build(document: Document) -> Result<Design, Diagnostics> {
         Ok(design) => d.unless_errors(design),
         Err(_) => Err(d),
     }
+}
+
+/// What may surprise in a design without being a mistake.
+#[must_use]
+pub fn surprises(design: &Design) -> Diagnostics {
+    truth::shared(&design.document)
 }
 
 /// What can be read of a document, with the mistakes of reading and of assembling it.

@@ -2,14 +2,15 @@
 
 use super::check::{faults, no_origin};
 use super::pilot;
-use crate::assembly::{Assembly, SensorInfo, stream_of};
+use crate::assembly::{Assembly, SensorInfo, assemble, declared_streams, stream_of};
 use crate::config::{Diagnostic, Diagnostics};
-use crate::design::{Design, Named, SimulationDesign};
+use crate::design::{Design, Named, SimulationDesign, Truth};
 use crate::rows::{Aboard, FaultChain, Feed, Pose, Row, SourceReport, SourceStatistics, Stamp};
 use core::ops::Range;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::runner::{InitialiserUnit, StreamId};
+use fusion_core::state::Layout;
 use fusion_core::time::Time;
 use fusion_models::earth::LocalFrame;
 use fusion_models::sim::{
@@ -245,11 +246,26 @@ pub(crate) fn drawn_start(
     }))
 }
 
-/// The simulator of the declared world, with the sensors of the assembly that it simulates.
+/// The simulator of the declared world, with the sensors of the assembly that it simulates; where the design says
+/// what is truly other, with those of the true design.
 fn simulator(
     design: &Design,
     simulation: &Named<SimulationDesign>,
     assembly: &Assembly,
+    run: (u64, Option<Script>),
+) -> Result<Simulator, Diagnostics> {
+    let Some(truth) = &simulation.block.truth else {
+        return simulator_of(design, simulation, assembly, None, run);
+    };
+    let world = assemble(&truth.design, declared_streams(&truth.design)?)?;
+    simulator_of(&truth.design, simulation, &world, Some((truth, &assembly.layout)), run)
+}
+
+fn simulator_of(
+    design: &Design,
+    simulation: &Named<SimulationDesign>,
+    assembly: &Assembly,
+    truth: Option<(&Truth, &Layout)>,
     (seed, script): (u64, Option<Script>),
 ) -> Result<Simulator, Diagnostics> {
     let world = &simulation.block.world;
@@ -283,6 +299,8 @@ fn simulator(
         gravity: assembly.gravity,
         sensors: sensors.collect(),
         others: others.map(|(named, _)| named.name.clone()).collect(),
+        given: truth.map_or_else(Vec::new, |(truth, _)| truth.given.clone()),
+        told: truth.map(|(_, layout)| layout),
     };
     Simulator::new(world, setup, seed, script).map_err(|e| simulation.node.locate(&e).into())
 }

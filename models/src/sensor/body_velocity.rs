@@ -100,7 +100,7 @@ scale = { estimate = true, initial = "1 %", sigma = "3 %", random_walk = "0.01 %
 );
 
 /// Pseudo-measurement: the velocity of a wheeled or tracked vehicle has no component sideways or
-/// up.
+/// up; that of a boat none sideways through the water.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NonholonomicSpec {
@@ -114,6 +114,10 @@ pub struct NonholonomicSpec {
     /// Which velocities are zero.
     #[serde(default)]
     axes: Constraint,
+    /// Velocity of the water over ground, north east down: for a boat without leeway, which does not move sideways
+    /// through the water.
+    #[serde(default)]
+    current: VectorParam<dim::Speed>,
 }
 
 /// The axes of a nonholonomic constraint.
@@ -155,6 +159,7 @@ crate::register!(
 lever_arm = ["-1.2 m", 0, "0.4 m"]
 mounting = { estimate = true, initial = [0, 0, 0], sigma = [0, "1 deg", "1 deg"] }
 axes = "both"
+current = { estimate = true, initial = [0, 0, 0], sigma = ["0.5 m/s", "0.5 m/s", 0], correlation_time = "20 min" }
 "#
 );
 
@@ -223,8 +228,9 @@ impl SensorSpec for NonholonomicSpec {
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        let rows = self.axes.rows();
-        Ok(Box::new(BodyVelocity::build(b, &self.lever_arm, &self.mounting, rows)?))
+        let mut model = BodyVelocity::build(b, &self.lever_arm, &self.mounting, self.axes.rows())?;
+        model.current = b.param(parameter::CURRENT, &self.current)?;
+        Ok(Box::new(model))
     }
 }
 

@@ -1,13 +1,17 @@
 //! Heading from a compass, a dual-antenna receiver or a gyrocompass.
 //!
 //! Measured   z = heading \[rad\], clockwise from the sensor's north
-//! Predicted  h(x) = ψ − D + b,  ψ = atan2(C21, C11), D declination, b deviation
-//! Jacobian   ∂ψ/∂δφ_b = [0, C32, C33]/(C11² + C21²),  ∂h/∂b = 1;
-//!            with an estimated heading ∂h/∂ψ = 1
+//! Predicted  h(x) = μ + b + s₁ sin μ + c₁ cos μ + s₂ sin 2μ + c₂ cos 2μ,  μ = ψ − D the magnetic heading,
+//!            ψ = atan2(C21, C11), D declination. b and the coefficients are the deviation of the compass with the
+//!            sign of an error: hard iron makes s₁ and c₁, soft iron s₂ and c₂. The coefficients A … E of a
+//!            deviation card, which is added to the compass, are those of the other sign
+//! Jacobian   ∂h/∂ψ = k = 1 + s₁ cos μ − c₁ sin μ + 2 s₂ cos 2μ − 2 c₂ sin 2μ;
+//!            ∂ψ/∂δφ_b = [0, C32, C33]/(C11² + C21²);  ∂h/∂b = 1,  ∂h/∂s₁ = sin μ and so on
 //! Residual   wrapped to (−π, π]
 //! Valid      away from gimbal lock, |C31| ≤ 0.9999
-//! Not here   tilt compensation of raw magnetometers
-//! Source     the derivative of atan2 with C ← C (I + [δφ_b ×])
+//! Not here   tilt compensation of raw magnetometers; deviation by heel, and by magnetic latitude
+//! Source     the derivative of atan2 with C ← C (I + [δφ_b ×]); deviation: NGA, Handbook of Magnetic Compass
+//!            Adjustment, 2004, ch. VI
 
 use crate::block::{Build, BuildError, Reading, SensorSpec};
 use crate::param::ScalarParam;
@@ -35,12 +39,34 @@ fn yaw(c_nb: &Matrix3<f64>) -> Result<(f64, RowVector3<f64>), Undefined> {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HeadingSpec {
-    /// Heading bias, clockwise positive: deviation, misalignment.
+    /// Heading bias, clockwise positive: the constant part of the deviation, misalignment.
     #[serde(default)]
     bias: ScalarParam<dim::Angle>,
+    /// Deviation that goes with the heading.
+    #[serde(default)]
+    deviation: DeviationSpec,
     /// Magnetic declination: direction of the sensor's north, clockwise from true north.
     #[serde(default)]
     declination: units::Angle,
+}
+
+/// What a compass reads too much, beside its bias, as a function of the magnetic heading: the vehicle's own field. It is
+/// learnt where the vehicle turns through all headings.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct DeviationSpec {
+    /// Times the sine of the heading: hard iron, and the part of it ahead.
+    #[serde(default)]
+    sin: ScalarParam<dim::Angle>,
+    /// Times its cosine: hard iron to the right.
+    #[serde(default)]
+    cos: ScalarParam<dim::Angle>,
+    /// Times the sine of twice the heading: soft iron.
+    #[serde(default)]
+    sin_2: ScalarParam<dim::Angle>,
+    /// Times the cosine of twice the heading.
+    #[serde(default)]
+    cos_2: ScalarParam<dim::Angle>,
 }
 
 crate::register!(
@@ -49,6 +75,7 @@ crate::register!(
     HeadingSpec,
     r#"
 bias = { estimate = true, initial = 0, sigma = "2 deg", correlation_time = "300 s" }
+deviation = { sin = { estimate = true, initial = 0, sigma = "3 deg" }, cos = { estimate = true, initial = 0, sigma = "3 deg" }, cos_2 = "0.5 deg" }
 declination = "-8 deg"
 "#
 );
@@ -72,6 +99,7 @@ impl SensorSpec for HeadingSpec {
         Ok(Box::new(Heading {
             heading,
             bias: b.param("bias", &self.bias)?,
+            deviation: Deviation::build(b, &self.deviation)?,
             declination: self.declination.si(),
         }))
     }
@@ -84,12 +112,55 @@ enum Source {
     Heading(Quantity<Angle>),
 }
 
+/// Coefficients of sin μ, cos μ, sin 2μ, cos 2μ \[rad\].
+#[derive(Debug)]
+struct Deviation([Param<Scalar>; 4]);
+
+impl Deviation {
+    /// None where there is nothing to add.
+    fn build(b: &mut Build<'_>, spec: &DeviationSpec) -> Result<Option<Self>, BuildError> {
+        let all = [
+            b.param("deviation.sin", &spec.sin)?,
+            b.param("deviation.cos", &spec.cos)?,
+            b.param("deviation.sin_2", &spec.sin_2)?,
+            b.param("deviation.cos_2", &spec.cos_2)?,
+        ];
+        let is_none = |p: &Param<Scalar>| matches!(p, Param::Fixed(c) if *c == 0.0);
+        Ok((!all.iter().all(is_none)).then_some(Self(all)))
+    }
+
+    /// What each coefficient is multiplied by at this magnetic heading.
+    fn waves(magnetic: f64) -> [f64; 4] {
+        let ((s, c), (s_2, c_2)) = (magnetic.sin_cos(), (2.0 * magnetic).sin_cos());
+        [s, c, s_2, c_2]
+    }
+
+    /// The deviation, and its derivative by the heading.
+    fn at(&self, at: &View<'_>, magnetic: f64) -> (f64, f64) {
+        let [k_s, k_c, k_s_2, k_c_2] = self.0.each_ref().map(|k| at.get(k));
+        let [s, c, s_2, c_2] = Self::waves(magnetic);
+        let value = k_s * s + k_c * c + k_s_2 * s_2 + k_c_2 * c_2;
+        (value, k_s * c - k_c * s + 2.0 * (k_s_2 * c_2 - k_c_2 * s_2))
+    }
+}
+
 /// The runtime model.
 #[derive(Debug)]
 struct Heading {
     heading: Source,
     bias: Param<Scalar>,
+    deviation: Option<Deviation>,
     declination: f64,
+}
+
+impl Heading {
+    /// The true heading.
+    fn psi(&self, at: &View<'_>) -> Result<f64, Undefined> {
+        match &self.heading {
+            Source::Attitude(attitude) => Ok(yaw(&rotation(&at.get(attitude)))?.0),
+            Source::Heading(heading) => Ok(at.get(heading)),
+        }
+    }
 }
 
 impl Measurement for Heading {
@@ -98,18 +169,24 @@ impl Measurement for Heading {
     }
 
     fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {
-        let psi = match &self.heading {
-            Source::Attitude(attitude) => yaw(&rotation(&at.get(attitude)))?.0,
-            Source::Heading(heading) => at.get(heading),
-        };
-        value[0] = wrap(psi - self.declination + at.get(&self.bias));
+        let magnetic = self.psi(at)? - self.declination;
+        let deviation = self.deviation.as_ref().map_or(0.0, |d| d.at(at, magnetic).0);
+        value[0] = wrap(magnetic + at.get(&self.bias) + deviation);
         Ok(())
     }
 
     fn jacobian(&self, at: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined> {
+        let mut slope = 1.0;
+        if let Some(deviation) = &self.deviation {
+            let magnetic = self.psi(at)? - self.declination;
+            slope += deviation.at(at, magnetic).1;
+            for (coefficient, wave) in deviation.0.iter().zip(Deviation::waves(magnetic)) {
+                h.add(0, coefficient, &Matrix1::new(wave));
+            }
+        }
         match &self.heading {
-            Source::Attitude(attitude) => h.add(0, attitude, &yaw(&rotation(&at.get(attitude)))?.1),
-            Source::Heading(heading) => h.add(0, heading, &Matrix1::new(1.0)),
+            Source::Attitude(attitude) => h.add(0, attitude, &(yaw(&rotation(&at.get(attitude)))?.1 * slope)),
+            Source::Heading(heading) => h.add(0, heading, &Matrix1::new(slope)),
         }
         h.add(0, &self.bias, &Matrix1::new(1.0));
         Ok(())
@@ -134,6 +211,7 @@ mod tests {
         Heading {
             heading: attitude,
             bias: Param::Fixed(0.02),
+            deviation: None,
             declination: -0.1,
         }
     }
@@ -143,6 +221,27 @@ mod tests {
         let mut z = [0.0];
         compass(0.3, -0.4, 1.0).predict(&View::new(&[], &[]), &mut z).unwrap();
         assert!((z[0] - 1.12).abs() < 1e-15); // rounding
+    }
+
+    #[test]
+    fn hard_iron_ahead_shows_on_east_and_west_and_to_the_right_on_north_and_south() {
+        let read = |magnetic: f64, iron: [f64; 4]| {
+            let mut compass = compass(0.0, 0.0, magnetic - 0.1);
+            compass.deviation = Some(Deviation(iron.map(Param::Fixed)));
+            let mut z = [0.0];
+            compass.predict(&View::new(&[], &[]), &mut z).unwrap();
+            wrap(z[0] - magnetic - 0.02)
+        };
+        let (quarter, pi) = (core::f64::consts::FRAC_PI_2, core::f64::consts::PI);
+        // 1e-15: rounding.
+        let near = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-15, "{found} {expected}");
+        let (ahead, right, soft) = ([0.03, 0.0, 0.0, 0.0], [0.0, 0.04, 0.0, 0.0], [0.0, 0.0, 0.0, 0.01]);
+        near(read(quarter, ahead), 0.03);
+        near(read(-quarter, ahead), -0.03);
+        near(read(0.0, right), 0.04);
+        near(read(pi, right), -0.04);
+        near(read(quarter, soft), -0.01);
+        near(read(pi, soft), 0.01);
     }
 
     #[test]

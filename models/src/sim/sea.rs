@@ -1,6 +1,7 @@
 //! The sea under a boat: a current that carries it, and waves that move it.
 //!
-//! Path     p(t) = p_w(t) + c t + d(t): what the trajectory says is done in the water, c the current, d the waves
+//! Path     p(t) = p_w(t) + ∫ c dt + d(t): what the trajectory says is done in the water, c the current, which changes
+//!          evenly between the instants of its tide, d the waves
 //! Waves    d = Σᵢ a \[cos θ sin ωᵢt, sin θ sin ωᵢt, −cos ωᵢt\], each with a phase: the boat goes round as the water of
 //!          deep-water waves does, up and ahead (towards θ) on the crest. Three frequencies about the mean one, of the
 //!          same amplitude a = √(2/3) σ, so that waves come in groups; σ, the standard deviation of heave, is a
@@ -14,6 +15,7 @@
 
 use super::profile::step7;
 use super::segment::Motion;
+use crate::block::BuildError;
 use crate::units::{NonNegative, Positive, Quantity, Vec3Of, dim};
 use core::f64::consts::TAU;
 use nalgebra::Vector3;
@@ -21,14 +23,27 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 /// The sea that carries a boat.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SeaSpec {
-    /// Velocity of the water over ground, north east down: the truth of the parameter `current` wherever a sensor
-    /// estimates one. Without it the water stands, and a `current` is true as other parameters are.
+    /// Velocity of the water over ground, north east down: the truth of the parameter `current` of every sensor that
+    /// declares one, fixed or estimated. Without it the water stands, and a `current` is true as other parameters are.
     current: Option<Vec3Of<dim::Speed>>,
+    /// What becomes of the current, in order of time: it changes evenly from each to the next, and stays at the last.
+    #[serde(default)]
+    tide: Vec<TideSpec>,
     /// The waves; without them the water is flat.
     waves: Option<WavesSpec>,
+}
+
+/// The current at a time.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TideSpec {
+    /// When, after the start of the run.
+    at: Positive<dim::Duration>,
+    /// Velocity of the water over ground then, north east down.
+    current: Vec3Of<dim::Speed>,
 }
 
 /// Waves, and how far the boat moves in them.
@@ -51,15 +66,65 @@ pub struct WavesSpec {
 }
 
 impl SeaSpec {
-    /// Velocity of the water over ground \[m/s\], north east down, where it is declared.
-    pub(super) fn current(&self) -> Option<Vector3<f64>> {
-        self.current.map(|current| current.si().into())
+    /// Whether it is declared how the water moves.
+    pub(super) const fn has_current(&self) -> bool {
+        self.current.is_some()
+    }
+
+    /// How the water moves after `t` seconds, from where it was at the start.
+    pub(super) fn current(&self, t: f64) -> Current {
+        let velocity = |declared: &Vec3Of<dim::Speed>| Vector3::from(declared.si());
+        let mut here = Current {
+            velocity: self.current.as_ref().map(velocity).unwrap_or_default(),
+            ..Current::default()
+        };
+        let mut since = 0.0;
+        for tide in &self.tide {
+            let span = tide.at.si() - since;
+            let change = (velocity(&tide.current) - here.velocity) / span;
+            if t < tide.at.si() {
+                here.change = change;
+                break;
+            }
+            here.moved += (here.velocity + velocity(&tide.current)) * (0.5 * span);
+            (here.velocity, since) = (velocity(&tide.current), tide.at.si());
+        }
+        let dt = t - since;
+        here.moved += here.velocity * dt + here.change * (0.5 * dt * dt);
+        here.velocity += here.change * dt;
+        here
+    }
+
+    /// Refuses a tide that does not go on in time, or that nothing precedes.
+    pub(super) fn check(&self) -> Result<(), BuildError> {
+        if self.current.is_none() && !self.tide.is_empty() {
+            let help = "add `current`: the velocity of the water at the start";
+            return Err(BuildError::at("sea.tide", "a tide changes a current, and there is none").help(help));
+        }
+        match self.tide.windows(2).position(|pair| pair[1].at.si() <= pair[0].at.si()) {
+            None => Ok(()),
+            Some(i) => {
+                let message = "this is not later than the entry before it";
+                Err(BuildError::at(format!("sea.tide.{}.at", i + 1), message).help("write the entries in order of time"))
+            }
+        }
     }
 
     /// Whether the boat goes up and down.
     pub(super) const fn has_waves(&self) -> bool {
         self.waves.is_some()
     }
+}
+
+/// The motion of the water.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Current {
+    /// Its way since the start \[m\].
+    moved: Vector3<f64>,
+    /// Over ground \[m/s\].
+    pub(super) velocity: Vector3<f64>,
+    /// How fast that changes \[m/s²\].
+    change: Vector3<f64>,
 }
 
 /// Frequency, over the mean one, and phase \[rad\] of each wave. The squares of the frequencies have a mean of 1, so that
@@ -72,9 +137,10 @@ const RISE: f64 = 2.0;
 impl SeaSpec {
     /// What becomes of a motion in the water after `t` seconds.
     pub(super) fn carry(&self, t: f64, motion: &mut Motion) {
-        let current = self.current().unwrap_or_default();
-        motion.position += current * t;
-        motion.velocity += current;
+        let current = self.current(t);
+        motion.position += current.moved;
+        motion.velocity += current.velocity;
+        motion.acceleration += current.change;
         let Some(waves) = &self.waves else { return };
         let (period, (s, c)) = (waves.period.si(), waves.direction.si().sin_cos());
         // Three sines of amplitude a have a variance of 3a²/2.
@@ -118,6 +184,43 @@ mod tests {
         let m = carried(&sea("current = ['0.3 m/s', '-0.2 m/s', 0]"), 100.0);
         assert_eq!(m.position, Vector3::new(30.0, -20.0, 0.0));
         assert_eq!(m.velocity, Vector3::new(0.3, -0.2, 0.0));
+    }
+
+    #[test]
+    fn a_tide_changes_the_current_evenly_and_leaves_it_at_the_last() {
+        let sea =
+            sea("current = [0.4, 0, 0]\ntide = [{ at = '100 s', current = [0.4, 0.2, 0] }, { at = '300 s', current = [-0.4, 0.2, 0] }]");
+        let at = |t: f64| (carried(&sea, t).velocity, carried(&sea, t).position);
+        assert_eq!(at(0.0), (Vector3::new(0.4, 0.0, 0.0), Vector3::zeros()));
+        // 1e-12 m: rounding. Each leg adds its mean velocity times its time.
+        let near = |t: f64, v: [f64; 3], p: [f64; 3]| {
+            let (velocity, position) = at(t);
+            assert!(
+                (velocity - Vector3::from(v)).norm() < 1e-12 && (position - Vector3::from(p)).norm() < 1e-12,
+                "{t} {velocity} {position}"
+            );
+        };
+        near(50.0, [0.4, 0.1, 0.0], [20.0, 2.5, 0.0]);
+        near(200.0, [0.0, 0.2, 0.0], [60.0, 30.0, 0.0]);
+        near(400.0, [-0.4, 0.2, 0.0], [0.0, 70.0, 0.0]);
+        // 1e-6: truncation and rounding, as below.
+        for t in [3.0, 50.0, 99.0, 101.0, 222.0, 500.0] {
+            let slope = (carried(&sea, t + 1e-4).position - carried(&sea, t - 1e-4).position) / 2e-4;
+            assert!((slope - carried(&sea, t).velocity).norm() < 1e-6, "{t}");
+            let slope = (carried(&sea, t + 1e-4).velocity - carried(&sea, t - 1e-4).velocity) / 2e-4;
+            assert!((slope - carried(&sea, t).acceleration).norm() < 1e-6, "{t}");
+        }
+    }
+
+    #[test]
+    fn a_tide_without_a_current_or_out_of_order_is_refused() {
+        let refused = |text: &str| sea(text).check().map_err(|e| e.field).err();
+        assert_eq!(refused("tide = [{ at = '1 s', current = [0, 0, 0] }]").unwrap(), "sea.tide");
+        let tide = |a: u32, b: u32| {
+            format!("current = [0, 0, 0]\ntide = [{{ at = {a}, current = [0, 0, 0] }}, {{ at = {b}, current = [0, 0, 0] }}]")
+        };
+        assert_eq!(refused(&tide(5, 5)).unwrap(), "sea.tide.1.at");
+        assert_eq!(refused(&tide(5, 6)), None);
     }
 
     #[test]

@@ -115,11 +115,12 @@ impl SimulationSpec {
     /// [`BuildError`] whose field is `trajectory.i.…`.
     pub fn trajectory(&self) -> Result<Trajectory, BuildError> {
         let trajectory = Trajectory::new(self.start.junction(), &self.trajectory)?;
-        let Some(sea) = self.sea else { return Ok(trajectory) };
+        let Some(sea) = &self.sea else { return Ok(trajectory) };
+        sea.check()?;
         if sea.has_waves() {
             self.check_afloat()?;
         }
-        Ok(trajectory.at_sea(sea))
+        Ok(trajectory.at_sea(sea.clone()))
     }
 
     /// Refuses waves under what does not float.

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+/// Dimensions whose SI unit has a name that people know better, with twice their exponents.
+const NAMED: [(&str, [i8; 6]); 2] = [("T", [0, 2, -4, -2, 0, 0]), ("Pa", [-2, 2, -4, 0, 0, 0])];
 /// Base units, in the order of the exponents.
 const BASES: [&str; 6] = ["m", "kg", "s", "A", "K", "rad"];
 
@@ -73,6 +75,9 @@ fn is_reasonable(halves: &i8) -> bool {
 /// The SI unit: `m/s^2`, `rad/s/sqrt(s)`; parsing it gives the dimension back.
 impl fmt::Display for Dimension {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some((symbol, _)) = NAMED.iter().find(|(_, halves)| *halves == self.halves) {
+            return f.write_str(symbol);
+        }
         let powers = || BASES.into_iter().zip(self.halves);
         let mut separator = "";
         for (base, halves) in powers().filter(|(_, halves)| *halves > 0) {

@@ -289,6 +289,9 @@ impl Builder {
             };
             if let Some(target) = target {
                 property(target, "fault", faults.clone());
+                if path.starts_with("/sensor") {
+                    property(target, "truth", truth());
+                }
             }
         }
         let ship = named(properties.get("ship")).and_then(|ship| self.defs.get(&ship));
@@ -300,6 +303,13 @@ impl Builder {
         }
         schema
     }
+}
+
+/// Parameters of a simulated sensor; which there are goes with the sensor of its name.
+fn truth() -> Value {
+    let description = "Parameters of the sensor that are truly others than the filter believes, and `time_offset`, each a fixed value; of \
+                       one that is estimated the true value in place of a draw.";
+    json!({ "type": "object", "description": description, "examples": [{ "lever_arm": [0.5, 0, "-1 m"] }] })
 }
 
 /// The definition that a schema refers to, or one of its choices.

@@ -11,7 +11,8 @@
 //!          `attitude`, `heading`, `speed`, `yaw_rate` from the world; `gyro_bias`, `accel_bias`,
 //!          `gyro_scale`, `accel_scale` from the simulated unit; a log's `current` from the sea, where that has one;
 //!          every other block at its declared
-//!          initial value, or drawn about it and moved by its own dynamics (`draw_parameters`)
+//!          initial value, or, where that is not [given](Setup::given) as the true one, drawn about it; moved by its own
+//!          dynamics (`draw_parameters`)
 //! Shared   what is true of a trajectory, and the samples of the inertial unit before their errors, are the same for
 //!          every seed: runs that [share](Simulator::share) them make them once
 //! Signals  from the process's own `signals` at x_true, its input being the true rates plus the
@@ -41,6 +42,7 @@ use crate::units::Dimension;
 use crate::vocabulary::channel;
 use clock::{Clocks, Source};
 use core::cmp::Reverse;
+use core::ops::Range;
 use course::ErrorFree;
 pub use course::SharedCourse;
 use delay::Delay;
@@ -48,7 +50,7 @@ use fusion_core::Time;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::model::{Measurement, Process};
-use fusion_core::state::{Layout, Scalar, Slot};
+use fusion_core::state::{Block, Layout, Scalar, Slot};
 use fusion_core::time::nanos;
 use std::collections::BinaryHeap;
 use std::sync::Arc;
@@ -90,6 +92,10 @@ pub struct Setup<'a> {
     pub sensors: Vec<SimulatedSensor>,
     /// Names of sensors that read what an instrument or a stage makes: no truth of their parameters is known.
     pub others: Vec<String>,
+    /// States whose initial value is the true one: they are not drawn.
+    pub given: Vec<String>,
+    /// The state that the truth is told in, if another: its blocks are among those of `layout`.
+    pub told: Option<&'a Layout>,
 }
 
 /// A stream of simulated rows.
@@ -144,6 +150,8 @@ pub struct Simulator {
     sequence: u64,
     /// By how much a row may be stamped before it is valid \[ns\], 0 or negative.
     least_delay: i64,
+    /// Where the truth is told, and where it stands in the true state.
+    told: Vec<[Range<usize>; 2]>,
     reference_state: Vec<f64>,
 }
 
@@ -308,7 +316,8 @@ impl Simulator {
             queue: BinaryHeap::new(),
             spare: Vec::new(),
             sequence: 0,
-            reference_state: setup.layout.initial().to_vec(),
+            told: told(setup.told.unwrap_or(setup.layout), setup.layout)?,
+            reference_state: setup.told.unwrap_or(setup.layout).initial().to_vec(),
         };
         simulator.refresh();
         Ok(simulator)
@@ -398,7 +407,10 @@ impl Simulator {
             if self.queue.peek().is_some_and(|Reverse(row)| row.stamp < safe) {
                 let Reverse(mut row) = self.queue.pop()?;
                 if row.stream == self.streams.len() - 1 {
-                    self.reference_state.copy_from_slice(&row.data[REFERENCE_WIDTH..]);
+                    let state = &row.data[REFERENCE_WIDTH..];
+                    for [to, from] in &self.told {
+                        self.reference_state[to.clone()].copy_from_slice(&state[from.clone()]);
+                    }
                     row.data.truncate(REFERENCE_WIDTH);
                 }
                 core::mem::swap(out, &mut row.data);
@@ -516,6 +528,16 @@ impl Simulator {
         }
         self.readings = readings;
     }
+}
+
+/// Where the blocks of a state stand in it, and where they stand in the true state.
+fn told(layout: &Layout, truth: &Layout) -> Result<Vec<[Range<usize>; 2]>, BuildError> {
+    let place = |block: &Block| {
+        let of_truth = truth.blocks().iter().find(|b| b.name == block.name && b.kind == block.kind);
+        let unknown = || BuildError::at("sensor", format!("with what is true there is no state `{}`", block.name));
+        Ok([block.storage_range(), of_truth.ok_or_else(unknown)?.storage_range()])
+    };
+    layout.blocks().iter().map(place).collect()
 }
 
 /// The channels of the `odometry` stream.

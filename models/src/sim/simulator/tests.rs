@@ -67,6 +67,8 @@ fn simulate(text: &str, seed: u64) -> Result<(Layout, Arc<dyn Process>, Simulato
         gravity,
         sensors,
         others: Vec::new(),
+        given: Vec::new(),
+        told: None,
     };
     let simulator = Simulator::new(&design.simulation, setup, seed, None)?;
     Ok((layout, process, simulator))
@@ -410,6 +412,8 @@ fn a_moved_state_that_the_world_does_not_know_is_refused_with_the_name_that_was_
             gravity: Gravity::default(),
             sensors: Vec::new(),
             others: Vec::new(),
+            given: Vec::new(),
+            told: None,
         };
         let spec: SimulationSpec = toml::from_str("trajectory = [{ rest = { duration = 1 } }]").unwrap();
         Simulator::new(&spec, setup, 1, None).map_err(|e| e.message).err()

@@ -2,6 +2,7 @@
 
 use super::super::inverse::Sample;
 use super::super::random::Random;
+use super::super::sea::SeaSpec;
 use super::super::spec::SimulationSpec;
 use super::super::world::Truth;
 use super::Setup;
@@ -9,6 +10,7 @@ use crate::block::{BuildError, Channel};
 use crate::earth::{Gravity, LocalEarth, LocalFrame};
 use crate::spelling::did_you_mean;
 use crate::vocabulary::{channel, parameter, state};
+use core::ops::Range;
 use fusion_core::Time;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
@@ -30,6 +32,9 @@ pub(super) struct TrueState {
     frame: LocalFrame,
     gravity: Gravity,
     known: Vec<Known>,
+    /// What carries a boat, and where the state has its velocity.
+    sea: Option<SeaSpec>,
+    currents: Vec<Range<usize>>,
     parameters: Vec<Parameter>,
     /// Names of the blocks that are truly at their declared initial value.
     undrawn: Vec<String>,
@@ -139,16 +144,15 @@ impl Known {
 #[derive(Debug)]
 struct Parameter {
     kind: Kind,
-    storage: core::ops::Range<usize>,
+    storage: Range<usize>,
     dynamics: Dynamics,
     random: Random,
 }
 
-/// The true current, where the block is one that a log estimates and the sea has one.
-fn current_of(spec: &SimulationSpec, block: &Block) -> Option<Vector3<f64>> {
-    let (_, name) = block.name.rsplit_once('.')?;
-    let is_current = name == parameter::CURRENT && block.kind == Kind::Vector(3);
-    spec.sea.as_ref().filter(|_| is_current)?.current()
+/// Whether the block is a current that a log measures against.
+fn is_current(block: &Block) -> bool {
+    let name = block.name.rsplit_once('.').map(|(_, name)| name);
+    name == Some(parameter::CURRENT) && block.kind == Kind::Vector(3)
 }
 
 /// The rate of the heading \[rad/s\].
@@ -170,21 +174,25 @@ impl TrueState {
     pub(super) fn new(setup: &Setup<'_>, spec: &SimulationSpec, seed: u64) -> Result<Self, BuildError> {
         let layout = setup.layout;
         let mut x = layout.initial().to_vec();
-        let (mut known, mut parameters, mut undrawn) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut known, mut currents, mut parameters, mut undrawn) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let sea = spec.sea.as_ref().filter(|sea| sea.has_current());
         let is_of_others = |block: &str| {
             block
                 .split_once('.')
                 .is_some_and(|(owner, _)| setup.others.iter().any(|o| o == owner))
         };
+        let is_given = |block: &str| setup.given.iter().any(|given| given == block);
         for block in layout.blocks() {
             if let Some(k) = Known::of(layout, block)? {
                 known.push(k);
-            } else if let Some(current) = current_of(spec, block) {
-                x[block.storage_range()].copy_from_slice(current.as_slice());
+            } else if sea.is_some() && is_current(block) {
+                currents.push(block.storage_range());
             } else if spec.draw_parameters && !is_of_others(&block.name) {
                 let mut random = Random::new(seed, &format!("state/{}", block.name));
-                let delta: Vec<f64> = block.sigma.iter().map(|sigma| sigma * random.normal()).collect();
-                block.kind.plus(&mut x[block.storage_range()], &delta);
+                if !is_given(&block.name) {
+                    let delta: Vec<f64> = block.sigma.iter().map(|sigma| sigma * random.normal()).collect();
+                    block.kind.plus(&mut x[block.storage_range()], &delta);
+                }
                 let (kind, storage, dynamics) = (block.kind, block.storage_range(), block.dynamics.clone());
                 parameters.push(Parameter {
                     kind,
@@ -192,7 +200,7 @@ impl TrueState {
                     dynamics,
                     random,
                 });
-            } else {
+            } else if !is_given(&block.name) {
                 undrawn.push(block.name.clone());
             }
         }
@@ -217,6 +225,8 @@ impl TrueState {
             frame: LocalFrame::new(setup.origin),
             gravity: setup.gravity,
             known,
+            sea: sea.cloned(),
+            currents,
             parameters,
             undrawn,
             moved: Time::default(),
@@ -263,6 +273,12 @@ impl TrueState {
                     slot.write(&scale.force, x);
                 }
                 _ => {}
+            }
+        }
+        if let Some(sea) = &self.sea {
+            let current = sea.current(truth.time.seconds()).velocity;
+            for block in &self.currents {
+                x[block.clone()].copy_from_slice(current.as_slice());
             }
         }
         self.sample.clear();

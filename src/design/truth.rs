@@ -1,0 +1,161 @@
+//! `truth` of a simulated sensor: parameters that are truly others than the filter believes.
+//!
+//! A simulated sensor measures by the model that the filter has of it. The *true design* is the design with these values
+//! laid over its sensors; a value laid over one that is estimated is its true value, where the filter starts from `initial`.
+//! The true design has the states of the filter, so that what is true can be told in them, and the water where a log
+//! measures against one that the filter takes as known.
+
+use super::{Design, Draft};
+use crate::config::{Diagnostic, Diagnostics, Document, Entry, Node, Value};
+use fusion_models::registry::{self, Role};
+use fusion_models::vocabulary::parameter;
+use serde_json::Value as Json;
+
+/// The table of a simulated sensor, and the keys of a parameter that is a state, its own or that of another block.
+const TRUTH: &str = "truth";
+const ESTIMATE: &str = "estimate";
+const SHARED: &str = "shared";
+/// A parameter that every sensor has.
+const TIME_OFFSET: &str = "time_offset";
+
+/// What is truly other than the filter believes.
+#[derive(Debug)]
+pub struct Truth {
+    /// The true design: its process and its sensors are those of the world.
+    pub design: Box<Design>,
+    /// States whose true value is told, as `gnss.lever_arm`.
+    pub given: Vec<String>,
+}
+
+impl Truth {
+    /// Takes the tables `truth` out of `simulation`, and reads the design that they make of `document`; none where there is none.
+    pub(super) fn take(simulation: &mut Node, document: &Document, d: &mut Diagnostics) -> Option<Self> {
+        let is_wet = simulation.at("sea.current").is_some();
+        let mut told: Vec<(String, Node)> = Vec::new();
+        for Entry { key, node } in simulation.get_mut("sensor").map_or(&mut [][..], Node::entries_mut) {
+            let truth = node.take(TRUTH).unwrap_or_else(|| node.emptied());
+            told.push((key.clone(), truth));
+        }
+        let (mut of_truth, mut given, mut is_other) = (document.root().clone(), Vec::new(), false);
+        let before = d.iter().count();
+        for (name, truth) in &mut told {
+            let Some(sensor) = of_truth.get_mut("sensor").and_then(|sensors| sensors.get_mut(name)) else {
+                continue;
+            };
+            // What is declared to measure through water does so in the water that there is.
+            let is_constant = |declared: &Node| declared.get(ESTIMATE).is_none() && declared.get(SHARED).is_none();
+            if is_wet && sensor.get(parameter::CURRENT).is_some_and(is_constant) {
+                sensor.put(parameter::CURRENT, moving_water());
+                is_other = true;
+            }
+            d.extend(lay(name, truth, sensor, &mut given));
+        }
+        if given.is_empty() && !is_other || d.iter().count() > before {
+            return None;
+        }
+        of_truth
+            .get_mut("simulation")?
+            .get_mut("sensor")?
+            .entries_mut()
+            .iter_mut()
+            .for_each(|sensor| {
+                sensor.node.take(TRUTH);
+            });
+        let mut found = Diagnostics::new();
+        let design = Draft::of(document.within(of_truth), &mut found).whole();
+        // What is wrong with the design itself is told by whoever reads it.
+        let is_of_truth = |mistake: &&Diagnostic| told.iter().any(|(_, truth)| truth.any(&|node| node.place().holds(&mistake.place)));
+        d.extend(found.iter().filter(is_of_truth).cloned());
+        let design = design.ok().filter(|_| !found.has_errors())?;
+        Some(Self {
+            design: Box::new(design),
+            given,
+        })
+    }
+}
+
+/// A current as a state, whose value the sea gives.
+fn moving_water() -> Node {
+    let text = format!("{} = {{ {ESTIMATE} = true, initial = [0, 0, 0], sigma = 1 }}", parameter::CURRENT);
+    let (document, _) = Document::parse("", &text);
+    document.root().entries()[0].node.clone()
+}
+
+/// Whether a parameter is a state.
+fn is_estimated(declared: &Node) -> bool {
+    matches!(declared.get(ESTIMATE).map(Node::value), Some(Value::Boolean(true)))
+}
+
+/// Lays what is true over a sensor; the mistakes.
+fn lay(name: &str, truth: &Node, sensor: &mut Node, given: &mut Vec<String>) -> Vec<Diagnostic> {
+    let parameters = parameters(sensor);
+    let known: Vec<&str> = parameters.iter().map(String::as_str).collect();
+    let mut mistakes = Vec::new();
+    if !matches!(truth.value(), Value::Table { .. }) {
+        let help = "such as `truth = { lever_arm = [0.5, 0, \"-1 m\"] }`";
+        let message = format!("a table of true parameters of `{name}` is expected here");
+        return vec![Diagnostic::error(message).at(truth.place()).help(help)];
+    }
+    for Entry { key, node } in truth.entries() {
+        if !known.contains(&key.as_str()) {
+            let message = format!("`{key}` is no parameter of `{name}`, and only these may truly differ from what the filter believes");
+            mistakes.push(Diagnostic::error(message).at(node.name_place()).suggest(key, &known, "parameters"));
+            continue;
+        }
+        if matches!(node.value(), Value::Table { .. }) {
+            let help = "write the value alone, as for a parameter that is fixed";
+            mistakes.push(Diagnostic::error("what is true is a value").at(node.place()).help(help));
+            continue;
+        }
+        given.push(format!("{name}.{key}"));
+        match sensor.get_mut(key).filter(|declared| is_estimated(declared)) {
+            Some(declared) => declared.put("initial", node.clone()),
+            None => sensor.put(key, node.clone()),
+        }
+    }
+    mistakes
+}
+
+/// The parameters of a sensor: what a design may declare as fixed or as estimated.
+fn parameters(sensor: &Node) -> Vec<String> {
+    let kind = sensor.get("type").and_then(Node::as_str).unwrap_or_default();
+    let block = registry::all().into_iter().find(|r| r.role == Role::Sensor && r.name == kind);
+    let schema = block.map(|block| (block.schema)().to_value()).unwrap_or_default();
+    let fields = schema["properties"].as_object().into_iter().flatten();
+    let is_parameter = |schema: &Json| {
+        let forms = schema["anyOf"].as_array().into_iter().flatten();
+        let mut forms = core::iter::once(schema).chain(forms);
+        forms.any(|form| form["properties"].get(ESTIMATE).is_some())
+    };
+    let own = fields.filter(|(_, schema)| is_parameter(schema)).map(|(key, _)| key.clone());
+    own.chain([TIME_OFFSET.to_owned()]).collect()
+}
+
+/// What variants and `--set` have changed of a simulated sensor and, where no `truth` says otherwise, of the instrument
+/// itself too: warnings.
+pub(crate) fn shared(document: &Document) -> Diagnostics {
+    let (root, before) = (document.root(), document.base());
+    let mut d = Diagnostics::new();
+    let Some(simulation) = root.get("simulation") else { return d };
+    let is_wet = simulation.at("sea.current").is_some();
+    for Entry { key: name, node } in simulation.get("sensor").map_or(&[][..], Node::entries) {
+        let table = |root: &Node| root.get("sensor").and_then(|sensors| sensors.get(name)).cloned();
+        let (Some(sensor), Some(base)) = (table(root), table(before.root())) else {
+            continue;
+        };
+        for key in parameters(&sensor) {
+            let is_told = node.at(&format!("{TRUTH}.{key}")).is_some() || is_wet && key == parameter::CURRENT;
+            let Some(value) = sensor.get(&key).filter(|value| !is_told && !is_estimated(value)) else {
+                continue;
+            };
+            let is_same = base.get(&key).is_some_and(|base| base.inline() == value.inline());
+            if is_same && !document.is_set(value) {
+                continue;
+            }
+            let message = format!("the simulated instrument `{name}` has this `{key}` too, so the filter is right about it");
+            let help = format!("to see what a wrong value does, say what is true: `truth.{key} = …` in `[simulation.sensor.{name}]`");
+            d.push(Diagnostic::warning(message).at(value.place()).help(help));
+        }
+    }
+    d
+}

@@ -1,0 +1,182 @@
+//! What is truly other than the filter believes: `truth` of simulated sensors, and the water that there is.
+
+use crate::support::{Workspace, stderr};
+use fusion::config::Document;
+use fusion::design::Design;
+use fusion::run::{FinalState, Options, run};
+
+/// A car on a lawn-mower's way, whose fixes are exact but for a lever arm; a declared noise of 5 cm.
+const DRIVE: &str = r#"
+[run]
+origin = { latitude = "47 deg", longitude = "8 deg", height = "400 m" }
+seed = 1
+[process]
+type = "strapdown"
+source = "imu"
+gyro.noise = "0.05 deg/sqrt(h)"
+accelerometer.noise = "0.05 m/s/sqrt(h)"
+[sensor.gnss]
+type = "gnss_position"
+source = "gnss"
+lever_arm = [0, 0, 0]
+noise = { sigma = "5 cm" }
+[initial.start]
+type = "explicit"
+position_sigma = "10 cm"
+velocity = [0, 0, 0]
+velocity_sigma = "0.1 m/s"
+attitude = [0, 0, "30 deg"]
+attitude_sigma = "0.5 deg"
+[simulation]
+imu = { rate = "100 Hz", gyro = { noise = "0.05 deg/sqrt(h)" }, accelerometer = { noise = "0.05 m/s/sqrt(h)" } }
+start = { heading = "30 deg" }
+trajectory = [
+    { type = "straight", distance = "100 m", speed = "5 m/s", acceleration = "1 m/s^2" },
+    { type = "turn", angle = "180 deg", radius = "15 m" },
+    { type = "straight", distance = "100 m" },
+    { type = "turn", angle = "-180 deg", radius = "15 m" },
+    { type = "straight", distance = "100 m" },
+]
+[simulation.sensor.gnss]
+rate = "5 Hz"
+white = "5 cm"
+[variant.arm.sensor.gnss]
+lever_arm = ["2 m", 0, 0]
+"#;
+const ESTIMATED: &str = "sensor.gnss.lever_arm={ estimate = true, initial = [0, 0, 0], sigma = \"2 m\" }";
+const TRULY: &str = "simulation.sensor.gnss.truth={ lever_arm = [\"1.5 m\", \"-0.8 m\", \"-1 m\"] }";
+
+fn design(text: &str, sets: &[&str]) -> Design {
+    let (mut document, mistakes) = Document::parse("truth.toml", text);
+    assert!(mistakes.is_empty(), "{mistakes:?}");
+    sets.iter().for_each(|set| document.set(set).unwrap());
+    Design::read(document).unwrap_or_else(|d| panic!("{d}"))
+}
+
+/// RMS of the horizontal error \[m\], and the estimated parameters.
+fn ran(text: &str, sets: &[&str]) -> (f64, Vec<FinalState>) {
+    let summary = run(&design(text, sets), &Options::default(), &mut |_| {}).unwrap_or_else(|d| panic!("{d}"));
+    (summary.score.unwrap().horizontal_rms, summary.parameters)
+}
+
+#[test]
+fn a_filter_that_is_wrong_about_a_lever_arm_is_off_by_it() {
+    // Right, be it 0 or not.
+    let right = ran(DRIVE, &[]).0;
+    assert!(right < 0.1, "{right}");
+    let both = ran(DRIVE, &["sensor.gnss.lever_arm=[\"1.5 m\", \"-0.8 m\", \"-1 m\"]"]).0;
+    assert!(both < 0.1, "{both}");
+    // Wrong by 1.7 m horizontally, as far as the antenna takes the body with it; in turns its swing, which the filter takes
+    // for that of the body, also turns the velocity: up to a fifth more.
+    let wrong = ran(DRIVE, &[TRULY]).0;
+    assert!((1.5..2.05).contains(&wrong), "{wrong}");
+}
+
+#[test]
+fn an_estimated_parameter_finds_what_is_said_to_be_true_and_is_not_drawn() {
+    for draws in ["false", "true"] {
+        let (rms, estimated) = ran(DRIVE, &[ESTIMATED, TRULY, &format!("simulation.draw_parameters={draws}")]);
+        assert!(rms < 0.15, "{rms}");
+        let arm = estimated.iter().find(|e| e.name == "gnss.lever_arm").unwrap();
+        for (i, truth) in [1.5, -0.8, -1.0].into_iter().enumerate() {
+            // Within 4σ of what is true: one in 16,000 is not. A draw of 2 m would be far off.
+            let off = (arm.value[i] - truth).abs();
+            assert!(off < 4.0 * arm.sigma[i], "{i}: {off} of {}", arm.sigma[i]);
+        }
+        // Forward and right show in turns.
+        assert!(arm.sigma[0] < 0.1 && arm.sigma[1] < 0.1, "{:?}", arm.sigma);
+    }
+}
+
+#[test]
+fn a_latency_that_the_filter_does_not_know_is_half_a_metre_at_five_metres_per_second() {
+    let late = ran(DRIVE, &["simulation.sensor.gnss.truth={ time_offset = \"100 ms\" }"]).0;
+    assert!((0.4..0.55).contains(&late), "{late}");
+    let known = ran(DRIVE, &["sensor.gnss.time_offset=100 ms"]).0;
+    assert!(known < 0.1, "{known}");
+}
+
+/// A log through water that the filter takes for still, and no fix: it is carried away with the water.
+const DRIFT: &str = r#"
+[sensor.log]
+type = "body_velocity"
+source = "log"
+current = [0, 0, 0]
+noise = { sigma = "2 cm/s" }
+[simulation.sensor.log]
+rate = "5 Hz"
+white = "2 cm/s"
+"#;
+
+#[test]
+fn water_that_the_filter_takes_for_still_carries_the_boat_all_the_same() {
+    let text = DRIVE.replace("[initial.start]", &format!("{DRIFT}[initial.start]"));
+    let blind = ["sensor.gnss.enabled=false"];
+    let still = ran(&text, &blind).0;
+    let sea = [blind[0], "simulation.sea={ current = [\"0.3 m/s\", 0, 0] }"];
+    let carried = ran(&text, &sea).0;
+    // 0.3 m/s over T = 85 s: an RMS of 0.3·T/√3 = 14.7 m; still water: what 2 cm/s of white noise make.
+    assert!(still < 1.0 && (12.0..16.5).contains(&carried), "{still} {carried}");
+    // Without the word `current` it is a log over ground.
+    let ground = ran(&text.replace("current = [0, 0, 0]\n", ""), &sea).0;
+    assert!(ground < 1.0, "{ground}");
+    // Turning within the run: the mean counts.
+    let turning = [
+        blind[0],
+        "simulation.sea={ current = [\"0.3 m/s\", 0, 0], tide = [{ at = \"85 s\", current = [\"-0.3 m/s\", 0, 0] }] }",
+    ];
+    let returned = ran(&text, &turning).0;
+    // 0.3·(t − t²/T): at most 6.4 m, in the middle; RMS 6.4·√(8/15) = 4.7 m.
+    assert!((3.7..5.5).contains(&returned), "{returned}");
+    // The tide is true for a filter that estimates it, too.
+    let learns = "sensor.log.current={ estimate = true, initial = [0, 0, 0], sigma = [\"0.5 m/s\", \"0.5 m/s\", 0], random_walk = \"2 cm/s/sqrt(s)\" }";
+    let (rms, estimated) = ran(&text, &[turning[1], learns]);
+    let water = estimated.iter().find(|e| e.name == "log.current").unwrap();
+    // By 4σ, as above; the random walk lets σ stay at some centimetres per second.
+    assert!(
+        (water.value[0] + 0.3).abs() < 4.0 * water.sigma[0] && water.sigma[0] < 0.1,
+        "{:?} ± {:?}",
+        water.value,
+        water.sigma
+    );
+    assert!(rms < 0.2, "{rms}");
+}
+
+#[test]
+fn mistakes_of_a_truth_are_shown_at_their_place() {
+    let w = Workspace::new("truth-mistakes");
+    for (truth, said) in [
+        ("lever_rm = [0, 0, 0]", "did you mean `lever_arm`?"),
+        ("noise = \"1 m\"", "`noise` is no parameter of `gnss`"),
+        ("lever_arm = [0, 0]", "3"),
+        ("lever_arm = [0, 0, \"1 s\"]", "length"),
+        (
+            "lever_arm = { estimate = true, initial = [0, 0, 0], sigma = 1 }",
+            "what is true is a value",
+        ),
+    ] {
+        w.write(
+            "drive.toml",
+            DRIVE.replace("[variant.arm", &format!("truth = {{ {truth} }}\n[variant.arm")),
+        );
+        let shown = stderr(&w.fusion(&["check", "drive.toml"]).code(2));
+        assert!(shown.contains(said) && shown.contains("drive.toml:35:"), "{truth}: {shown}");
+        assert_eq!(shown.matches("error:").count(), 1, "{truth}: {shown}");
+    }
+}
+
+#[test]
+fn whoever_changes_the_instrument_with_the_belief_is_told() {
+    let w = Workspace::new("truth-shared");
+    w.write("drive.toml", DRIVE);
+    const TOLD: &str = "the simulated instrument `gnss` has this `lever_arm` too";
+    let said = |args: &[&str]| stderr(&w.fusion(args).success());
+    assert!(!said(&["run", "drive.toml"]).contains(TOLD));
+    let by_variant = said(&["run", "drive.toml", "--variant", "arm"]);
+    assert!(by_variant.contains(TOLD) && by_variant.contains("drive.toml:36:"), "{by_variant}");
+    assert!(said(&["run", "drive.toml", "--set", "sensor.gnss.lever_arm=[1, 0, 0]"]).contains(TOLD));
+    let truth = ["--set", "simulation.sensor.gnss.truth.lever_arm=[0, 0, 0]"];
+    assert!(!said(&[&["run", "drive.toml", "--variant", "arm"], &truth[..]].concat()).contains(TOLD));
+    // Estimated it is no belief that could be wrong.
+    assert!(!said(&["run", "drive.toml", "--set", ESTIMATED]).contains(TOLD));
+}
