@@ -134,6 +134,9 @@ mod sea_trial;
 /// Smoothed estimates: recorded logs, a lag, files and memory.
 #[path = "suite/smoothing.rs"]
 mod smoothing;
+/// Position, velocity and attitude as processes tell them, against a known motion.
+#[path = "suite/solution.rs"]
+mod solution;
 /// Vehicles that are steered by the estimate of their own filter.
 #[path = "suite/steered.rs"]
 mod steered;

@@ -26,7 +26,7 @@ pub struct Solution {
     /// Attitude q_nb and the covariance of its body-frame error \[rad²\].
     pub attitude: Option<(UnitQuaternion<f64>, Matrix3<f64>)>,
     /// Covariance of the errors of position and of velocity (rows) with that of attitude; zero
-    /// where one of them is no state.
+    /// where one of them is constant.
     pub with_attitude: [Matrix3<f64>; 2],
 }
 
@@ -84,7 +84,10 @@ impl Solution {
 pub fn rpy_of(q: &UnitQuaternion<f64>, p: &Matrix3<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let rpy = so3::to_rpy(q);
     let e = so3::euler_rate_of_body(rpy.x, rpy.y);
-    (rpy, sigmas(&(e * p * e.transpose())))
+    let turned = e * p * e.transpose();
+    // An error about one axis only, down as a rule, leaves of the others what rounding makes of zero, of either sign.
+    let rounding = 1e-12 * turned.trace();
+    (rpy, turned.diagonal().map(|v| if v.abs() <= rounding { 0.0 } else { v.sqrt() }))
 }
 
 /// Square roots of the diagonal; not a number where a variance is negative.

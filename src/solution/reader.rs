@@ -2,7 +2,7 @@
 
 use super::{Solution, Solved};
 use fusion_core::geometry::wgs84::Geodetic;
-use fusion_core::model::{Input, Process, SignalBuffer};
+use fusion_core::model::{Process, SignalBuffer};
 use fusion_core::state::{Attitude, Belief, Layout, Manifold, Quantity, Tangent, Velocity};
 use fusion_models::vocabulary::state;
 use nalgebra::Matrix3;
@@ -17,7 +17,6 @@ pub struct SolutionReader {
     velocity: Option<Quantity<Velocity>>,
     attitude: Option<Quantity<Attitude>>,
     signals: SignalBuffer,
-    input: Vec<f64>,
     from_signals: bool,
     /// The one read last; large, so that it is written in its place.
     solution: Solution,
@@ -35,7 +34,6 @@ impl SolutionReader {
         let from_signals = matches!(position, Some(Quantity::Signal(_)))
             || matches!(velocity, Some(Quantity::Signal(_)))
             || matches!(attitude, Some(Quantity::Signal(_)));
-        let input = vec![0.0; process.input_dim()];
         Self {
             layout: layout.clone(),
             process,
@@ -43,7 +41,6 @@ impl SolutionReader {
             velocity,
             attitude,
             signals: SignalBuffer::new(layout),
-            input,
             from_signals,
             solution: Solution::default(),
         }
@@ -62,40 +59,58 @@ impl SolutionReader {
 
     /// The solution of `belief`.
     pub fn read(&mut self, belief: &Belief) -> &Solution {
-        if self.from_signals {
-            // Derived position, velocity and attitude do not depend on the input.
-            self.signals
-                .evaluate(self.process.as_ref(), &belief.x, &Input::held(&self.input), true);
+        // What is derived is not known without the input: of a belief that was read from a file.
+        let is_derived = belief.input.fits(self.process.input_dim());
+        if self.from_signals && is_derived {
+            self.signals.evaluate(self.process.as_ref(), &belief.x, &belief.input.get(), true);
         }
         let (signals, solution) = (&self.signals, &mut self.solution);
         solution.time = belief.time;
-        read(signals, belief, self.position.as_ref(), &mut solution.position);
-        read(signals, belief, self.velocity.as_ref(), &mut solution.velocity);
-        read(signals, belief, self.attitude.as_ref(), &mut solution.attitude);
-        let [position, velocity] = &mut solution.with_attitude;
-        between(belief, self.position.as_ref(), self.attitude.as_ref(), position);
-        between(belief, self.velocity.as_ref(), self.attitude.as_ref(), velocity);
+        let position = known(self.position.as_ref(), is_derived);
+        let velocity = known(self.velocity.as_ref(), is_derived);
+        let attitude = known(self.attitude.as_ref(), is_derived);
+        read(signals, belief, position, &mut solution.position);
+        read(signals, belief, velocity, &mut solution.velocity);
+        read(signals, belief, attitude, &mut solution.attitude);
+        let [of_position, of_velocity] = &mut solution.with_attitude;
+        between(signals, belief, position, attitude, of_position);
+        between(signals, belief, velocity, attitude, of_velocity);
         &self.solution
     }
 }
 
+/// The quantity, unless it is a signal that is not derived.
+fn known<M: Manifold>(quantity: Option<&Quantity<M>>, is_derived: bool) -> Option<&Quantity<M>> {
+    quantity.filter(|q| is_derived || !matches!(q, Quantity::Signal(_)))
+}
+
 /// Value and covariance of a quantity; of one that is constant, zero.
 fn read<M: Manifold>(signals: &SignalBuffer, belief: &Belief, of: Option<&Quantity<M>>, out: &mut Option<(M::Value, Matrix3<f64>)>) {
-    let Some(quantity) = of else { return };
+    let Some(quantity) = of else {
+        *out = None;
+        return;
+    };
     let value = signals.view(&belief.x).get(quantity);
     let (found, p) = out.get_or_insert_with(|| (value.clone(), Matrix3::zeros()));
     *found = value;
     match quantity.place() {
         Some((tangent, false)) => belief.covariance.copy_to(tangent, tangent, p),
-        Some((tangent, true)) => *p = signals.covariance(tangent, &belief.covariance),
+        Some(signal) => *p = signals.covariance(signal, signal, &belief.covariance),
         None => {}
     }
 }
 
-/// Covariance of the error of `of` (rows) with that of `attitude`; zero where one of them is no state.
-fn between<M: Tangent<3>>(belief: &Belief, of: Option<&Quantity<M>>, attitude: Option<&Quantity<Attitude>>, out: &mut Matrix3<f64>) {
-    let place = (of.and_then(Quantity::place), attitude.and_then(Quantity::place));
-    if let (Some((of, false)), Some((attitude, false))) = place {
-        belief.covariance.copy_to(of, attitude, out);
+/// Covariance of the error of `of` (rows) with that of `attitude`; zero where one of them is constant.
+fn between<M: Tangent<3>>(
+    signals: &SignalBuffer,
+    belief: &Belief,
+    of: Option<&Quantity<M>>,
+    attitude: Option<&Quantity<Attitude>>,
+    out: &mut Matrix3<f64>,
+) {
+    match (of.and_then(Quantity::place), attitude.and_then(Quantity::place)) {
+        (Some((of, false)), Some((attitude, false))) => belief.covariance.copy_to(of, attitude, out),
+        (Some(of), Some(attitude)) => *out = signals.covariance(of, attitude, &belief.covariance),
+        _ => {}
     }
 }

@@ -209,18 +209,6 @@ impl Covariance {
         self.is_sound() && self.form.is_positive(self.n, &self.p, w)
     }
 
-    /// J P Kᵀ for two rows over the tangent space that are zero outside `columns`.
-    pub(crate) fn between_rows(&self, j: &[f64], k: &[f64], columns: &[Range<usize>]) -> f64 {
-        let axes = || columns.iter().cloned().flatten();
-        let mut sum = 0.0;
-        for a in axes().filter(|&a| j[a] != 0.0) {
-            for b in axes().filter(|&b| k[b] != 0.0) {
-                sum += j[a] * self.form.element(self.n, &self.p, a, b) * k[b];
-            }
-        }
-        sum
-    }
-
     /// The whole of it, n×n, row by row: for comparisons and pictures.
     #[must_use]
     pub fn to_dense(&self) -> Vec<f64> {

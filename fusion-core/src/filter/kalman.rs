@@ -13,7 +13,7 @@ use crate::gate::{Answer, Decision, Gate, GateInput, Mode, Outcome};
 use crate::linear::{BlockMatrix, Transition};
 use crate::loss::Loss;
 use crate::memory::{Memory, Tape};
-use crate::model::{Gap, Input, Process, SignalBuffer, Size};
+use crate::model::{Gap, Input, LastInput, Process, SignalBuffer, Size};
 use crate::state::{Belief, Layout, Past, View};
 use crate::time::{Time, nanos};
 use std::sync::Arc;
@@ -85,9 +85,6 @@ pub struct Filter {
 pub(super) struct Signals {
     pub(super) buffer: SignalBuffer,
     evaluated: Evaluated,
-    /// The input of the last step, under which they are evaluated.
-    sample: Vec<f64>,
-    interval: f64,
 }
 
 /// How much of the signals is evaluated.
@@ -98,47 +95,23 @@ enum Evaluated {
     Jacobian,
 }
 
-impl Memory for Signals {
-    fn remember(&mut self, tape: &mut Tape<'_>) {
-        self.sample.remember(tape);
-        self.interval.remember(tape);
-        if tape.is_reading() {
-            self.forget();
-        }
-    }
-}
-
 impl Signals {
-    fn new(layout: &Layout, input_dim: usize) -> Self {
+    fn new(layout: &Layout) -> Self {
         Self {
             buffer: SignalBuffer::new(layout),
             evaluated: Evaluated::Nothing,
-            sample: vec![0.0; input_dim],
-            interval: 0.0,
         }
     }
 
-    /// Holds the input of a step that has been taken.
-    fn hold(&mut self, input: &Input<'_>) {
-        self.sample.clear();
-        self.sample.extend_from_slice(input.sample);
-        self.interval = input.interval;
-        self.forget();
-    }
-
-    /// The state has changed.
+    /// State or input have changed.
     pub(super) const fn forget(&mut self) {
         self.evaluated = Evaluated::Nothing;
     }
 
-    pub(super) fn evaluate(&mut self, process: &dyn Process, x: &[f64], with_jacobian: bool) {
+    pub(super) fn evaluate(&mut self, process: &dyn Process, x: &[f64], input: &LastInput, with_jacobian: bool) {
         let wanted = if with_jacobian { Evaluated::Jacobian } else { Evaluated::Values };
         if self.evaluated < wanted {
-            let input = Input {
-                sample: &self.sample,
-                interval: self.interval,
-            };
-            self.buffer.evaluate(process, x, &input, with_jacobian);
+            self.buffer.evaluate(process, x, &input.get(), with_jacobian);
             self.evaluated = wanted;
         }
     }
@@ -162,6 +135,7 @@ impl Filter {
     pub fn of(layout: Arc<Layout>, process: Arc<dyn Process>, parts: Parts, largest: Size) -> Self {
         let n = layout.dim();
         let mut belief = Belief::initial(&layout, &parts.form, Time::default());
+        belief.input = LastInput::zeros(process.input_dim());
         let how = parts.reset();
         if !parts.update.keeps_covariance() {
             belief.covariance.clear();
@@ -177,7 +151,7 @@ impl Filter {
             own: OwnDynamics::of(&layout),
             growing: Growing::of(&layout),
             past,
-            signals: Signals::new(&layout, process.input_dim()),
+            signals: Signals::new(&layout),
             work,
             reset: BlockMatrix::identity(n),
             x_before: vec![0.0; layout.storage()],
@@ -251,6 +225,10 @@ impl Filter {
         if !is_moved {
             return false;
         }
+        if let Drive::Input(input) = drive {
+            self.belief.input.take(input);
+        }
+        self.signals.forget();
         self.belief.time = to;
         self.keep(prior, |f, prior| Step::Predicted {
             prior,
@@ -262,15 +240,13 @@ impl Filter {
 
     /// Moves the state through a part of a gap; a process that cannot coast holds its latest sample.
     fn coast_step(&mut self, gap: &Gap) {
-        let (process, x, sample) = (&self.process, &mut self.belief.x, &mut self.signals.sample);
-        sample.resize(process.input_dim(), 0.0);
+        let (process, x) = (&self.process, &mut self.belief.x);
+        let sample = self.belief.input.held(process.input_dim());
         if !process.coast(x, gap, sample, &mut self.transition) {
             let (held, dt) = (Input::held(sample), gap.duration());
             process.linearise(x, &held, dt, &mut self.transition);
             process.propagate(x, &held, dt);
         }
-        self.signals.interval = 0.0;
-        self.signals.forget();
     }
 
     /// What blocks do by themselves, and P by the transition; false, with P as before, where it is not
@@ -360,6 +336,7 @@ impl Filter {
             layout: &self.layout,
             chart: self.chart.as_ref(),
             x: &self.belief.x,
+            input: &self.belief.input,
             covariance: &mut self.belief.covariance,
             observed,
             process: self.process.as_ref(),
@@ -535,7 +512,9 @@ impl Memory for Filter {
     fn remember(&mut self, tape: &mut Tape<'_>) {
         self.belief.remember(tape);
         self.past.remember(tape);
-        self.signals.remember(tape);
+        if tape.is_reading() {
+            self.signals.forget();
+        }
         // Sums run along the patterns that were learnt: they decide on the last bit.
         self.transition.phi.remember(tape);
         self.reset.remember(tape);
@@ -587,7 +566,12 @@ impl Estimator for Filter {
             self.anchor = Some(belief.x.clone());
         }
         let covariance = belief.covariance.stored_in(self.p_before.form());
+        let before = core::mem::take(&mut self.belief.input);
         self.belief = Belief { covariance, ..belief };
+        // One that was read from a file, or made by hand, has none.
+        if !self.belief.input.fits(self.process.input_dim()) {
+            self.belief.input = before;
+        }
         if !self.rule.keeps_covariance() {
             self.belief.covariance.clear();
         }
@@ -596,9 +580,7 @@ impl Estimator for Filter {
     }
 
     fn predict(&mut self, to: Time, input: &Input<'_>) -> Result<(), FilterError> {
-        self.advance(to, |_, _| Drive::Input(*input))?;
-        self.signals.hold(input);
-        Ok(())
+        self.advance(to, |_, _| Drive::Input(*input))
     }
 
     fn coast(&mut self, to: Time, missing: f64) -> Result<(), FilterError> {
@@ -640,7 +622,8 @@ impl Estimator for Filter {
     }
 
     fn view(&mut self) -> View<'_> {
-        self.signals.evaluate(self.process.as_ref(), &self.belief.x, false);
+        self.signals
+            .evaluate(self.process.as_ref(), &self.belief.x, &self.belief.input, false);
         self.signals.buffer.view(&self.belief.x)
     }
 

@@ -6,7 +6,7 @@ use super::sigma::{SigmaPoints, Spread};
 use crate::chart::{Chart, Reset};
 use crate::covariance::{Covariance, Form, Workspace, axpy, cholesky, solve_lower};
 use crate::linear::{BlockMatrix, Jacobian};
-use crate::model::{Process, Size, Undefined};
+use crate::model::{LastInput, Process, Size, Undefined};
 use crate::state::Layout;
 use core::fmt::Debug;
 
@@ -81,6 +81,7 @@ pub struct Problem<'a> {
     pub covariance: &'a mut Covariance,
     /// The measurement.
     pub observed: &'a Observed<'a>,
+    pub(super) input: &'a LastInput,
     pub(super) process: &'a dyn Process,
     pub(super) signals: &'a mut Signals,
 }
@@ -91,7 +92,7 @@ impl Problem<'_> {
     /// # Errors
     /// [`Undefined`] where the model has no value.
     pub fn linearise(&mut self, work: &mut Innovation) -> Result<(), Undefined> {
-        Self::linearise_with(self.layout, self.observed, self.process, self.x, self.signals, work)
+        Self::linearise_with(self.layout, self.observed, (self.process, self.input), self.x, self.signals, work)
     }
 
     /// The same at another state `x`.
@@ -100,7 +101,7 @@ impl Problem<'_> {
     /// [`Undefined`] where the model has no value there.
     pub fn linearise_at(&mut self, x: &[f64], work: &mut Innovation) -> Result<(), Undefined> {
         self.signals.forget();
-        let linearised = Self::linearise_with(self.layout, self.observed, self.process, x, self.signals, work);
+        let linearised = Self::linearise_with(self.layout, self.observed, (self.process, self.input), x, self.signals, work);
         self.signals.forget();
         linearised
     }
@@ -121,7 +122,7 @@ impl Problem<'_> {
     pub fn predict_at(&mut self, x: &[f64], value: &mut [f64]) -> Result<(), Undefined> {
         self.signals.forget();
         if self.observed.model.reads_signals() {
-            self.signals.evaluate(self.process, x, false);
+            self.signals.evaluate(self.process, x, self.input, false);
         }
         let predicted = self.observed.model.predict(&self.signals.buffer.view(x), value);
         self.signals.forget();
@@ -131,7 +132,7 @@ impl Problem<'_> {
     fn linearise_with(
         layout: &Layout,
         o: &Observed<'_>,
-        process: &dyn Process,
+        (process, input): (&dyn Process, &LastInput),
         x: &[f64],
         signals: &mut Signals,
         work: &mut Innovation,
@@ -139,14 +140,14 @@ impl Problem<'_> {
         let Size { value, residual: m } = o.model.size();
         work.rows = m;
         if o.model.reads_signals() {
-            signals.evaluate(process, x, false);
+            signals.evaluate(process, x, input, false);
         }
         let view = signals.buffer.view(x);
         work.jacobian.reset(m);
         o.model.predict(&view, &mut work.predicted[..value])?;
         o.model.jacobian(&view, &mut work.jacobian)?;
         if work.jacobian.needs_signals() {
-            signals.evaluate(process, x, true);
+            signals.evaluate(process, x, input, true);
             work.jacobian.chain(&signals.buffer.jacobian);
         }
         if let Some(lateness) = &o.lateness {

@@ -6,4 +6,4 @@ mod process;
 
 pub use exact::{Exact, ExactModel, ExactView, Real};
 pub use measurement::{Measurement, Size, Undefined};
-pub use process::{Gap, Input, Order, Preparation, Prepared, Process, SignalBuffer, SignalsOut};
+pub use process::{Gap, Input, LastInput, Order, Preparation, Prepared, Process, SignalBuffer, SignalsOut};

@@ -30,6 +30,54 @@ impl<'a> Input<'a> {
     }
 }
 
+/// The input of the last step, kept with the belief that it led to: a process may derive signals from it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LastInput {
+    pub(crate) sample: Vec<f64>,
+    pub(crate) interval: f64,
+}
+crate::memory!(LastInput { sample, interval });
+
+impl LastInput {
+    /// Of `dim` zeros: no step was taken.
+    #[must_use]
+    pub fn zeros(dim: usize) -> Self {
+        Self {
+            sample: vec![0.0; dim],
+            interval: 0.0,
+        }
+    }
+
+    /// Becomes `input`.
+    pub fn take(&mut self, input: &Input<'_>) {
+        self.sample.clear();
+        self.sample.extend_from_slice(input.sample);
+        self.interval = input.interval;
+    }
+
+    /// The input itself.
+    #[must_use]
+    pub fn get(&self) -> Input<'_> {
+        Input {
+            sample: &self.sample,
+            interval: self.interval,
+        }
+    }
+
+    /// The sample, of `dim` numbers at least, to be held from now on and changed.
+    pub(crate) fn held(&mut self, dim: usize) -> &mut [f64] {
+        self.interval = 0.0;
+        self.sample.resize(self.sample.len().max(dim), 0.0);
+        &mut self.sample
+    }
+
+    /// Whether a process that reads `dim` numbers can do with it.
+    #[must_use]
+    pub fn fits(&self, dim: usize) -> bool {
+        self.sample.len() >= dim
+    }
+}
+
 /// A part of a gap in the input: it lasts from `from` to `to` seconds after the input was lost.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gap {
@@ -255,13 +303,26 @@ impl SignalBuffer {
         process.signals(x, input, &mut SignalsOut::new(&mut self.values, jacobian));
     }
 
-    /// J P Jᵀ of the three signal axes from `tangent`, as evaluated last with Jacobian.
+    /// J P Kᵀ, J and K the derivatives of the three axes of `of` and of `with`: of each the first axis, and
+    /// whether it is one of the signals, as evaluated last with Jacobian, or of the state itself.
     #[must_use]
-    pub fn covariance(&self, tangent: usize, p: &Covariance) -> Matrix3<f64> {
-        let mut columns: Vec<_> = self.jacobian.columns().iter().map(|&(start, end)| start..end).collect();
-        columns.sort_by_key(|range| range.start);
-        let row = |i: usize| self.jacobian.row(tangent + i);
-        Matrix3::from_fn(|a, b| p.between_rows(row(a), row(b), &columns))
+    pub fn covariance(&self, of: (usize, bool), with: (usize, bool), p: &Covariance) -> Matrix3<f64> {
+        Matrix3::from_fn(|i, j| {
+            let terms = self.terms(of, i).map(|(a, by)| {
+                let row = self.terms(with, j).map(|(b, by)| p.element(a, b) * by);
+                by * row.sum::<f64>()
+            });
+            terms.sum()
+        })
+    }
+
+    /// The axes of the state on which the axis `i` of a quantity depends, each with its derivative.
+    fn terms(&self, (tangent, is_signal): (usize, bool), i: usize) -> impl Iterator<Item = (usize, f64)> {
+        let row = if is_signal { self.jacobian.row(tangent + i) } else { &[] };
+        let columns = if is_signal { self.jacobian.columns() } else { &[] };
+        let itself = (!is_signal).then_some((tangent + i, 1.0));
+        let others = columns.iter().flat_map(|&(start, end)| (start..end).map(|k| (k, row[k])));
+        itself.into_iter().chain(others.filter(|(_, by)| *by != 0.0))
     }
 
     /// The view of `x` with these signals.

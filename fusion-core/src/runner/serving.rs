@@ -80,6 +80,9 @@ impl Runner {
         if let Some(last) = self.last.take() {
             keep_calibration(self.estimator.layout(), &last, &mut belief);
         }
+        if let Some(latest) = self.input.as_ref().and_then(|input| input.latest()) {
+            belief.input.take(&Input::held(latest));
+        }
         for u in &self.initialisers {
             u.initialiser.write(time, self.estimator.layout(), &mut belief);
         }

@@ -184,6 +184,7 @@ impl Corrector {
         let (n, ld) = (later.n, later.ld);
         out.time = kept.time;
         out.x.clone_from(&kept.x);
+        out.input.clone_from(&kept.input);
         let mut lower = kept.p.iter();
         for i in 0..n {
             for (j, &value) in lower.by_ref().take(i + 1).enumerate() {

@@ -1,6 +1,7 @@
 //! What is kept of a run, as bytes.
 
 use crate::covariance::{Covariance, Form, FormKind};
+use crate::model::LastInput;
 use crate::state::Belief;
 use crate::time::Time;
 use std::sync::Arc;
@@ -102,9 +103,10 @@ pub(super) struct Kept {
     pub(super) x: Vec<f64>,
     /// P_ij, j ≤ i, row by row.
     pub(super) p: Vec<f64>,
+    pub(super) input: LastInput,
 }
 
-crate::memory!(Kept { time, x, p });
+crate::memory!(Kept { time, x, p, input });
 
 impl Kept {
     /// Whether it is one of `n` dimensions, its state of `storage` numbers.
@@ -115,6 +117,7 @@ impl Kept {
     pub(super) fn take(&mut self, belief: &Belief) {
         self.time = belief.time;
         self.x.clone_from(&belief.x);
+        self.input.clone_from(&belief.input);
         self.p.clear();
         let (p, n) = (&belief.covariance, belief.covariance.dim());
         self.p.extend((0..n).flat_map(|i| (0..=i).map(move |j| p.element(i, j))));
@@ -124,6 +127,7 @@ impl Kept {
     pub(super) fn give(&self, belief: &mut Belief, whole: &mut Vec<f64>) {
         belief.time = self.time;
         belief.x.clone_from(&self.x);
+        belief.input.clone_from(&self.input);
         let n = belief.covariance.dim();
         whole.resize(n * n, 0.0);
         let mut lower = self.p.iter();
@@ -141,6 +145,9 @@ impl Kept {
         put::count(out, self.x.len());
         put::numbers(out, &self.x);
         put::numbers(out, &self.p);
+        put::count(out, self.input.sample.len());
+        put::numbers(out, &self.input.sample);
+        put::numbers(out, &[self.input.interval]);
     }
 
     /// Becomes what was written, of `n` dimensions.
@@ -148,7 +155,11 @@ impl Kept {
         self.time = from.time()?;
         let storage = from.count()?;
         from.numbers(&mut self.x, storage)?;
-        from.numbers(&mut self.p, n * (n + 1) / 2)
+        from.numbers(&mut self.p, n * (n + 1) / 2)?;
+        let length = from.count()?;
+        from.numbers(&mut self.input.sample, length)?;
+        self.input.interval = from.number()?;
+        Ok(())
     }
 }
 
@@ -163,5 +174,6 @@ pub(super) fn empty(storage: usize, n: usize) -> Belief {
         time: Time::default(),
         x: vec![0.0; storage],
         covariance: Covariance::zeros(n, form()),
+        input: LastInput::default(),
     }
 }

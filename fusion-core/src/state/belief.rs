@@ -3,6 +3,7 @@
 use super::layout::Layout;
 use crate::covariance::{Covariance, Form};
 use crate::memory::{Memory, Tape};
+use crate::model::LastInput;
 use crate::time::Time;
 use std::sync::Arc;
 
@@ -15,6 +16,8 @@ pub struct Belief {
     pub x: Vec<f64>,
     /// Covariance of the error true ⊟ nominal in the canonical chart.
     pub covariance: Covariance,
+    /// The process input that led to it: what the process derives, such as its attitude, is derived from both.
+    pub input: LastInput,
 }
 
 impl Memory for Belief {
@@ -22,12 +25,13 @@ impl Memory for Belief {
         self.time.remember(tape);
         tape.numbers(&mut self.x);
         self.covariance.remember(tape);
+        self.input.remember(tape);
     }
 }
 
 impl Belief {
-    /// The initial belief a layout declares: initial values and variances, no correlation; the
-    /// covariance is stored in `form`.
+    /// The initial belief a layout declares: initial values and variances, no correlation, no
+    /// input; the covariance is stored in `form`.
     #[must_use]
     pub fn initial(layout: &Layout, form: &Arc<dyn Form>, time: Time) -> Self {
         let mut covariance = Covariance::zeros(layout.dim(), form.clone());
@@ -38,6 +42,7 @@ impl Belief {
             time,
             x: layout.initial().to_vec(),
             covariance,
+            input: LastInput::default(),
         }
     }
 

@@ -2,10 +2,11 @@
 //!
 //! A covariance is written as the matrix P that it stands for, and the name of its form. Stored again in a
 //! factored form it is the same up to rounding: what has to go on bit for bit is a checkpoint's
-//! ([`memory`](crate::memory)).
+//! ([`memory`](crate::memory)). The input that led to the belief is not written.
 
 use super::{Belief, Block, Kind, Layout, StateRole};
 use crate::covariance::{Covariance, FormKind};
+use crate::model::LastInput;
 use crate::time::Time;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -56,6 +57,7 @@ impl<'de> Deserialize<'de> for Belief {
             time: Time::from_nanos(written.time_ns),
             x: written.x,
             covariance,
+            input: LastInput::default(),
         };
         if belief.is_sound() {
             Ok(belief)
