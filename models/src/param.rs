@@ -11,6 +11,7 @@
 
 use crate::block::BuildError;
 use crate::units::{Angle, Axes, Dimension, Dimensional, Kind, NonNegative, PerAxis, Positive, Quantity, Vec3Of, dim, range};
+use core::f64::consts::TAU;
 use core::fmt::{self, Debug};
 use core::marker::PhantomData;
 use fusion_core::geometry::so3;
@@ -36,6 +37,8 @@ pub trait ParamValue: Copy + Debug + DeserializeOwned + JsonSchema {
     const SYMBOL: &'static str = Self::KIND.symbol;
     /// The value as models read it.
     fn value(&self) -> <Self::Manifold as Manifold>::Value;
+    /// The numbers that are written, in SI.
+    fn numbers(&self) -> Vec<f64>;
     /// 1σ per tangent axis.
     fn axes(sigma: &Self::Sigma) -> Vec<f64>;
 }
@@ -47,6 +50,9 @@ impl<D: Dimensional + Debug> ParamValue for Quantity<D> {
     const KIND: Kind = D::KIND;
     fn value(&self) -> f64 {
         self.si()
+    }
+    fn numbers(&self) -> Vec<f64> {
+        vec![self.si()]
     }
     fn axes(sigma: &Self::Sigma) -> Vec<f64> {
         vec![sigma.si()]
@@ -60,6 +66,9 @@ impl<D: Dimensional + Debug> ParamValue for Vec3Of<D> {
     const KIND: Kind = D::KIND;
     fn value(&self) -> Vector3<f64> {
         Vector3::from(self.si())
+    }
+    fn numbers(&self) -> Vec<f64> {
+        self.si().to_vec()
     }
     fn axes(sigma: &Self::Sigma) -> Vec<f64> {
         sigma.si().to_vec()
@@ -94,6 +103,9 @@ impl ParamValue for Rpy {
     const KIND: Kind = dim::Angle::KIND;
     fn value(&self) -> UnitQuaternion<f64> {
         self.rotation()
+    }
+    fn numbers(&self) -> Vec<f64> {
+        self.0.si().to_vec()
     }
     fn axes(sigma: &Self::Sigma) -> Vec<f64> {
         sigma.si().to_vec()
@@ -224,17 +236,38 @@ impl<V: ParamValue> Table<V> {
         let Some(initial) = self.initial else {
             return Err("missing `initial`: the value the filter starts from".to_owned());
         };
+        let fixed = fixed(initial).map_err(|why| format!("`initial`: {why}"))?;
         match (self.estimate, self.sigma) {
-            (Some(false), _) => Ok(ParamSpec::Fixed(initial)),
-            (Some(true), Some(sigma)) => Ok(ParamSpec::Estimated(Estimated {
-                initial,
-                sigma,
-                random_walk: self.random_walk,
-                correlation_time: self.correlation_time,
-            })),
+            (Some(false), _) => Ok(fixed),
+            (Some(true), Some(sigma)) => {
+                within_a_turn(V::KIND.dimension, &V::axes(&sigma)).map_err(|why| format!("`sigma`: {why}"))?;
+                Ok(ParamSpec::Estimated(Estimated {
+                    initial,
+                    sigma,
+                    random_walk: self.random_walk,
+                    correlation_time: self.correlation_time,
+                }))
+            }
             (Some(true), None) => Err("missing `sigma`: how uncertain the initial value is (1σ)".to_owned()),
             (None, _) => Err("missing `estimate = true` (a state) or `estimate = false` (a constant)".to_owned()),
         }
+    }
+}
+
+/// The parameter that is this constant.
+fn fixed<V: ParamValue>(value: V) -> Result<ParamSpec<V>, String> {
+    within_a_turn(V::KIND.dimension, &value.numbers()).map(|()| ParamSpec::Fixed(value))
+}
+
+/// No angle of a parameter is larger than a turn: one that is was written in degrees.
+fn within_a_turn(dimension: Dimension, si: &[f64]) -> Result<(), String> {
+    let is_angle = dimension == dim::Angle::KIND.dimension;
+    match si.iter().find(|angle| is_angle && angle.abs() > TAU) {
+        None => Ok(()),
+        Some(angle) => Err(format!(
+            "an angle of {angle} rad is {:.1} turns; without a unit it is in radians: write \"{angle} deg\" for degrees",
+            angle.abs() / TAU
+        )),
     }
 }
 
@@ -267,23 +300,23 @@ impl<'de, V: ParamValue> Visitor<'de> for ParamVisitor<V> {
     }
 
     fn visit_f64<E: Error>(self, v: f64) -> Result<Self::Value, E> {
-        V::deserialize(v.into_deserializer()).map(ParamSpec::Fixed)
+        V::deserialize(v.into_deserializer()).and_then(|v| fixed(v).map_err(E::custom))
     }
 
     fn visit_i64<E: Error>(self, v: i64) -> Result<Self::Value, E> {
-        V::deserialize(v.into_deserializer()).map(ParamSpec::Fixed)
+        V::deserialize(v.into_deserializer()).and_then(|v| fixed(v).map_err(E::custom))
     }
 
     fn visit_u64<E: Error>(self, v: u64) -> Result<Self::Value, E> {
-        V::deserialize(v.into_deserializer()).map(ParamSpec::Fixed)
+        V::deserialize(v.into_deserializer()).and_then(|v| fixed(v).map_err(E::custom))
     }
 
     fn visit_str<E: Error>(self, v: &str) -> Result<Self::Value, E> {
-        V::deserialize(v.into_deserializer()).map(ParamSpec::Fixed)
+        V::deserialize(v.into_deserializer()).and_then(|v| fixed(v).map_err(E::custom))
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Self::Value, A::Error> {
-        V::deserialize(SeqAccessDeserializer::new(seq)).map(ParamSpec::Fixed)
+        V::deserialize(SeqAccessDeserializer::new(seq)).and_then(|v| fixed(v).map_err(A::Error::custom))
     }
 
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
@@ -317,6 +350,13 @@ mod tests {
         bias: VectorParam<dim::Length>,
     }
 
+    #[derive(Debug, Deserialize)]
+    struct Turned {
+        yaw: ScalarParam<dim::Angle>,
+        #[serde(default, rename = "mounting")]
+        _mounting: RotationParam,
+    }
+
     fn dynamics(text: &str) -> Result<Dynamics, String> {
         let holder: Holder = toml::from_str(&format!("bias = {{ estimate = true, initial = [0, 0, 0], sigma = 2{text} }}")).unwrap();
         let ParamSpec::Estimated(estimated) = holder.bias else {
@@ -341,6 +381,23 @@ mod tests {
                 .unwrap_err()
                 .contains("not both")
         );
+    }
+
+    #[test]
+    fn an_angle_in_degrees_without_its_unit_is_refused() {
+        let read = |text: &str| {
+            toml::from_str::<Turned>(&format!("yaw = {text}"))
+                .map(|t| t.yaw)
+                .map_err(|e| e.to_string())
+        };
+        let refused = |text: &str| read(text).map_or_else(|e| e, |_| String::new());
+        assert!(read("'170 deg'").is_ok() && read("3.1").is_ok());
+        let whole = "an angle of 170 rad is 27.1 turns; without a unit it is in radians: write \"170 deg\" for degrees";
+        assert!(refused("170").contains(whole), "{}", refused("170"));
+        let state = |initial: &str, sigma: &str| refused(&format!("{{ estimate = true, initial = {initial}, sigma = {sigma} }}"));
+        assert!(state("170", "1").contains("`initial`: an angle of 170 rad"));
+        assert!(state("1", "100").contains("`sigma`: an angle of 100 rad"));
+        assert!(toml::from_str::<Turned>("yaw = 0\nmounting = [0, 0, 90]").is_err());
     }
 
     #[test]
