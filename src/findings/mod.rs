@@ -21,8 +21,8 @@ mod tests;
 use self::instrument::{Instrument, Measures};
 use crate::design::Design;
 use crate::observe::SensorStatistics;
-use crate::present::short;
-use crate::run::Summary;
+use crate::present::{Unit, short};
+use crate::run::{FinalState, Summary};
 use crate::score::{Consistency, Score, Verdict};
 use core::fmt;
 use serde::Serialize;
@@ -58,6 +58,8 @@ const SMALL: f64 = 0.5;
 const TINY: f64 = 0.25;
 /// The mean over its degrees of freedom of a NIS below which a larger noise changes nothing: the estimate hardly listens.
 const FOLLOWED: f64 = 0.3;
+/// The 1σ of a parameter over that at its start from which on the data told nothing of it.
+const LEARNT: f64 = 0.9;
 /// A stretch without rows that is worth a word: so many intervals of its source, and seconds.
 const GAP: (f64, f64) = (10.0, 3.0);
 
@@ -93,7 +95,13 @@ impl Judged<'_> {
         let large = sensors().filter_map(|(i, s)| large(i, s));
         let small = sensors().filter_map(|(i, s)| self.small(i, s.nis.as_ref()?));
         let gaps = self.gaps();
-        rejected.chain(errors).chain(large).chain(small).chain(gaps).collect()
+        rejected
+            .chain(errors)
+            .chain(large)
+            .chain(small)
+            .chain(self.unlearnt())
+            .chain(gaps)
+            .collect()
     }
 
     /// The mean NEES of what a sensor measures.
@@ -183,6 +191,30 @@ impl Judged<'_> {
         })
     }
 
+    /// Parameters that the data told nothing of: none of their 1σ fell.
+    fn unlearnt(&self) -> Option<Finding> {
+        let unlearnt = || self.summary.parameters.iter().filter(|p| is_unlearnt(p));
+        let about = unlearnt().next()?.name.clone();
+        let each = unlearnt().map(|p| {
+            let unit = Unit::of_si(p.unit);
+            let mut known: Vec<String> = Vec::new();
+            for (start, end) in p.start_sigma.iter().zip(&p.sigma).filter(|(start, _)| **start > 0.0) {
+                let both = format!("{} at the start, {} at the end", short(unit.of(*start)), short(unit.of(*end)));
+                if !known.contains(&both) {
+                    known.push(both);
+                }
+            }
+            format!("`{}` (1σ [{}] {})", p.name, unit.symbol(), known.join("; "))
+        });
+        let evidence = format!("the data told nothing of {}", each.collect::<Vec<_>>().join(", "));
+        let advice = "a motion or a sensor that shows it is missing; without one, give the value with `estimate = false`";
+        Some(Finding {
+            about,
+            evidence,
+            advice: advice.to_owned(),
+        })
+    }
+
     /// Sources of sensors that were silent for long, where neither a fault nor a declared outage says so.
     fn gaps(&self) -> impl Iterator<Item = Finding> {
         let has_outages = self.summary.score.as_ref().is_some_and(|score| !score.drift.is_empty());
@@ -207,6 +239,12 @@ fn nees_of(score: &Score, what: Measures) -> Option<&Consistency> {
         Measures::Velocity => score.nees_velocity.as_ref(),
         Measures::Attitude => score.nees_attitude.as_ref(),
     }
+}
+
+/// Whether the 1σ of a parameter fell on no axis.
+fn is_unlearnt(p: &FinalState) -> bool {
+    let mut axes = p.start_sigma.iter().zip(&p.sigma).filter(|(start, _)| **start > 0.0).peekable();
+    axes.peek().is_some() && axes.all(|(start, end)| *end >= LEARNT * start)
 }
 
 /// A gate that refuses more than some outliers.

@@ -145,3 +145,36 @@ fn a_gate_that_rejects_good_rows_comes_first() {
         "disturbed rows are rejected rightly"
     );
 }
+
+#[test]
+fn a_parameter_is_unlearnt_where_no_axis_of_it_fell() {
+    let told = |start: &[f64], end: &[f64]| {
+        let state = FinalState {
+            name: "heading_offset".to_owned(),
+            kind: fusion_core::state::Kind::Vector(start.len()),
+            value: vec![0.0; end.len()],
+            sigma: end.iter().map(|s: &f64| s.to_radians()).collect(),
+            start_sigma: start.iter().map(|s: &f64| s.to_radians()).collect(),
+            covariance: Vec::new(),
+            unit: "rad",
+        };
+        let summary = Summary {
+            parameters: vec![state],
+            ..Summary::default()
+        };
+        let judged = Judged {
+            instruments: &[],
+            summary: &summary,
+        };
+        judged.findings().iter().map(ToString::to_string).collect::<Vec<_>>()
+    };
+    let all = told(&[5.0], &[4.9]);
+    let evidence = "the data told nothing of `heading_offset` (1σ [deg] 5 at the start, 4.9 at the end)";
+    assert!(all.len() == 1 && all[0].starts_with(evidence), "{all:?}");
+    assert!(told(&[5.0], &[4.4]).is_empty());
+    // An axis that is fixed says nothing; one that was learnt is enough.
+    assert_eq!(told(&[5.0, 0.0], &[5.0, 0.0]).len(), 1);
+    assert!(told(&[5.0, 5.0], &[5.0, 1.0]).is_empty());
+    // One that returns to zero by itself has no 1σ to begin with.
+    assert!(told(&[], &[5.0]).is_empty());
+}

@@ -621,6 +621,7 @@ mod tests {
             kind: Kind::Attitude,
             value,
             sigma: vec![1_f64.to_radians(); 3],
+            start_sigma: Vec::new(),
             covariance: (Matrix3::<f64>::identity() * variance).as_slice().to_vec(),
             unit: "rad",
         };

@@ -105,6 +105,7 @@ impl OfFilter {
                 kind: block.kind,
                 value: vec![0.0; block.kind.storage()],
                 sigma: vec![0.0; block.kind.dim()],
+                start_sigma: Vec::new(),
                 covariance: vec![0.0; block.kind.dim() * block.kind.dim()],
                 unit: block.unit,
             };

@@ -6,7 +6,7 @@ use crate::observe::{ConsumerCounts, SensorStatistics};
 use crate::provenance::Provenance;
 use crate::rows::SourceStatistics;
 use crate::score::Score;
-use fusion_core::state::{Belief, Kind, Layout, StateRole};
+use fusion_core::state::{Belief, Dynamics, Kind, Layout, StateRole};
 use fusion_models::sim::Record;
 use serde::Serialize;
 
@@ -22,6 +22,9 @@ pub struct FinalState {
     pub value: Vec<f64>,
     /// Its 1σ per tangent axis.
     pub sigma: Vec<f64>,
+    /// The 1σ that it began with; empty of one that returns to zero by itself, and so is not to be learnt.
+    #[serde(skip)]
+    pub start_sigma: Vec<f64>,
     /// Its covariance in tangent coordinates, row by row.
     #[serde(skip)]
     pub covariance: Vec<f64>,
@@ -128,6 +131,10 @@ impl FinalState {
             kind: b.kind,
             value: last.x[b.storage_range()].to_vec(),
             sigma: last.covariance.sigmas(b).collect(),
+            start_sigma: match b.dynamics {
+                Dynamics::Constant | Dynamics::RandomWalk { .. } if b.role == StateRole::Calibration => b.sigma.clone(),
+                _ => Vec::new(),
+            },
             covariance: last.covariance.block(b),
             unit: b.unit,
         };
