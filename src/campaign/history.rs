@@ -200,6 +200,7 @@ mod tests {
                 }),
                 velocity: None,
                 attitude: None,
+                motion: None,
             };
             history.add(Time::from_seconds(t), &error);
         }

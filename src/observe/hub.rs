@@ -3,7 +3,7 @@
 use super::{Filters, RunEvent, RunObserver};
 use crate::rows::Row;
 use crate::score::{Comparison, ReferenceEpoch};
-use crate::solution::SolutionReader;
+use crate::solution::{SolutionReader, Turning};
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::runner::{Event, Halt, Observer};
 use fusion_core::time::Time;
@@ -18,6 +18,7 @@ pub struct Hub<'a> {
     readers: Vec<SolutionReader>,
     /// By filter; none without a reference.
     comparisons: Box<[Comparison]>,
+    turnings: Box<[Turning]>,
     /// True states of the outermost filter that its estimates have not reached.
     truths: VecDeque<(Time, Vec<f64>)>,
     observers: Vec<&'a mut dyn RunObserver>,
@@ -40,6 +41,7 @@ impl<'a> Hub<'a> {
             filters,
             readers: readers.collect(),
             comparisons: filters.iter().filter_map(|_| comparison.cloned()).collect(),
+            turnings: filters.iter().map(|f| Turning::new(&f.layout, f.process.clone())).collect(),
             truths: VecDeque::new(),
             observers: Vec::new(),
             current: None,
@@ -134,6 +136,7 @@ impl<'a> Hub<'a> {
 impl Memory for Hub<'_> {
     fn remember(&mut self, tape: &mut Tape<'_>) {
         self.comparisons.remember(tape);
+        self.turnings.remember(tape);
         self.truths.remember(tape);
         let memories = self.observers.iter_mut().filter_map(|o| o.memory());
         memories.for_each(|memory| memory.remember(tape));
@@ -181,7 +184,9 @@ impl Observer for Hub<'_> {
         }
         let observers = &mut self.observers;
         let Some(comparison) = &mut comparison else { return Ok(()) };
-        comparison.reach(solution, |epoch, error| {
+        let turning = self.turnings.get_mut(filter.number).filter(|_| comparison.wants_rate());
+        let rate = turning.and_then(|turning| turning.rate(belief));
+        comparison.reach(solution, rate, |epoch, error| {
             tell(observers, &RunEvent::Reference { filter, epoch, error })
         })
     }

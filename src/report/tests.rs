@@ -45,7 +45,7 @@ impl Compared {
             self.recording.reference(epoch, error);
             Ok::<_, core::convert::Infallible>(())
         };
-        self.comparison.reach(solution, told).unwrap();
+        self.comparison.reach(solution, None, told).unwrap();
     }
 }
 

@@ -24,6 +24,8 @@ pub struct EpochError {
     pub velocity: Option<Deviation>,
     /// Attitude and its error.
     pub attitude: Option<AttitudeError>,
+    /// Estimated attitude q_nb and velocity of the body, whatever the reference knows of them.
+    pub motion: Option<(UnitQuaternion<f64>, Vector3<f64>)>,
 }
 
 /// An error of three axes, and what the filter and the reference say of it.
@@ -69,6 +71,21 @@ impl Deviation {
     #[must_use]
     pub fn is_estimated(&self) -> [bool; 3] {
         core::array::from_fn(|k| self.known[k] && self.own[(k, k)] != 0.0)
+    }
+
+    /// The length of the horizontal error, and its 1σ along itself.
+    #[must_use]
+    pub fn horizontal(&self) -> (f64, f64) {
+        let e = self.error.xy();
+        let p = (self.own + self.reference).fixed_view::<2, 2>(0, 0).into_owned();
+        let length = e.norm();
+        // An error of exactly 0 has no direction.
+        let variance = if length > 0.0 {
+            (p * e).dot(&e) / (length * length)
+        } else {
+            p.trace() / 2.0
+        };
+        (length, variance.sqrt())
     }
 
     /// Whether the reference knows every axis.
@@ -128,6 +145,7 @@ impl EpochError {
             position,
             velocity,
             attitude: attitude.map(|((q, own), true_q)| AttitudeError::new(q, own, true_q, squares(&truth.sigma.attitude))),
+            motion: at.attitude.zip(at.velocity).map(|((q, _), (v, _))| (q, v)),
         }
     }
 
@@ -267,6 +285,12 @@ impl Comparison {
         Self::of_points(self.points.clone(), [])
     }
 
+    /// Whether a source of the reference has a point that moves as the body turns.
+    #[must_use]
+    pub fn wants_rate(&self) -> bool {
+        self.points.iter().any(|point| *point != Vector3::zeros())
+    }
+
     /// Adds an epoch, later than those before it: a reference that comes along with the data.
     pub fn push(&mut self, epoch: ReferenceEpoch) {
         self.ahead.push_back(epoch);
@@ -277,17 +301,18 @@ impl Comparison {
     ///
     /// An epoch between two estimates sees the earlier one carried on by its velocity, so that no
     /// measurement after the epoch can flatter it; attitude and velocity, which a measurement
-    /// moves little, are interpolated. The angular rate, by which the velocity of a point off the
-    /// body origin differs, is that between the two attitudes.
+    /// moves little, are interpolated. `rate` is the mean angular rate w_nb_b \[rad/s\] since the
+    /// estimate before, by which the velocity of a point off the body origin differs.
     ///
     /// # Errors
     /// The first that `tell` returns.
     pub fn reach<E>(
         &mut self,
         now: &Solution,
+        rate: Option<Vector3<f64>>,
         mut tell: impl FnMut(&ReferenceEpoch, Option<&EpochError>) -> Result<(), E>,
     ) -> Result<(), E> {
-        let reached = self.reach_from(now, &mut tell);
+        let reached = self.reach_from(now, rate, &mut tell);
         self.previous = Some(*now);
         reached
     }
@@ -296,6 +321,7 @@ impl Comparison {
     fn reach_from<E>(
         &mut self,
         now: &Solution,
+        rate: Option<Vector3<f64>>,
         tell: &mut impl FnMut(&ReferenceEpoch, Option<&EpochError>) -> Result<(), E>,
     ) -> Result<(), E> {
         let previous = self.previous.as_ref().unwrap_or(now);
@@ -303,7 +329,6 @@ impl Comparison {
             self.given = self.given.saturating_sub(1);
             let is_known = epoch.time >= previous.time;
             let point = self.points.get(epoch.source).copied().unwrap_or_default();
-            let rate = (point != Vector3::zeros()).then(|| previous.rate_to(now)).flatten();
             let error = is_known.then(|| EpochError::new(&epoch, &Solution::between(previous, now, epoch.time), &point, rate));
             tell(&epoch, error.as_ref())?;
         }
@@ -365,7 +390,9 @@ mod tests {
                 found = error.copied();
                 Ok::<_, core::convert::Infallible>(())
             };
-            comparison.reach(&turning(t, heading), tell).unwrap();
+            comparison
+                .reach(&turning(t, heading), Some(Vector3::new(0.0, 0.0, 0.5)), tell)
+                .unwrap();
         }
         found.unwrap()
     }
@@ -426,7 +453,7 @@ mod tests {
             north.extend(error.and_then(|e| e.position).map(|d| d.error.x));
             Ok::<_, core::convert::Infallible>(())
         };
-        comparison.reach(&turning(0.0, 0.0), tell).unwrap();
+        comparison.reach(&turning(0.0, 0.0), None, tell).unwrap();
         // 1e-6: the curvature of the Earth over two metres.
         assert!(north.len() == 2 && north[0] == 0.0 && (north[1] - 2.0).abs() < 1e-6, "{north:?}");
     }

@@ -138,7 +138,7 @@ mod tests {
                 error.into_iter().for_each(|error| tracker.add(error));
                 Ok::<_, Infallible>(())
             };
-            comparison.reach(&estimate, tell).unwrap();
+            comparison.reach(&estimate, None, tell).unwrap();
         }
         tracker.finish()
     }

@@ -144,7 +144,7 @@ mod tests {
                 error.into_iter().for_each(|error| scorer.add(error));
                 Ok::<_, core::convert::Infallible>(())
             };
-            comparison.reach(&estimate, &mut add).unwrap();
+            comparison.reach(&estimate, None, &mut add).unwrap();
         }
         let found = scorer.finish().episodes.unwrap();
         // The last epoch waits for an estimate after it. 1e-5: two charts of the ellipsoid metres apart.

@@ -342,7 +342,7 @@ mod tests {
                 error.into_iter().for_each(|error| scorer.add(error));
                 Ok::<_, core::convert::Infallible>(())
             };
-            comparison.reach(&estimate(t, n, e), add).unwrap();
+            comparison.reach(&estimate(t, n, e), None, add).unwrap();
         }
         let score = scorer.finish();
         // Geodetic ⊞/⊟ about points metres apart agree to 1e-5 relative.

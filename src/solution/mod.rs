@@ -5,9 +5,11 @@
 
 mod reader;
 mod solved;
+mod turning;
 
 pub use reader::SolutionReader;
 pub use solved::Solved;
+pub(crate) use turning::Turning;
 
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
@@ -60,14 +62,6 @@ impl Solution {
             }),
             with_attitude: a.with_attitude,
         }
-    }
-
-    /// The mean angular rate w_nb_b \[rad/s\] from here to `later`; `None` without attitudes or time
-    /// between them.
-    pub(crate) fn rate_to(&self, later: &Self) -> Option<Vector3<f64>> {
-        let ((from, _), (to, _)) = self.attitude.zip(later.attitude)?;
-        let dt = later.time.seconds_since(self.time);
-        (dt > 0.0).then(|| so3::log(&(from.inverse() * to)) / dt)
     }
 
     /// Roll, pitch, yaw \[rad\] and their 1σ.

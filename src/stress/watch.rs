@@ -225,7 +225,7 @@ impl RunObserver for Watch<'_> {
                 self.estimates = [self.estimates[1], Some(belief.time)];
                 let (mut found, mounting) = (Vec::new(), self.mounting);
                 if let Some(comparison) = &mut self.comparison {
-                    let reached = comparison.reach(solution, |_, error| {
+                    let reached = comparison.reach(solution, None, |_, error| {
                         found.extend(error.map(|e| Errors::of(e, &mounting)));
                         Ok::<_, Infallible>(())
                     });

@@ -261,7 +261,7 @@ fn poses_are_cartesian_and_may_come_from_two_references() {
             error.into_iter().for_each(|error| poses.add(error));
             Ok::<_, core::convert::Infallible>(())
         };
-        comparison.reach(&estimate, tell).unwrap();
+        comparison.reach(&estimate, None, tell).unwrap();
     }
     let pairs = poses.pairs(&UnitQuaternion::identity());
     assert_eq!(pairs.len(), 2);

@@ -1,0 +1,69 @@
+//! How the body turns between two estimates.
+
+use fusion_core::geometry::so3;
+use fusion_core::model::{Input, Process, SignalBuffer};
+use fusion_core::state::{Attitude, Belief, Layout, Quantity};
+use fusion_core::time::Time;
+use fusion_models::vocabulary::state;
+use nalgebra::{UnitQuaternion, Vector3};
+use std::sync::Arc;
+
+/// Gives the mean angular rate w_nb_b from one estimate to the next, as the process moves the attitude under
+/// its input: by measured rates less their estimated errors, where it has them. What a measurement corrects
+/// is no turn of the body, so that a difference of two estimates is none either, unless they were smoothed.
+#[derive(Debug)]
+pub(crate) struct Turning {
+    process: Arc<dyn Process>,
+    attitude: Option<Quantity<Attitude>>,
+    signals: SignalBuffer,
+    /// The estimate before.
+    previous: Option<Time>,
+    x: Vec<f64>,
+    /// Where the process takes it.
+    moved: Vec<f64>,
+}
+
+fusion_core::memory!(Turning { previous, x; process, attitude, signals, moved });
+
+impl Turning {
+    /// Of the beliefs of `layout` under `process`.
+    pub(crate) fn new(layout: &Layout, process: Arc<dyn Process>) -> Self {
+        Self {
+            process,
+            attitude: layout.quantity(state::ATTITUDE).ok(),
+            signals: SignalBuffer::new(layout),
+            previous: None,
+            x: Vec::new(),
+            moved: Vec::new(),
+        }
+    }
+
+    /// The rate \[rad/s\] since the belief before, from which its input led here; none for the first, and without
+    /// an attitude. Of a belief that does not know its input the rate is that between the two attitudes.
+    pub(crate) fn rate(&mut self, belief: &Belief) -> Option<Vector3<f64>> {
+        let attitude = self.attitude.as_ref()?;
+        let dt = self
+            .previous
+            .map(|previous| belief.time.seconds_since(previous))
+            .filter(|dt| *dt > 0.0);
+        let is_known = belief.input.fits(self.process.input_dim());
+        let input = if is_known { belief.input.get() } else { Input::held(&[]) };
+        let rate = dt.map(|dt| {
+            self.moved.clone_from(if is_known { &self.x } else { &belief.x });
+            if is_known {
+                self.process.propagate(&mut self.moved, &input, dt);
+            }
+            let mut at = |x: &[f64]| -> UnitQuaternion<f64> {
+                if let Quantity::Signal(_) = attitude {
+                    self.signals.evaluate(self.process.as_ref(), x, &input, false);
+                }
+                self.signals.view(x).get(attitude)
+            };
+            let from = at(&self.x);
+            so3::log(&(from.inverse() * at(&self.moved))) / dt
+        });
+        self.previous = Some(belief.time);
+        self.x.clone_from(&belief.x);
+        rate
+    }
+}
