@@ -23,7 +23,7 @@ use crate::design::Design;
 use crate::observe::SensorStatistics;
 use crate::present::{Unit, short};
 use crate::run::{FinalState, Summary};
-use crate::score::{Consistency, Score, Verdict};
+use crate::score::{Consistency, Drift, Offset, Score, Verdict};
 use core::fmt;
 use serde::Serialize;
 
@@ -60,6 +60,12 @@ const TINY: f64 = 0.25;
 const FOLLOWED: f64 = 0.3;
 /// The 1σ of a parameter over that at its start from which on the data told nothing of it.
 const LEARNT: f64 = 0.9;
+/// How often a consistent filter may be found too sure in its outages.
+const CHANCE: f64 = 0.02;
+/// So much of the errors a constant offset has to explain, being so many of its 1σ; from that 1σ on \[m\] it is not known.
+const MOST: f64 = 0.5;
+const CERTAIN: f64 = 5.0;
+const UNKNOWN: f64 = 1.0;
 /// A stretch without rows that is worth a word: so many intervals of its source, and seconds.
 const GAP: (f64, f64) = (10.0, 3.0);
 
@@ -73,6 +79,7 @@ pub fn findings(design: &Design, summary: &Summary) -> Vec<Finding> {
     let judged = Judged {
         instruments: &instruments,
         summary,
+        point: design.reference.as_ref().map_or([0.0; 3], |r| r.block.point()),
     };
     judged.findings()
 }
@@ -82,6 +89,8 @@ pub fn findings(design: &Design, summary: &Summary) -> Vec<Finding> {
 struct Judged<'a> {
     instruments: &'a [Instrument],
     summary: &'a Summary,
+    /// The point of the reference as it is declared \[m\].
+    point: [f64; 3],
 }
 
 impl Judged<'_> {
@@ -95,6 +104,10 @@ impl Judged<'_> {
         let large = sensors().filter_map(|(i, s)| large(i, s));
         let small = sensors().filter_map(|(i, s)| self.small(i, s.nis.as_ref()?));
         let gaps = self.gaps();
+        let score = self.summary.score.iter();
+        let arm = score.clone().filter_map(|score| wrong_arm(score.offset.as_ref()?, self.point));
+        let outages = score.filter_map(|score| bold_outages(&score.drift));
+        let errors = arm.chain(errors).chain(outages);
         rejected
             .chain(errors)
             .chain(large)
@@ -261,6 +274,50 @@ fn rejected(s: &SensorStatistics) -> Option<Finding> {
             100.0 * share
         ),
         advice: "if they are not outliers, look at its time stamps, lever arm and axes, then at its `noise`".to_owned(),
+    })
+}
+
+/// A constant offset in body axes that explains the position errors.
+fn wrong_arm(offset: &Offset, point: [f64; 3]) -> Option<Finding> {
+    let is_known = |k: usize| offset.body[k].abs() > CERTAIN * offset.sigma[k];
+    if offset.explained < MOST || !(0..3).any(is_known) {
+        return None;
+    }
+    // What nothing tells stays as it is declared.
+    let off: [f64; 3] = core::array::from_fn(|k| if offset.sigma[k] < UNKNOWN { -offset.body[k] } else { 0.0 });
+    let arm: [f64; 3] = core::array::from_fn(|k| point[k] + off[k]);
+    let [off, arm] = [off, arm].map(|v| v.map(|v| format!("{v:.2}")).join(", "));
+    Some(Finding {
+        about: "reference".to_owned(),
+        evidence: format!(
+            "position error is explained to {:.0} % by an offset of [{off}] m in body axes",
+            100.0 * offset.explained
+        ),
+        advice: format!(
+            "if the reference tells of a point there, give `reference.lever_arm = [{arm}]`; else look at the `lever_arm` of the sensors \
+             of position"
+        ),
+    })
+}
+
+/// Outages at whose end the error is more than 3σ, in more of them than chance allows.
+fn bold_outages(drift: &[Drift]) -> Option<Finding> {
+    let ratios = drift.iter().map(Drift::end_ratio).filter(|ratio| ratio.is_finite());
+    let (all, bold) = ratios.fold((0_u32, 0_u32), |(all, bold), ratio| (all + 1, bold + u32::from(ratio > 3.0)));
+    // χ² of two degrees of freedom exceeds 9 with exp(−9/2), and that so often or oftener:
+    let p = (-4.5_f64).exp();
+    let mut chance = 1.0;
+    let mut exactly = (1.0 - p).powi(i32::try_from(all).ok()?);
+    for k in 0..bold {
+        chance -= exactly;
+        exactly *= f64::from(all - k) / f64::from(k + 1) * p / (1.0 - p);
+    }
+    (bold > 0 && chance < CHANCE).then(|| Finding {
+        about: "outages".to_owned(),
+        evidence: format!("at the end of {bold} of {all} outages the error is more than 3σ of the filter"),
+        advice: "raise the noise of the process or the random walk of its biases (`fusion allan` measures both); a constraint that \
+                 does not hold, such as a false `zero_velocity`, does the same"
+            .to_owned(),
     })
 }
 

@@ -43,6 +43,7 @@ fn found(instrument: Instrument, sensor: SensorStatistics, nees: Option<f64>) ->
     let judged = Judged {
         instruments: &[instrument],
         summary: &summary,
+        point: [0.0; 3],
     };
     judged.findings().iter().map(ToString::to_string).collect()
 }
@@ -165,6 +166,7 @@ fn a_parameter_is_unlearnt_where_no_axis_of_it_fell() {
         let judged = Judged {
             instruments: &[],
             summary: &summary,
+            point: [0.0; 3],
         };
         judged.findings().iter().map(ToString::to_string).collect::<Vec<_>>()
     };
@@ -177,4 +179,34 @@ fn a_parameter_is_unlearnt_where_no_axis_of_it_fell() {
     assert!(told(&[5.0, 5.0], &[5.0, 1.0]).is_empty());
     // One that returns to zero by itself has no 1σ to begin with.
     assert!(told(&[], &[5.0]).is_empty());
+}
+
+#[test]
+fn outages_that_end_beyond_three_sigma_are_found_where_chance_does_not_explain_them() {
+    let outages = |bold: usize, all: usize| -> Vec<Drift> {
+        let drift = |k| Drift {
+            end_horizontal: if k < bold { 31.0 } else { 29.0 },
+            end_sigma: 10.0,
+            ..Drift::default()
+        };
+        (0..all).map(drift).collect()
+    };
+    // Of n, k or more by chance: 1.1 % (1, 1), 2.2 % (2, 1), 0.7 % (12, 2), 2.3 % (21, 2), 0.1 % (20, 3).
+    for (bold, all, is_told) in [
+        (0, 5, false),
+        (1, 1, true),
+        (1, 2, false),
+        (2, 12, true),
+        (2, 21, false),
+        (3, 20, true),
+        (9, 9, true),
+    ] {
+        let found = bold_outages(&outages(bold, all));
+        assert_eq!(found.is_some(), is_told, "{bold} of {all}: {found:?}");
+    }
+    let told = bold_outages(&outages(2, 12)).unwrap().to_string();
+    assert!(
+        told.starts_with("at the end of 2 of 12 outages the error is more than 3σ"),
+        "{told}"
+    );
 }

@@ -2,7 +2,9 @@
 
 use super::reason::{NamedReason, Names, word};
 use crate::assembly::Assembly;
-use crate::observe::{Filters, RunEvent, RunObserver};
+use crate::observe::{Filters, Heard, RunEvent, RunObserver};
+use crate::score::Outage;
+use fusion_core::filter::Verdict;
 use fusion_core::health::{Health, State};
 use fusion_core::memory::Memory;
 use fusion_core::runner::{Event, Halt};
@@ -85,6 +87,9 @@ pub struct FilterHealth {
     pub worst: State,
     /// Time spent in each state \[s\], from the first row to the last estimate.
     pub spent: Spent,
+    /// Time of those degraded and lost that fell within declared outages \[s\]: from the first of its silence to the
+    /// first measurement used after it.
+    pub in_outages: f64,
     /// The time of the last estimate \[s\].
     pub until: f64,
     /// The changes in order of time, the first thousand.
@@ -98,6 +103,14 @@ impl FilterHealth {
     #[must_use]
     pub fn is_good(&self) -> bool {
         self.aligned.is_some() && self.worst == State::Good
+    }
+
+    /// Whether it was in ill health within declared outages alone.
+    #[must_use]
+    pub fn is_ill_as_declared(&self) -> bool {
+        let ill = self.spent.degraded + self.spent.lost;
+        // 1e-6: rounding of sums of times.
+        self.in_outages > 0.0 && ill - self.in_outages < 1e-6
     }
 }
 
@@ -151,15 +164,22 @@ pub struct HealthRecord {
 struct Followed {
     names: Names,
     health: FilterHealth,
+    silences: Box<[Silence]>,
     /// Up to when the time spent is counted.
     counted: Option<Time>,
 }
 
 impl HealthRecord {
-    /// Of the filters of an assembly.
+    /// Of the filters of an assembly; `outages` are declared of the sources of the outermost.
     #[must_use]
-    pub fn new(filters: &Filters, assembly: &Assembly) -> Self {
+    pub fn new(filters: &Filters, assembly: &Assembly, outages: &[Outage]) -> Self {
+        let declared = |filter: &Heard| if filter.is_outermost() { outages } else { &[] };
+        let silence = |outage: &Outage| Silence {
+            outage: outage.clone(),
+            running: None,
+        };
         let followed = filters.iter().map(|filter| Followed {
+            silences: declared(filter).iter().map(silence).collect(),
             names: Names::new(filter, assembly),
             health: FilterHealth {
                 filter: filter.stages.join("."),
@@ -179,11 +199,43 @@ impl HealthRecord {
     }
 }
 
+/// A declared outage, and the end of the one that has not been overcome.
+#[derive(Debug)]
+struct Silence {
+    outage: Outage,
+    running: Option<Time>,
+}
+
+impl Silence {
+    /// Whether the outage, or what it leaves behind, lasts at `time`.
+    fn holds(&mut self, time: Time) -> bool {
+        let begun = self.outage.windows.containing(time).map(|window| window.to);
+        self.running = begun.or(self.running);
+        self.running.is_some()
+    }
+
+    /// A measurement of `sensor`, stamped `stamp`, was used.
+    fn used(&mut self, sensor: usize, stamp: Time) {
+        let is_over = self.running.is_some_and(|to| stamp >= to);
+        if is_over && (self.outage.sensors.is_empty() || self.outage.sensors.contains(&sensor)) {
+            self.running = None;
+        }
+    }
+}
+
 impl Followed {
     fn reach(&mut self, time: Time) {
         let since = *self.counted.get_or_insert(time);
+        let is_declared = self
+            .silences
+            .iter_mut()
+            .fold(false, |is_any, silence| silence.holds(since) || is_any);
         if time > since {
-            self.health.spent.add(self.health.state, time.seconds_since(since));
+            let seconds = time.seconds_since(since);
+            self.health.spent.add(self.health.state, seconds);
+            if is_declared && self.health.state >= State::Degraded {
+                self.health.in_outages += seconds;
+            }
             self.counted = Some(time);
             self.health.until = time.seconds();
         }
@@ -210,12 +262,14 @@ impl Followed {
 }
 
 fusion_core::memory!(HealthRecord { followed });
-fusion_core::memory!(Followed { health, counted; names });
+fusion_core::memory!(Followed { health, counted, silences; names });
+fusion_core::memory!(Silence { running; outage });
 fusion_core::memory!(FilterHealth {
     state,
     aligned,
     worst,
     spent,
+    in_outages,
     until,
     transitions,
     further_transitions;
@@ -246,6 +300,14 @@ impl RunObserver for HealthRecord {
                 filter,
                 event: Event::Health { health },
             } => self.followed[filter.number].change(health),
+            RunEvent::Filter {
+                filter,
+                event: Event::Updated { sensor, update, time, row },
+            } if matches!(update.verdict, Verdict::Accepted | Verdict::Reacquired) => {
+                let followed = &mut self.followed[filter.number];
+                followed.reach(*time);
+                followed.silences.iter_mut().for_each(|silence| silence.used(*sensor, row.stamp));
+            }
             _ => {}
         }
         Ok(())

@@ -7,7 +7,7 @@ use super::run::converged;
 use super::sensors::{count_columns, counted, counts};
 use super::tree::{Cell, Column, Page, Section, Table};
 use crate::run::Summary;
-use crate::score::{Axes, Consistency, Score};
+use crate::score::{Axes, Consistency, Drift, Score};
 
 /// Findings that are shown; all of them are with the other tables.
 const FINDINGS: usize = 4;
@@ -141,6 +141,16 @@ fn errors(t: &mut Table, whose: &str, score: &Score) {
             short(median)
         );
         line("drift", vec![drift], None);
+    }
+    if let Some(worst) = Drift::worst(&score.drift) {
+        let said = format!(
+            "{} s at {:.1} s: {} m at its end (3σ {} m)",
+            short(worst.to - worst.from),
+            worst.from,
+            short(worst.end_horizontal),
+            short(3.0 * worst.end_sigma)
+        );
+        line("worst outage", vec![said], None);
     }
     if let Some(convergence) = &score.convergence {
         line("convergence", vec![converged(convergence)], None);

@@ -16,15 +16,25 @@ pub(super) fn line(health: &FilterHealth) -> String {
         .filter(|s| health.spent.of(*s) > 0.0)
         .map(|s| format!("{s} for {:.1} s", health.spent.of(s)))
         .collect();
+    let declared = if health.is_ill_as_declared() {
+        format!(" of {:.1} s, all within declared outages", health.spent.total())
+    } else if health.in_outages > 0.0 {
+        format!(", {:.1} s of it within declared outages", health.in_outages)
+    } else {
+        String::new()
+    };
     match (health.is_good(), ill.is_empty()) {
         (true, true) => "good".to_owned(),
         (_, true) => format!("{} at the end", health.state),
-        _ => format!("{}; {} at the end", ill.join(", "), health.state),
+        _ => format!("{}{declared}; {} at the end", ill.join(", "), health.state),
     }
 }
 
-/// When and why it first was worse than coasting.
+/// When and why it first was worse than coasting; nothing where outages are declared and explain it.
 pub(super) fn first_ill(health: &FilterHealth) -> Option<String> {
+    if health.is_ill_as_declared() {
+        return None;
+    }
     let spells = health.spells();
     let first = spells.iter().find(|s| s.state >= State::Degraded)?;
     Some(format!("{} from {:.1} s on: {}", first.state, first.from, named(&first.reasons)))

@@ -531,6 +531,9 @@ fn drift(score: &Score, smoothed: Option<&Score>) -> Section {
         Column::with_unit("to", seconds()),
         Column::with_unit("max horizontal error", metres()),
         Column::with_unit("growth", metres()),
+        Column::with_unit("at the end", metres()),
+        Column::with_unit("3σ there", metres()),
+        Column::number("error/σ"),
     ];
     let mut t = Table::new(columns.into_iter().chain(beside("smoothed max")));
     for (k, d) in score.drift.iter().take(OUTAGES).enumerate() {
@@ -539,6 +542,9 @@ fn drift(score: &Score, smoothed: Option<&Score>) -> Section {
             Cell::Seconds(d.to),
             Cell::Real(d.max_horizontal),
             Cell::Real(d.growth),
+            Cell::Real(d.end_horizontal),
+            Cell::Real(3.0 * d.end_sigma),
+            Cell::Real(d.end_ratio()),
         ];
         let beside = smoothed.map(|s| Cell::real(s.drift.get(k).map(|d| d.max_horizontal)));
         t.row(cells.into_iter().chain(beside));
@@ -559,7 +565,9 @@ fn drift(score: &Score, smoothed: Option<&Score>) -> Section {
     if score.drift.is_empty() {
         return section;
     }
-    let section = section.note("Growth: the largest change of the error, as a vector, since the outage began.");
+    let section = section
+        .note("Growth: the largest change of the error, as a vector, since the outage began.")
+        .note("At the end: the horizontal error at its last epoch, its 3σ in its own direction, and how many σ it is.");
     if score.drift.len() > OUTAGES {
         return section.note(format!("The first {OUTAGES} outages are listed; summary.json has all of them."));
     }

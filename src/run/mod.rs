@@ -179,9 +179,9 @@ impl<'a> Run<'a> {
         let mut consumers = Consumers::new(&self.assembly.runner);
         let mut statistics = Statistics::new(&filters, from, &self.data.rows.disturbable());
         let mut finals = Finals::new(&filters);
-        let mut health = HealthRecord::new(&filters, &self.assembly);
         let scored = filters.iter().filter(|_| !reference.is_empty());
         let (outages, many) = (outages(self.design, &self.assembly), self.is_one_of_many);
+        let mut health = HealthRecord::new(&filters, &self.assembly, &outages);
         let rules = |filter: &Heard| reference.rules(self.design, if filter.is_outermost() { &outages } else { &[] }, many);
         let rows = &self.data.rows;
         let score = |f: &Heard| FilterScore::new(f, rules(f), |block| f.is_outermost() && rows.is_drawn(block));

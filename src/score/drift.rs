@@ -8,10 +8,10 @@
 //! latest a window ends where the next one of its outage begins. Where no sensor reads the source it
 //! ends with the outage.
 
+use super::comparison::Deviation;
 use fusion_core::memory::{Memory, Tape};
 use fusion_core::time::Time;
 use fusion_models::fault::{Repeated, Window, Windows};
-use nalgebra::Vector3;
 use serde::Serialize;
 use std::collections::VecDeque;
 
@@ -28,6 +28,24 @@ pub struct Drift {
     pub max_horizontal: f64,
     /// Largest horizontal error less the one it began with, as vectors \[m\].
     pub growth: f64,
+    /// Horizontal error at the last epoch before a measurement after it was used \[m\].
+    pub end_horizontal: f64,
+    /// 1σ that this error is expected to have along itself, by the filter and the reference \[m\].
+    pub end_sigma: f64,
+}
+
+impl Drift {
+    /// The error at the end over its 1σ. Of a consistent filter its square is χ² of two degrees of freedom at most.
+    #[must_use]
+    pub fn end_ratio(&self) -> f64 {
+        self.end_horizontal / self.end_sigma
+    }
+
+    /// The one with the largest error at its end.
+    #[must_use]
+    pub fn worst(all: &[Self]) -> Option<&Self> {
+        all.iter().max_by(|a, b| a.end_horizontal.total_cmp(&b.end_horizontal))
+    }
 }
 
 /// A declared outage.
@@ -60,6 +78,8 @@ struct Running {
     last: Time,
     max: f64,
     growth: f64,
+    /// The last error with its 1σ.
+    end: (f64, f64),
 }
 
 fusion_core::memory!(Drifts { tracked, used, found });
@@ -69,14 +89,17 @@ fusion_core::memory!(Running {
     first,
     last,
     max,
-    growth
+    growth,
+    end
 });
 fusion_core::memory!(Drift {
     from,
     to,
     until,
     max_horizontal,
-    growth
+    growth,
+    end_horizontal,
+    end_sigma
 });
 
 impl Memory for Used {
@@ -123,10 +146,10 @@ impl Drifts {
         }
     }
 
-    /// The error at the next epoch of the reference, north east down \[m\].
-    pub(super) fn add(&mut self, time: Time, error: &Vector3<f64>) {
+    /// The position error at the next epoch of the reference.
+    pub(super) fn add(&mut self, time: Time, error: &Deviation) {
         for tracked in &mut self.tracked {
-            self.found.extend(tracked.add(time, [error.x, error.y], &self.used));
+            self.found.extend(tracked.add(time, error, &self.used));
         }
         // Only what was stamped after an outage can end it; of an outage to come, only what is valid
         // after this epoch can be.
@@ -149,7 +172,7 @@ impl Drifts {
 
 impl Tracked {
     /// The drift of the window that ends before this epoch, if one does.
-    fn add(&mut self, time: Time, at: [f64; 2], used: &Used) -> Option<Drift> {
+    fn add(&mut self, time: Time, error: &Deviation, used: &Used) -> Option<Drift> {
         let begins = self.repeated.at(time);
         let is_another = |r: &Running| begins.is_some_and(|w| w.from != r.window.from);
         let is_over = |r: &Running| is_another(r) || time > r.window.to && self.ends_by(r.window.to, time, used);
@@ -160,14 +183,21 @@ impl Tracked {
         if let (None, Some(window)) = (&self.running, begins) {
             self.running = Some(Running {
                 window,
-                first: (time, at),
+                first: (time, [error.error.x, error.error.y]),
                 last: time,
                 max: 0.0,
                 growth: 0.0,
+                end: (0.0, 0.0),
             });
         }
+        // What the first measurement after an outage leaves of the error is not the error at its end.
+        let is_overcome = |r: &Running| time >= r.window.to && self.ends_by(r.window.to, time, used);
+        let is_overcome = self.running.as_ref().is_some_and(is_overcome);
         if let Some(running) = &mut self.running {
-            running.add(time, at);
+            running.add(time, error);
+            if !is_overcome {
+                running.end = error.horizontal();
+            }
         }
         ended
     }
@@ -180,8 +210,9 @@ impl Tracked {
 }
 
 impl Running {
-    fn add(&mut self, time: Time, [north, east]: [f64; 2]) {
+    fn add(&mut self, time: Time, error: &Deviation) {
         let (_, [n, e]) = self.first;
+        let [north, east] = [error.error.x, error.error.y];
         self.last = time;
         self.max = self.max.max(north.hypot(east));
         self.growth = self.growth.max((north - n).hypot(east - e));
@@ -199,6 +230,8 @@ impl Running {
             until: self.last.max(self.window.to).seconds(),
             max_horizontal: self.max,
             growth: self.growth,
+            end_horizontal: self.end.0,
+            end_sigma: self.end.1,
         }
     }
 }
@@ -221,9 +254,40 @@ impl Outage {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::{Matrix3, Vector3};
 
     fn t(seconds: f64) -> Time {
         Time::from_seconds(seconds)
+    }
+
+    /// An error with 1σ of 2 m north, 1 m east.
+    fn deviation(north: f64, east: f64) -> Deviation {
+        Deviation {
+            error: Vector3::new(north, east, 9e9),
+            own: Matrix3::from_diagonal(&Vector3::new(4.0, 1.0, 1.0)),
+            ..Deviation::default()
+        }
+    }
+
+    #[test]
+    fn the_error_at_the_end_has_a_sigma_along_itself() {
+        let mut drifts = Drifts::new(&[Outage::of("{ from = 1, to = 2 }", &[])]);
+        // The epoch at 2 s is after the outage.
+        for (time, north, east) in [(1.0, 7.0, 0.0), (1.5, 0.0, 9.0), (1.9, 3.0, 3.0), (2.0, 0.0, 0.1)] {
+            drifts.add(t(time), &deviation(north, east));
+        }
+        let found = drifts.finish();
+        let worst = Drift::worst(&found).unwrap();
+        // 4 ε: rounding. Along north-east the variance is the mean of both.
+        let close = |a: f64, b: f64| (a - b).abs() < 1e-15 * b;
+        assert!(
+            close(worst.end_horizontal, 18_f64.sqrt()) && close(worst.end_sigma, 2.5_f64.sqrt()),
+            "{found:?}"
+        );
+        assert!(
+            close(worst.end_ratio(), (18.0_f64 / 2.5).sqrt()) && worst.max_horizontal == 9.0,
+            "{found:?}"
+        );
     }
 
     /// From and until, and the largest error, of the outages of a run whose error is its time in
@@ -238,7 +302,7 @@ mod tests {
                 drifts.used(0, t(start + 0.5), t(start + 0.5));
                 drifts.used(1, t(start + stamp), t(start + valid));
             }
-            drifts.add(t(start + since), &Vector3::new(since, 0.0, 9e9));
+            drifts.add(t(start + since), &deviation(since, 0.0));
         }
         let round = |v: f64| (v * 1e3).round() / 1e3;
         let found = drifts.finish();

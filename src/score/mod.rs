@@ -12,6 +12,7 @@ mod convergence;
 mod drift;
 mod episodes;
 mod nees;
+mod offset;
 mod reference;
 mod scorer;
 mod series;
@@ -26,6 +27,7 @@ pub use convergence::{Convergence, Limits};
 pub use drift::{Drift, Outage};
 pub use episodes::{Episodes, PartScore};
 pub(crate) use nees::of as nees_of;
+pub use offset::Offset;
 pub use reference::{ReferenceEpoch, ReferenceSigma, differentiate};
 pub(crate) use scorer::median;
 pub use scorer::{Rules, Scorer};
@@ -123,6 +125,8 @@ pub struct Score {
     pub horizontal_p95: Option<f64>,
     /// The change of the horizontal error in proportion to the way travelled; none of less than 50 m.
     pub travelled: Option<Travelled>,
+    /// What of the horizontal error a constant offset in body axes explains; none without an attitude.
+    pub offset: Option<Offset>,
     /// Velocity error, north east down \[m/s\].
     pub velocity: Option<Axes>,
     /// Attitude error, roll pitch yaw \[deg\].

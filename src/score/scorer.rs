@@ -7,6 +7,7 @@ use super::convergence::{Limits, Tracker};
 use super::drift::{Drifts, Outage};
 use super::episodes::EpisodeScorer;
 use super::nees::{NeesSeries, of};
+use super::offset::OffsetFit;
 use super::trajectory::{Poses, TrajectoryRules};
 use super::travelled::Horizontal;
 use super::{Axes, Score, Spread, Spreads};
@@ -115,6 +116,7 @@ pub struct Scorer {
     velocity: Sums,
     attitudes: Attitudes,
     horizontal: Horizontal,
+    offset: OffsetFit,
     /// Lengths of the errors of position \[m\] and velocity \[m/s\].
     lengths: [Quantiles; 2],
     poses: Poses,
@@ -133,6 +135,7 @@ fusion_core::memory!(Scorer {
     velocity,
     attitudes,
     horizontal,
+    offset,
     lengths,
     poses,
     nees_position,
@@ -158,6 +161,7 @@ impl Scorer {
             position: Sums::default(),
             velocity: Sums::default(),
             horizontal: Horizontal::default(),
+            offset: OffsetFit::default(),
             lengths: Default::default(),
             poses: Poses::default(),
             nees_position: NeesSeries::default(),
@@ -174,10 +178,11 @@ impl Scorer {
         let (counts, is_settled) = (is_after(self.rules.from), is_after(self.rules.nees_from));
         if let Some(d) = &error.position {
             if counts {
+                self.offset.add(error.time(), d, error.motion.as_ref());
                 self.add_position(d, error.places.as_ref().map(|[_, truth]| truth), is_settled);
             }
             if d.is_horizontal() {
-                self.drifts.add(error.time(), &d.error);
+                self.drifts.add(error.time(), d);
             }
         }
         if !counts {
@@ -254,6 +259,7 @@ impl Scorer {
             spread,
             trajectory,
             travelled: self.horizontal.travelled(),
+            offset: self.offset.finish(),
             velocity: self.velocity.axes(),
             attitude_deg: attitude.axes,
             position_rmse_m: self.position.whole_rms(),

@@ -192,3 +192,23 @@ fn corrections_of_the_yaw_are_no_turn_of_the_reference_point() {
         assert!((origin.rms[k] - point.rms[k]).abs() < 0.005, "{origin:?} {point:?}");
     }
 }
+
+#[test]
+fn a_wrong_lever_arm_of_the_reference_is_found() {
+    let at = turning_vehicle("lever-finding", [3.0, -1.5, 0.0]);
+    let at_point = |arm: &str| -> Vec<String> {
+        let sets = [
+            "source.reference.path=\"point.csv\"".to_owned(),
+            format!("reference.lever_arm={arm}"),
+        ];
+        let found = of_log(&at, &[&sets[0], &sets[1]]).findings;
+        found.iter().filter(|f| f.about == "reference").map(ToString::to_string).collect()
+    };
+    assert_eq!(at_point("[3, -1.5, 0]"), [""; 0], "the right one");
+    let found = at_point("[1, 0, 0]");
+    let (_, arm) = found[0].split_once("`reference.lever_arm = [").unwrap();
+    let arm: Vec<f64> = arm.split([',', ']']).take(2).map(|n| n.trim().parse().unwrap()).collect();
+    // The error of the filter, 0.4 m with a memory of some seconds, over two minutes.
+    assert!((arm[0] - 3.0).abs() < 0.4 && (arm[1] + 1.5).abs() < 0.4, "{found:?}");
+    assert!(found[0].contains("an offset of [") && of_log(&at, &[]).findings.iter().all(|f| f.about != "reference"));
+}

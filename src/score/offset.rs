@@ -1,0 +1,171 @@
+//! How much of the position error is a constant offset in the axes of the body: a wrong lever arm.
+//!
+//! e = C_nb l + d + v τ + noise, horizontally, by least squares over all epochs
+//!
+//! with l the offset, d a constant error north and east, and τ a latency, which must not pass for an offset
+//! ahead. A vehicle that never turns tells no l from d, one of constant speed no l ahead from τ: there the 1σ of
+//! l stays that of its prior.
+//!
+//! Not here  errors that change in time: they are noise, taken for independent after [`INDEPENDENT`]
+
+use super::comparison::Deviation;
+use fusion_core::time::Time;
+use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3};
+use serde::Serialize;
+
+/// Unknowns: l, d, τ.
+const N: usize = 6;
+/// 1σ of what each may be before an error is seen: 10 m, 100 m, 1 s.
+const PRIOR: [f64; N] = [10.0, 10.0, 10.0, 100.0, 100.0, 1.0];
+/// Errors of a position that is fixed by a receiver and carried by an inertial unit are alike for some seconds; of
+/// so many one is counted \[s\].
+const INDEPENDENT: f64 = 10.0;
+
+/// A constant offset in body axes that was fitted to the position errors.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Offset {
+    /// Where the estimate lies of the reference, forward right down \[m\].
+    pub body: [f64; 3],
+    /// 1σ of each axis \[m\]; 10 m where nothing tells it.
+    pub sigma: [f64; 3],
+    /// The share of the squares of the horizontal error that it explains, besides a constant error and a latency.
+    pub explained: f64,
+}
+
+/// Sums of the normal equations.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct OffsetFit {
+    information: [[f64; N]; N],
+    against: [f64; N],
+    squares: f64,
+    count: f64,
+    span: Option<(Time, Time)>,
+}
+
+fusion_core::memory!(OffsetFit {
+    information,
+    against,
+    squares,
+    count,
+    span
+});
+
+impl OffsetFit {
+    /// The error at the next epoch; attitude and velocity are those estimated.
+    pub(super) fn add(&mut self, time: Time, d: &Deviation, motion: Option<&(UnitQuaternion<f64>, Vector3<f64>)>) {
+        let Some((q, v)) = motion.filter(|_| d.is_horizontal() && d.error.xy().iter().all(|e| e.is_finite())) else {
+            return;
+        };
+        let c = q.to_rotation_matrix().into_inner();
+        for axis in 0..2 {
+            let e = d.error[axis];
+            let constant = [f64::from(axis == 0), f64::from(axis == 1)];
+            let row = [c[(axis, 0)], c[(axis, 1)], c[(axis, 2)], constant[0], constant[1], v[axis]];
+            for (i, a) in row.iter().enumerate() {
+                self.against[i] += a * e;
+                row.iter().zip(&mut self.information[i]).for_each(|(b, sum)| *sum += a * b);
+            }
+            self.squares += e * e;
+        }
+        self.count += 1.0;
+        self.span = Some((self.span.map_or(time, |(first, _)| first), time));
+    }
+
+    /// The offset; none without an epoch, or of errors that are all the same.
+    pub(super) fn finish(&self) -> Option<Offset> {
+        let (first, last) = self.span?;
+        let share = (last.seconds_since(first) / INDEPENDENT / self.count).clamp(f64::MIN_POSITIVE, 1.0);
+        let without = self.fit(share, |unknown| unknown >= 3)?;
+        let with = self.fit(share, |_| true)?;
+        let explained = 1.0 - with.left / without.left;
+        explained.is_finite().then(|| Offset {
+            body: core::array::from_fn(|k| with.x[k]),
+            sigma: core::array::from_fn(|k| with.sigma[k]),
+            explained,
+        })
+    }
+
+    /// The unknowns that `is_free`, with their 1σ and the squares that are left; `share` of the rows are independent.
+    /// The noise of a row is what an earlier fit has left, at first all of the error.
+    fn fit(&self, share: f64, is_free: impl Fn(usize) -> bool) -> Option<Fit> {
+        let m = SMatrix::<f64, N, N>::from_fn(|i, j| self.information[i][j]);
+        let y = SVector::<f64, N>::from(self.against);
+        let mut found = None;
+        let mut variance = self.squares / (2.0 * self.count);
+        // What is left settles within a few rounds: it hardly depends on the priors.
+        for _ in 0..3 {
+            let weight = share / variance.max(f64::MIN_POSITIVE);
+            let mut p = m * weight;
+            for k in 0..N {
+                p[(k, k)] += PRIOR[k].powi(-2);
+                if !is_free(k) {
+                    p[(k, k)] += 1e12 * (weight * m[(k, k)]).max(1.0);
+                }
+            }
+            let p = p.cholesky()?;
+            let x = p.solve(&(y * weight));
+            let left = self.squares - 2.0 * x.dot(&y) + (m * x).dot(&x);
+            let sigma = p.inverse().diagonal().map(f64::sqrt);
+            variance = left / (2.0 * self.count);
+            found = Some(Fit { x, sigma, left });
+        }
+        found
+    }
+}
+
+/// What least squares give.
+struct Fit {
+    x: SVector<f64, N>,
+    sigma: SVector<f64, N>,
+    left: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fusion_core::geometry::so3;
+
+    /// Fit of 200 s; heading and speed by time, error of the estimate by attitude and velocity.
+    fn fitted(motion: impl Fn(f64) -> (f64, f64), error: impl Fn(f64, &UnitQuaternion<f64>, &Vector3<f64>) -> Vector3<f64>) -> Offset {
+        let mut fit = OffsetFit::default();
+        for k in 0..2000 {
+            let t = 0.1 * f64::from(k);
+            let (heading, speed) = motion(t);
+            let q = so3::from_rpy(0.0, 0.0, heading);
+            let v = q * Vector3::new(speed, 0.0, 0.0);
+            // Of ±0.3 m, without a pattern in body axes.
+            let noise = Vector3::new((1.7 * t).sin(), (2.3 * t).cos(), 0.0) * 0.3;
+            let deviation = Deviation {
+                error: error(t, &q, &v) + noise,
+                ..Deviation::default()
+            };
+            fit.add(Time::from_seconds(t), &deviation, Some(&(q, v)));
+        }
+        fit.finish().unwrap()
+    }
+
+    /// There and back, from rest to rest.
+    fn drive(t: f64) -> (f64, f64) {
+        (0.05 * t, 5.0 - 5.0 * (0.2 * t).cos())
+    }
+
+    #[test]
+    fn an_offset_of_the_body_is_found_beside_a_constant_error_and_a_latency() {
+        let arm = Vector3::new(-2.0, 0.5, 1.0);
+        let found = fitted(drive, |_, q, v| q * arm + Vector3::new(3.0, -1.0, 0.0) + v * 0.2);
+        for k in 0..2 {
+            // A fifth of the noise of a row, which has 20 independent ones.
+            assert!((found.body[k] - arm[k]).abs() < 0.06 && found.sigma[k] < 0.2, "{found:?}");
+        }
+        // Nothing tells a height in horizontal errors of a vehicle that is level.
+        assert!(found.sigma[2] > 9.9 && found.explained > 0.9, "{found:?}");
+    }
+
+    #[test]
+    fn neither_a_constant_error_nor_a_latency_nor_a_straight_way_gives_an_offset() {
+        let constant = fitted(drive, |_, _, v| Vector3::new(3.0, -1.0, 0.0) + v * 0.2);
+        assert!(constant.explained < 0.05, "{constant:?}");
+        let straight = fitted(|t| (0.3, drive(t).1), |_, q, _| q * Vector3::new(2.0, 0.0, 0.0));
+        assert!(straight.explained < 0.05 && straight.sigma[0] > 5.0, "{straight:?}");
+    }
+}
