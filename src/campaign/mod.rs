@@ -39,6 +39,8 @@ pub struct RunRow {
     pub position_rmse: f64,
     /// RMS of the angle of the attitude error \[deg\].
     pub rotation_rmse: f64,
+    /// Change of the horizontal error, from the origin \[% of the way travelled\].
+    pub way_percent: f64,
     /// NEES of position, velocity, attitude.
     pub nees: [Option<Consistency>; 3],
     /// The score in declared episodes and outside them.
@@ -68,6 +70,7 @@ impl RunRow {
             attitude_rms: axes(score.attitude_deg).rms,
             position_rmse: score.position_rmse_m.unwrap_or(f64::NAN),
             rotation_rmse: score.rotation_rmse_deg.unwrap_or(f64::NAN),
+            way_percent: score.travelled.map_or(f64::NAN, |t| t.from_origin_percent),
             nees: [score.nees_position, score.nees_velocity, score.nees_attitude],
             episodes: score.episodes,
             convergence: score.convergence,
@@ -229,6 +232,31 @@ fn runs_of(
     Ok((campaign, histories.into_iter().flatten().collect()))
 }
 
+/// Two campaigns run by run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Duel {
+    /// Runs with the smaller error.
+    pub better: usize,
+    /// Those with the larger one.
+    pub worse: usize,
+    /// Those that both have; the rest are equal.
+    pub runs: usize,
+}
+
+impl Duel {
+    /// The 95 % interval of the share of runs that are better, of those that differ: Wilson 1927. None where all are
+    /// equal.
+    #[must_use]
+    pub fn interval(&self) -> Option<(f64, f64)> {
+        const Z: f64 = 1.959_964;
+        let n = (self.better + self.worse) as f64;
+        let (p, z2) = (self.better as f64 / n, Z * Z);
+        let half = Z * (p * (1.0 - p) / n + z2 / (4.0 * n * n)).sqrt();
+        let at = |sign: f64| ((p + z2 / (2.0 * n) + sign * half) / (1.0 + z2 / n)).clamp(0.0, 1.0);
+        (n > 0.0).then(|| (at(-1.0), at(1.0)))
+    }
+}
+
 /// Mean, standard deviation, smallest and largest over the runs.
 #[derive(Clone, Copy, Debug)]
 pub struct Spread {
@@ -281,17 +309,21 @@ impl Campaign {
         }
     }
 
-    /// In how many runs the position is better than in the runs of `other` with the same seeds: RMS of the
-    /// length of its error. None where the two have no run in common that has one.
+    /// In how many runs some figure, an error, is smaller than in the runs of `other` with the same seeds. None where
+    /// the two have no run in common that has one.
     #[must_use]
-    pub fn better_than(&self, other: &Self) -> Option<(usize, usize)> {
+    pub fn against(&self, other: &Self, error: impl Fn(&RunRow) -> f64) -> Option<Duel> {
         let pair = |row: &RunRow| {
             let same = other.rows.iter().find(|o| o.seed == row.seed)?;
-            let known = !row.position_rmse.is_nan() && !same.position_rmse.is_nan();
-            known.then_some(row.position_rmse < same.position_rmse)
+            error(row).partial_cmp(&error(same))
         };
-        let pairs: Vec<bool> = self.rows.iter().filter_map(pair).collect();
-        (!pairs.is_empty()).then(|| (pairs.iter().filter(|better| **better).count(), pairs.len()))
+        let pairs = self.rows.iter().filter_map(pair);
+        let duel = pairs.fold(Duel::default(), |duel, order| Duel {
+            better: duel.better + usize::from(order.is_lt()),
+            worse: duel.worse + usize::from(order.is_gt()),
+            runs: duel.runs + 1,
+        });
+        (duel.runs > 0).then_some(duel)
     }
 
     /// The spread over the runs of some figure of a run; `None` without finite figures.

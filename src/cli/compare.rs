@@ -6,7 +6,7 @@ use super::{BASE, DesignArgs, Failure, OutputArgs, as_warnings, report};
 use clap::Args;
 use fusion::campaign::{Campaign, monte_carlo};
 use fusion::config::Diagnostics;
-use fusion::design::FilterSpec;
+use fusion::design::{Design, FilterSpec, differences};
 use fusion::examine::{Missing, variants};
 use fusion::output::FileSet;
 use fusion::present::campaign::pooled;
@@ -82,6 +82,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     let files = args.out.as_deref().map(FileSet::begin).transpose()?;
     let (mut results, mut recordings, mut title) = (Vec::<(String, Summary)>::new(), Vec::new(), String::new());
     let mut campaigns = Vec::<(String, Campaign)>::new();
+    let mut designs = Vec::new();
     let bar = Runs::new();
     let number = configs.len() * pairs(&args.variant, &args.backend).count();
     for config in &configs {
@@ -111,6 +112,8 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
                 ..Options::default()
             };
             let design = named.design(&file, Missing::Told)?;
+            designs.push(design);
+            let design = &designs[designs.len() - 1];
             let path = config.as_ref().filter(|_| configs.len() > 1).map(|p| p.display().to_string());
             let variant = Some(variant.clone()).filter(|v| backend.is_none() || v != BASE);
             let name: Vec<String> = path.into_iter().chain(variant).chain(backend.cloned()).collect();
@@ -118,11 +121,11 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
             if let Some(n) = args.n {
                 let before = n * campaigns.len() as u64;
                 let told = |done| bar.at(before + done as u64, n * number as u64);
-                campaigns.push((name, monte_carlo(&design, &options, n, args.seed.unwrap_or(1), 0, &told)?));
+                campaigns.push((name, monte_carlo(design, &options, n, args.seed.unwrap_or(1), 0, &told)?));
                 continue;
             }
             bar.at(results.len() as u64, number as u64);
-            let (finished, recording) = record(&design, &options, &mut |_| {})?;
+            let (finished, recording) = record(design, &options, &mut |_| {})?;
             title.clone_from(&design.run.description);
             recordings.push(recording);
             results.push((name, finished.summary));
@@ -130,7 +133,10 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     }
     drop(bar);
     if let Some(n) = args.n {
-        return args.output.print(&together(n, &campaigns));
+        let mut page = together(n, &campaigns);
+        page.warnings
+            .extend(other_references(campaigns.iter().map(|(name, _)| name), &designs));
+        return args.output.print(&page);
     }
     let named: Vec<(&str, &Summary)> = results.iter().map(|(name, summary)| (name.as_str(), summary)).collect();
     let told = named
@@ -139,7 +145,9 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     let mut page = Page {
         title: title.clone(),
         provenance: Provenance::common(named.iter().map(|(_, summary)| &summary.provenance)),
-        warnings: told.collect(),
+        warnings: told
+            .chain(other_references(results.iter().map(|(name, _)| name), &designs))
+            .collect(),
         sections: comparison::sections(&named),
     };
     if let (Some(out), Some(mut files)) = (&args.out, files) {
@@ -150,6 +158,18 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         page.sections.push(written([out.join("report.html")]));
     }
     args.output.print(&page)
+}
+
+/// A sentence for each run that is not judged by the reference of the first.
+fn other_references<'a>(names: impl Iterator<Item = &'a String>, designs: &[Design]) -> Vec<String> {
+    let of = |(name, design): (&String, &Design)| {
+        let differ = differences(designs.first()?, design);
+        (!differ.is_empty()).then(|| {
+            let differ = differ.join("; ");
+            format!("{name}: judged by another [reference] than the first, so that their errors do not compare: {differ}")
+        })
+    };
+    names.zip(designs).filter_map(of).collect()
 }
 
 /// The figures of campaigns of `n` runs each.

@@ -6,7 +6,7 @@ use super::run::{NED, RPY};
 use super::sensors::{count_columns, counts, residual_rows, row_name, sum};
 use super::tree::{Cell, Column, Page, Section, Table};
 use super::unit::Unit;
-use crate::campaign::{Campaign, Independence, Pace, Pooled, RunRow};
+use crate::campaign::{Campaign, Duel, Independence, Pace, Pooled, RunRow};
 use crate::observe::Innovations;
 
 /// The figures of campaigns over all their times and runs, a row for each with its name.
@@ -40,13 +40,51 @@ pub fn pooled(campaigns: &[(&str, &Campaign)]) -> Section {
         let apart = campaign.judge(|row| row.episodes.as_ref()?.outside.nees[0]);
         let apart = Cell::real(apart.map(|c| c.mean / c.dof as f64));
         let others = first.filter(|first| !core::ptr::eq(*first, *campaign));
-        let wins = others.and_then(|first| first.better_than(campaign));
-        let wins = wins.map_or(Cell::Empty, |(k, n)| Cell::text(format!("{k} of {n}")));
+        let wins = others.and_then(|first| first.against(campaign, |row| row.position_rmse));
+        let wins = wins.map_or(Cell::Empty, |duel| Cell::text(format!("{} of {}", duel.better, duel.runs)));
         t.row([Cell::text(*name)].into_iter().chain(convergence).chain(cells).chain([apart, wins]));
     }
-    Section::new(
+    let section = Section::new(
         "Over all times and runs: RMS of the whole error, NEES over its dimension (1 is expected)",
         [t],
+    );
+    let others = campaigns.iter().skip(1);
+    let verdicts = campaigns
+        .first()
+        .map(|first| others.filter_map(|other| verdict(first, other)).collect());
+    Section {
+        notes: verdicts.unwrap_or_default(),
+        ..section
+    }
+}
+
+/// In how many runs a campaign is better than the first, and whether chance would do the same; nothing of runs that are
+/// not independent.
+fn verdict((first_name, first): &(&str, &Campaign), (name, other): &(&str, &Campaign)) -> Option<String> {
+    type Error = fn(&RunRow) -> f64;
+    let are_worlds = [first, other].iter().all(|c| c.independence == Independence::Full);
+    let length = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let figures: [(&str, Error); 2] = [("position", |row| row.position_rmse), ("attitude", |row| row.rotation_rmse)];
+    let velocity = other.against(first, |row| length(row.velocity_rms)).map(|duel| ("velocity", duel));
+    let duels = figures
+        .into_iter()
+        .filter_map(|(what, error)| Some((what, other.against(first, error)?)));
+    let all: Vec<String> = duels.chain(velocity).map(|(what, duel)| said(what, &duel)).collect();
+    (are_worlds && !all.is_empty()).then(|| format!("{name} against {first_name}: {}.", all.join("; ")))
+}
+
+/// `position better in 19 of 20 runs (95 %: 76 to 99 %)`.
+fn said(what: &str, duel: &Duel) -> String {
+    let Some((low, high)) = duel.interval() else {
+        return format!("{what} the same in all {} runs", duel.runs);
+    };
+    let is_chance = if low <= 0.5 && high >= 0.5 { ", not significant" } else { "" };
+    format!(
+        "{what} better in {} of {} runs (95 %: {:.0} to {:.0} %{is_chance})",
+        duel.better,
+        duel.runs,
+        100.0 * low,
+        100.0 * high
     )
 }
 
@@ -160,6 +198,13 @@ impl Campaign {
                 }
             }
         }
+        if let Some(s) = self.spread(|r| r.way_percent) {
+            let cells = [s.mean, s.std, s.min, s.max].map(Cell::Real);
+            t.row_in(
+                Unit::shown("% of the way"),
+                [Cell::text("horizontal drift")].into_iter().chain(cells),
+            );
+        }
         t
     }
 
@@ -233,6 +278,18 @@ impl Campaign {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_difference_that_chance_makes_is_not_significant() {
+        let of = |better, worse| {
+            let duel = Duel { better, worse, runs: 20 };
+            said("position", &duel)
+        };
+        // Wilson's interval of 19 in 20 is 0.764 to 0.991, of 12 in 20 0.387 to 0.781.
+        assert_eq!(of(19, 1), "position better in 19 of 20 runs (95 %: 76 to 99 %)");
+        assert_eq!(of(12, 8), "position better in 12 of 20 runs (95 %: 39 to 78 %, not significant)");
+        assert_eq!(of(0, 0), "position the same in all 20 runs");
+    }
 
     #[test]
     fn the_pace_is_one_line() {

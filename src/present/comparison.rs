@@ -8,7 +8,7 @@ use super::tree::{Cell, Column, Section, Table};
 use super::unit::Unit;
 use crate::observe::SensorStatistics;
 use crate::run::Summary;
-use crate::score::{Consistency, Convergence, Score};
+use crate::score::{Consistency, Convergence, Score, Travelled};
 
 /// Errors per axis, drift, what the gates did, consistency and time per epoch: a row for each run
 /// with its name. Where a run has no reference, innovations are all that can be compared: then each
@@ -30,6 +30,7 @@ pub fn sections(runs: &[(&str, &Summary)]) -> Vec<Section> {
         (t.columns().count() > 1).then_some(t)
     };
     let position = of_score(position_columns(), position);
+    let travelled = of_score(travelled_columns(), travelled);
     let velocity = of_score(axis_columns("RMS", NED, "m/s"), |s| {
         s.velocity.map_or_else(Vec::new, |a| a.rms.map(Cell::Real).into())
     });
@@ -38,6 +39,7 @@ pub fn sections(runs: &[(&str, &Summary)]) -> Vec<Section> {
     let healths = runs.iter().filter_map(|(name, s)| Some((*name, s.health.first()?)));
     let mut sections = vec![
         Section::new(format!("Position against the reference{drift}"), position),
+        Section::new("Change of the horizontal position error, of the way travelled", travelled),
         Section::new("Velocity against the reference", velocity),
         Section::new("Attitude against the reference", attitude),
         Section::new("Within the declared limits to the end, from when on after the start", convergence),
@@ -93,6 +95,21 @@ fn position(score: &Score) -> Vec<Cell> {
         Cell::real(axes.map(|values| values[k]))
     };
     (0..6).map(axis).chain([Cell::real(score.drift_rms)]).collect()
+}
+
+fn travelled_columns() -> Vec<Column> {
+    let percent = |name: &str| Column::with_unit(name, Unit::shown("%"));
+    vec![
+        Column::text("run"),
+        Column::with_unit("way", Unit::shown("m")),
+        percent("from the origin"),
+        percent("reciprocal lines"),
+    ]
+}
+
+fn travelled(score: &Score) -> Vec<Cell> {
+    let of = |t: Travelled| [t.distance, t.from_origin_percent, t.reciprocal_percent].map(Cell::Real).into();
+    score.travelled.map_or_else(Vec::new, of)
 }
 
 fn attitude_columns() -> Vec<Column> {

@@ -285,7 +285,8 @@ fn the_sea_trial_is_better_with_the_filter_than_without_in_each_of_twenty_runs()
             .zip(&other_runs.rows)
             .map(|(a, b)| a.position_rmse / b.position_rmse);
         println!("sea trial: error over that of {other}, at worst {:.3}", worst.fold(0.0, f64::max));
-        assert_eq!(chna.better_than(&other_runs), Some((20, 20)), "{other}");
+        let duel = chna.against(&other_runs, |row| row.position_rmse).unwrap();
+        assert_eq!((duel.better, duel.runs), (20, 20), "{other}");
     }
     let outside = |k: usize| chna.judge(|row| row.episodes.as_ref()?.outside.nees[k]).unwrap();
     println!(

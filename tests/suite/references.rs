@@ -1,6 +1,6 @@
 //! References of several sources, and of some axes only.
 
-use crate::support::{DESIGN, Workspace, fixes, has, stdout};
+use crate::support::{DESIGN, Workspace, fixes, has, stderr, stdout};
 use fusion::config::Document;
 use fusion::core::geometry::wgs84::Geodetic;
 use fusion::design::Design;
@@ -211,4 +211,21 @@ fn a_wrong_lever_arm_of_the_reference_is_found() {
     // The error of the filter, 0.4 m with a memory of some seconds, over two minutes.
     assert!((arm[0] - 3.0).abs() < 0.4 && (arm[1] + 1.5).abs() < 0.4, "{found:?}");
     assert!(found[0].contains("an offset of [") && of_log(&at, &[]).findings.iter().all(|f| f.about != "reference"));
+}
+
+#[test]
+fn runs_that_are_judged_by_other_references_are_not_compared_in_silence() {
+    let at = workspace("compared", "[reference]\nsource = \"rtk\"\n");
+    let text = at.read("design.toml");
+    at.write("other.toml", text.clone() + "lever_arm = [\"1 m\", 0, 0]\n");
+    at.write("same.toml", text);
+    let said = "judged by another [reference] than the first";
+    let other = stderr(&at.fusion(&["compare", "design.toml", "other.toml"]).success());
+    let other = other.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(
+        other.contains(said) && other.contains("lever_arm = [\"1 m\", 0, 0] instead of none"),
+        "{other}"
+    );
+    let same = at.fusion(&["compare", "design.toml", "same.toml"]).success();
+    assert!(!(stdout(&same) + &stderr(&same)).contains("another [reference]"));
 }

@@ -6,6 +6,7 @@ mod source;
 pub use sigma::{SigmaOf, SigmaSpec};
 pub use source::{DifferentiateSpec, ReferenceChannel, ReferencePart, ReferenceSources};
 
+use super::Design;
 use crate::config::{Diagnostic, Diagnostics, Node};
 
 use crate::score::trajectory::{Alignment, Pairs};
@@ -52,6 +53,31 @@ pub struct ReferenceSpec {
     pub sigma: Option<SigmaSpec>,
     /// Of one source: derives a missing reference velocity from its positions.
     pub velocity_from_position: Option<DifferentiateSpec>,
+}
+
+/// What of the reference of `other` is not as in that of `first`, as it is written: `lever_arm = [1, 0, 0] instead of
+/// [0, 0, 0]`. Errors against the two do not compare.
+#[must_use]
+pub fn differences(first: &Design, other: &Design) -> Vec<String> {
+    let keys = |design: &Design| -> Vec<(String, String)> {
+        let Some(reference) = &design.reference else { return Vec::new() };
+        let own = reference.node.entries().iter().map(|e| (e.key.clone(), e.node.inline()));
+        let of_source = reference.block.sources().into_iter().filter_map(|(name, _)| {
+            let path = design.sources.iter().find(|s| s.name == name)?.node.get("path")?;
+            Some((format!("path of `{name}`"), path.inline()))
+        });
+        own.chain(of_source).collect()
+    };
+    let (first, other) = (keys(first), keys(other));
+    let in_first = |key: &str| first.iter().find(|(k, _)| k == key).map(|(_, value)| value);
+    let changed = other.iter().filter_map(|(key, value)| match in_first(key) {
+        Some(before) if before == value => None,
+        before => Some(format!("{key} = {value} instead of {}", before.map_or("none", String::as_str))),
+    });
+    let gone = first.iter().filter(|(key, _)| other.iter().all(|(k, _)| k != key));
+    changed
+        .chain(gone.map(|(key, value)| format!("no {key} instead of {value}")))
+        .collect()
 }
 
 impl ReferenceSpec {
