@@ -13,7 +13,7 @@ const ESTIMATED: &str = "fixed or estimated";
 
 #[derive(Debug, Args)]
 pub(super) struct BlocksArgs {
-    /// The `type` of a block; without one, all of them are listed.
+    /// The `type` of a block, or a table of a design such as `reference`; without one, all blocks are listed.
     name: Option<String>,
     #[command(flatten)]
     output: OutputArgs,
@@ -45,7 +45,13 @@ fn list() -> Page {
         }
         Section::new(format!("{}, in {}", role.name(), place(role, "NAME")), [t])
     };
-    let more = "`fusion blocks NAME` describes one: its fields, their units and defaults, and an example.";
+    let whole = fusion::schema::design();
+    let tables: Vec<String> = tables(&whole).map(|(name, _)| format!("`{name}`")).collect();
+    let more = format!(
+        "`fusion blocks NAME` describes one: its fields, their units and defaults, and an example; and so a table of a \
+         design: {}.",
+        tables.join(", ")
+    );
     Page {
         sections: Role::ALL
             .into_iter()
@@ -73,13 +79,47 @@ fn place(role: Role, name: &str) -> String {
 
 fn describe(name: &str) -> Result<String, Failure> {
     let found: Vec<&Registration> = registry::all().into_iter().filter(|r| r.name == name).collect();
-    if found.is_empty() {
-        let names: Vec<&str> = registry::all().iter().map(|r| r.name).collect();
-        let unknown = Diagnostic::error(format!("no block is called `{name}`"));
+    let whole = fusion::schema::design();
+    let section = tables(&whole).find(|(table, _)| *table == name);
+    if found.is_empty() && section.is_none() {
+        let names: Vec<&str> = registry::all()
+            .iter()
+            .map(|r| r.name)
+            .chain(tables(&whole).map(|(name, _)| name))
+            .collect();
+        let unknown = Diagnostic::error(format!("no block and no table is called `{name}`"));
         let unknown = unknown.meant(name, &names).and_help("`fusion blocks` lists them all");
         return Err(Failure::Mistakes(unknown.into()));
     }
-    Ok(found.into_iter().map(one).collect::<Vec<_>>().join("\n\n"))
+    let section = section.map(|(name, schema)| table(name, schema, &whole));
+    Ok(found.into_iter().map(one).chain(section).collect::<Vec<_>>().join("\n\n"))
+}
+
+/// The tables of a design, with their schemas.
+fn tables(whole: &Value) -> impl Iterator<Item = (&str, &Value)> {
+    let tables = whole["$defs"]["design"]["properties"].as_object();
+    tables.into_iter().flatten().map(|(name, schema)| (name.as_str(), schema))
+}
+
+/// A table of a design: its keys, or the blocks that it holds.
+fn table(name: &str, schema: &Value, whole: &Value) -> String {
+    let mut text = format!("[{name}]\n");
+    let target = resolved(schema, whole);
+    let meaning = schema["description"]
+        .as_str()
+        .or(target["description"].as_str())
+        .unwrap_or_default();
+    for line in wrapped(&unbroken(meaning), WIDTH - 2) {
+        text += &format!("  {line}\n");
+    }
+    let mut fields = String::new();
+    if target["properties"].is_object() {
+        add_fields(&mut fields, target, whole, 1);
+    }
+    if fields.is_empty() {
+        return text + "\n`fusion blocks` lists the blocks that may stand there, `fusion blocks NAME` describes one.\n";
+    }
+    text + "\nFields\n" + &fields
 }
 
 fn one(r: &Registration) -> String {

@@ -63,7 +63,8 @@ impl Document {
     /// Lays the table at `path`, such as `variant.udu`, over the whole tree.
     ///
     /// Tables merge entry by entry and everything else is replaced; a block of another `type` is
-    /// replaced as a whole, for its fields mean something else.
+    /// replaced as a whole, for its fields mean something else, and so is a parameter that becomes
+    /// `shared`, or was.
     ///
     /// # Errors
     /// Where there is no table at `path`.
@@ -160,10 +161,14 @@ fn parse_value(source: &Arc<Source>, start: usize, name: &Place) -> Result<Node,
     grower.found.pop().map_or(Ok(node), Err)
 }
 
-/// Whether one block would replace another, whose fields mean something else.
+/// Whether one table would replace another whose fields mean something else: a block of another `type`, or of a
+/// parameter that is `shared` and one that is not, either.
 pub(super) fn is_retyped(base: &Node, over: &Node) -> bool {
     let type_of = |node: &Node| node.get("type").and_then(Node::as_str).map(str::to_owned);
-    matches!((type_of(base), type_of(over)), (Some(old), Some(new)) if old != new)
+    let has = |node: &Node, key: &str| node.get(key).is_some();
+    let is_shared_now = |a: &Node, b: &Node| has(a, "shared") && has(b, "estimate") && !has(b, "shared");
+    let is_other_type = matches!((type_of(base), type_of(over)), (Some(old), Some(new)) if old != new);
+    is_other_type || is_shared_now(base, over) || is_shared_now(over, base)
 }
 
 fn merge(base: &mut Node, over: &Node) {
@@ -252,6 +257,22 @@ mod tests {
         let mut document = parse("gate = { type = 'nis', limit = 5 }\n[variant.open]\ngate = { type = 'none' }\n");
         assert_eq!(document.overlay("variant.open"), Ok(()));
         assert_eq!(document.root().get("gate").unwrap().keys(), ["type"]);
+    }
+
+    #[test]
+    fn a_parameter_that_becomes_shared_or_was_is_replaced_as_a_whole() {
+        let mut document = parse(
+            "own = { estimate = true, initial = 1, sigma = 2 }\nother = { shared = 'a.b' }\n\
+             [variant.swapped]\nown = { shared = 'a.b' }\nother = { estimate = true, initial = 3, sigma = 4 }\n\
+             [variant.wide]\nown.sigma = 9\n[variant.fixed]\nown = 7\n",
+        );
+        assert_eq!(document.overlay("variant.wide"), Ok(()));
+        assert_eq!((get::<i64>(&document, "own.sigma"), get::<i64>(&document, "own.initial")), (9, 1));
+        assert_eq!(document.overlay("variant.swapped"), Ok(()));
+        assert_eq!(document.root().get("own").unwrap().keys(), ["shared"]);
+        assert_eq!(document.root().get("other").unwrap().keys(), ["estimate", "initial", "sigma"]);
+        assert_eq!(document.overlay("variant.fixed"), Ok(()));
+        assert_eq!(get::<i64>(&document, "own"), 7);
     }
 
     #[test]

@@ -531,6 +531,27 @@ fn an_unknown_block_is_no_dead_end() {
 }
 
 #[test]
+fn tables_that_are_no_block_are_described_from_the_schema() {
+    let w = Workspace::new("command-tables");
+    let whole = fusion::schema::design();
+    for (table, schema) in whole["$defs"]["design"]["properties"].as_object().unwrap() {
+        let shown = stdout(&w.fusion(&["blocks", table]).success().stdout(narrow()));
+        assert!(shown.contains(&format!("[{table}]\n")), "{shown}");
+        for field in schema["properties"].as_object().into_iter().flat_map(|p| p.keys()) {
+            assert!(shown.contains(&format!("\n  {field}: ")), "`{field}` of `{table}`:\n{shown}");
+        }
+    }
+    let reference = stdout(&w.fusion(&["blocks", "reference"]));
+    assert!(
+        reference.contains("\n  lever_arm: ") && reference.contains("the reference's point in body axes"),
+        "{reference}"
+    );
+    w.fusion(&["blocks", "referense"])
+        .code(2)
+        .stderr(contains("did you mean `reference`?"));
+}
+
+#[test]
 fn the_schema_is_json() {
     let ran = Workspace::new("command-schema").fusion(&["schema"]).success();
     let schema: Value = serde_json::from_str(&stdout(&ran)).unwrap();
