@@ -141,7 +141,10 @@ impl Inspection {
             let moved = format!("{:.2} s was added to the stamps of the unit: there the turns agree", clock.shift);
             t.row(["clocks apart", &moved]);
         }
-        t.row(["positions are late by", &format!("{:.2} s, by their velocity or course", pair.lag)]);
+        t.row([
+            "velocity or course is late by",
+            &format!("{:.2} s; positions may be late by another time", pair.lag),
+        ]);
         if let Some((first, last)) = pair.lags {
             t.row(["in the first and the last third", &format!("{first:.2} s, {last:.2} s")]);
         }
