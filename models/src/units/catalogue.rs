@@ -74,6 +74,9 @@ static UNITS: &[Unit] = &[
     prefixed("Pa", 1.0, PRESSURE, &["pascal"]),
     prefixed("bar", 1e5, PRESSURE, &[]),
     unit("atm", 101_325.0, PRESSURE, &[]),
+    unit("psi", 6_894.757_293_168, PRESSURE, &[]),
+    unit("mmHg", 133.322_387_415, PRESSURE, &["torr"]),
+    unit("inHg", 3_386.388_640_341, PRESSURE, &[]),
     prefixed("T", 1.0, FIELD, &["tesla"]),
     prefixed("gauss", 1e-4, FIELD, &["G", "Gs"]),
     prefixed("A", 1.0, [0, 0, 0, 2, 0, 0], &["amp", "ampere"]),
@@ -109,24 +112,35 @@ pub(super) fn find(symbol: &str) -> Option<(f64, Dimension)> {
     })
 }
 
-/// The known unit that was probably meant.
-pub(super) fn suggest(symbol: &str) -> Option<String> {
-    let wanted = symbol.to_lowercase();
-    let spelt = |unit: &&Unit| unit.also.contains(&symbol) || unit.also.contains(&wanted.as_str());
-    if let Some(unit) = UNITS.iter().find(spelt) {
+/// The known unit that was probably meant; of several one of dimension `wanted`.
+pub(super) fn suggest(symbol: &str, wanted: Option<Dimension>) -> Option<String> {
+    let lower = symbol.to_lowercase();
+    let spelt = |text: &str, unit: &Unit| unit.also.contains(&text) || unit.also.contains(&text.to_lowercase().as_str());
+    if let Some(unit) = UNITS.iter().find(|unit| spelt(symbol, unit)) {
         return Some(unit.symbol.to_owned());
     }
-    let bare = UNITS.iter().map(|unit| unit.symbol.to_owned());
-    let scaled = UNITS
-        .iter()
-        .filter(|unit| unit.prefixed)
-        .flat_map(|unit| PREFIXES.iter().map(|(prefix, _)| format!("{prefix}{}", unit.symbol)));
+    let bare = || UNITS.iter().map(|unit| unit.symbol.to_owned());
+    let scaled = || {
+        let prefixed = UNITS.iter().filter(|unit| unit.prefixed);
+        prefixed.flat_map(|unit| {
+            PREFIXES
+                .iter()
+                .map(move |(prefix, _)| (*prefix, unit, format!("{prefix}{}", unit.symbol)))
+        })
+    };
     // Case alone is no mistake worth counting; otherwise a third of the letters may differ.
-    bare.chain(scaled)
-        .map(|known| (strsim::osa_distance(&wanted, &known.to_lowercase()), known))
-        .filter(|(distance, _)| distance * 3 <= wanted.chars().count())
+    let near = bare()
+        .chain(scaled().map(|(.., known)| known))
+        .map(|known| (strsim::osa_distance(&lower, &known.to_lowercase()), known))
+        .filter(|(distance, _)| distance * 3 <= lower.chars().count())
         .min_by_key(|(distance, _)| *distance)
-        .map(|(_, known)| known)
+        .map(|(_, known)| known);
+    // `mG` is a milligauss where a field is wanted, and else rather a milli-g.
+    let of_prefix = scaled().find(|(prefix, unit, _)| symbol.strip_prefix(prefix).is_some_and(|rest| spelt(rest, unit)));
+    let of_prefix = of_prefix.map(|(.., known)| known);
+    let fits = |known: &&String| find(known).is_some_and(|(_, dimension)| wanted == Some(dimension));
+    let all = [near, of_prefix];
+    all.iter().flatten().find(fits).or_else(|| all.iter().flatten().next()).cloned()
 }
 
 #[cfg(test)]
@@ -166,6 +180,10 @@ mod tests {
             ("mgauss", 1e-7),
             ("mbar", 100.0),
             ("atm", 101_325.0),
+            // 0.45359237 kg · 9.80665 m/s² / (0.0254 m)²; 13 595.1 kg/m³ of mercury, 1 mm and 25.4 mm high.
+            ("psi", 6_894.757),
+            ("mmHg", 133.322_4),
+            ("inHg", 3_386.389),
             ("g", 9.806_65),
         ];
         for (symbol, factor) in worked_out {
@@ -195,8 +213,12 @@ mod tests {
             ("G", "gauss"),
         ];
         for (slip, meant) in cases {
-            assert_eq!(suggest(slip).as_deref(), Some(meant), "{slip}");
+            assert_eq!(suggest(slip, None).as_deref(), Some(meant), "{slip}");
         }
-        assert_eq!(suggest("furlong"), None);
+        assert_eq!(suggest("furlong", None), None);
+        let field = Dimension::from_halves(FIELD);
+        assert_eq!(suggest("mG", Some(field)).as_deref(), Some("mgauss"));
+        assert_eq!(suggest("mG", None).as_deref(), Some("mg"));
+        assert_eq!(suggest("millitesla", Some(field)), None);
     }
 }

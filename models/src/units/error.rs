@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::catalogue;
 use super::dimension::{Dimension, Kind};
 
 /// A quantity or a unit that cannot be read, or is not what is wanted.
@@ -82,12 +83,12 @@ impl fmt::Display for UnitError {
             Self::Number { text } => {
                 write!(f, "{text:?} is not a finite number followed by a unit")
             }
-            Self::UnknownUnit { text, unit, .. } => {
+            Self::UnknownUnit { text, unit, suggestion } => {
                 write!(f, "unknown unit `{unit}`")?;
                 if text != unit {
                     write!(f, " in {text:?}")?;
                 }
-                self.write_suggestion(f)
+                write_meant(f, suggestion.as_deref())
             }
             Self::Expected { why, wanted } => {
                 match &**why {
@@ -96,7 +97,10 @@ impl fmt::Display for UnitError {
                 }
                 write!(f, "; {wanted} is expected here")?;
                 write_example(f, wanted)?;
-                why.write_suggestion(f)
+                match &**why {
+                    Self::UnknownUnit { unit, .. } => write_meant(f, catalogue::suggest(unit, Some(wanted.dimension)).as_deref()),
+                    _ => Ok(()),
+                }
             }
             Self::Syntax { text, problem } => write!(f, "{text:?} is not a unit: {problem}"),
             Self::WrongDimension { text, found, wanted } => {
@@ -146,16 +150,11 @@ impl UnitError {
             _ => field.to_owned(),
         }
     }
+}
 
-    /// The unit that was probably meant.
-    fn write_suggestion(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::UnknownUnit {
-                suggestion: Some(known), ..
-            } => write!(f, "; did you mean `{known}`?"),
-            _ => Ok(()),
-        }
-    }
+/// The unit that was probably meant.
+fn write_meant(f: &mut fmt::Formatter<'_>, known: Option<&str>) -> fmt::Result {
+    known.map_or(Ok(()), |known| write!(f, "; did you mean `{known}`?"))
 }
 
 fn write_example(f: &mut fmt::Formatter<'_>, wanted: &Kind) -> fmt::Result {

@@ -4,7 +4,7 @@
 //! quantity = number [unit]
 //! unit     = factor { ("*" | "/") factor }        left to right: deg/h/sqrt(Hz)
 //! factor   = atom [ "^" exponent ]
-//! atom     = symbol | "1" | "(" unit ")" | "sqrt(" unit ")"
+//! atom     = symbol | "1" | "(" unit ")" | "sqrt(" unit ")" | "√" atom
 //! exponent = number | "(" number [ "/" number ] ")"       whole or half
 //! ```
 
@@ -126,13 +126,25 @@ impl<'t> Parser<'t> {
         self.raise(atom, halves)
     }
 
+    fn deeper(&mut self) -> Result<(), UnitError> {
+        self.depth += 1;
+        if self.depth > DEEPEST {
+            return self.fail("its parentheses are nested too deeply");
+        }
+        Ok(())
+    }
+
     fn atom(&mut self) -> Result<Scale, UnitError> {
+        // As data sheets print it: µg/√Hz.
+        if self.take("√") {
+            self.deeper()?;
+            let inner = self.atom()?;
+            self.depth -= 1;
+            return self.raise(inner, 1);
+        }
         let root = self.take("sqrt");
         if self.take("(") {
-            self.depth += 1;
-            if self.depth > DEEPEST {
-                return self.fail("its parentheses are nested too deeply");
-            }
+            self.deeper()?;
             let inner = self.unit()?;
             if !self.take(")") {
                 return self.fail("a `)` is missing");
@@ -156,7 +168,7 @@ impl<'t> Parser<'t> {
         catalogue::find(symbol).ok_or_else(|| UnitError::UnknownUnit {
             text: self.text.to_owned(),
             unit: symbol.to_owned(),
-            suggestion: catalogue::suggest(symbol),
+            suggestion: catalogue::suggest(symbol, None),
         })
     }
 
@@ -222,6 +234,8 @@ mod tests {
             ("5 cm", 0.05, "m"),
             ("70 ug/sqrt(Hz)", 70e-6 * G, "m/s/sqrt(s)"),
             ("70 µg/sqrt(Hz)", 70e-6 * G, "m/s/sqrt(s)"),
+            ("70 µg/√Hz", 70e-6 * G, "m/s/sqrt(s)"),
+            ("10 nT/√(s)", 1e-8, "kg/s^2/A/sqrt(s)"),
             ("3.8e-5 deg/s^2/sqrt(Hz)", 3.8e-5 * PI / 180.0, "rad/s/sqrt(s)"),
             ("36.098 deg", 36.098 * PI / 180.0, "rad"),
             ("-36.098°", -36.098 * PI / 180.0, "rad"),

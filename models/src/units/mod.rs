@@ -9,7 +9,7 @@
 //! lever_arm = ["5 cm", 0, "-1 m"]
 //! ```
 //!
-//! Grammar   number, optional blank, unit; units combine by `*`, `/`, `^`, `sqrt( )`, `( )`
+//! Grammar   number, optional blank, unit; units combine by `*`, `/`, `^`, `sqrt( )`, `√`, `( )`
 //! Powers    whole or half: `s^2`, `s^-1`, `s^0.5`, `s^(3/2)`
 //! Prefixes  p n u µ m c d h k M G T, on the units that take them
 //! Angle     is a dimension of its own (rad), so `"5 deg"` is no length

@@ -386,6 +386,10 @@ dimensions! {
     RateRandomWalk [0, 0, -3, 0, 0, 2] "a rate random walk" ["rad/s/sqrt(s)"] "3.8e-5 deg/s^2/sqrt(Hz)"
     /// Pascals.
     Pressure [-2, 2, -4, 0, 0, 0] "a pressure" ["Pa"] "1013 hPa"
+    /// Pascals per second: how fast the weather changes.
+    PressureRate [-2, 2, -6, 0, 0, 0] "a pressure rate" ["Pa/s"] "1 hPa/h"
+    /// Pascals per root second: a wandering pressure at sea level.
+    PressureRandomWalk [-2, 2, -5, 0, 0, 0] "a pressure random walk" ["Pa/sqrt(s)"] "1.7 Pa/sqrt(s)"
     /// Teslas.
     MagneticField [0, 2, -4, -2, 0, 0] "a magnetic field" ["T"] "44 uT"
     /// Teslas per root second: a wandering magnetometer bias.
