@@ -325,6 +325,14 @@ pub trait SensorSpec: Debug + Send + Sync {
         })
     }
 
+    /// The stage whose rows say when it holds, where it is no instrument with rows of its own.
+    fn timing(&self) -> Option<&'static str> {
+        match self.reading() {
+            Reading::Constant(_) => Some("periodic"),
+            _ => None,
+        }
+    }
+
     /// Declares the states it brings and makes the model.
     ///
     /// # Errors

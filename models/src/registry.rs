@@ -4,6 +4,7 @@
 //! and an example. A block registers itself with [`register!`](crate::register) in its own file.
 
 use schemars::Schema;
+use serde::de::DeserializeOwned;
 use std::sync::LazyLock;
 
 /// What a block is for.
@@ -89,6 +90,20 @@ pub struct Registration {
 }
 
 inventory::collect!(Registration);
+
+impl Registration {
+    /// The spec of its example, of its role's trait.
+    ///
+    /// # Errors
+    /// What is wrong with the example.
+    pub fn spec<T: DeserializeOwned>(&self) -> Result<T, String> {
+        let table: toml::Table = toml::from_str(self.example).map_err(|e| format!("its example is not TOML: {e}"))?;
+        // `{ type: table }`, as typetag reads it.
+        let mut tagged = toml::Table::new();
+        tagged.insert(self.name.to_owned(), toml::Value::Table(table));
+        tagged.try_into().map_err(|e| format!("its example is not its spec: {e}"))
+    }
+}
 
 /// Registers a block: role, `type` name, spec type, example fields in TOML.
 #[macro_export]

@@ -21,7 +21,6 @@ use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::model::{Input, Prepared, Process};
 use fusion_core::state::{Dynamics, Kind, Layout, LayoutBuilder};
 use fusion_core::testing::{Lcg, check_gate, check_loss, check_measurement, check_process};
-use serde::de::DeserializeOwned;
 use std::sync::Arc;
 
 /// States tried per model.
@@ -73,14 +72,6 @@ fn described(r: &Registration) -> Result<(), String> {
     }
 }
 
-/// The spec of a block's example: `{ type: table }`, as typetag reads it.
-fn spec<T: DeserializeOwned>(r: &Registration) -> Result<T, String> {
-    let table: toml::Table = toml::from_str(r.example).map_err(|e| format!("its example is not TOML: {e}"))?;
-    let mut tagged = toml::Table::new();
-    tagged.insert(r.name.to_owned(), toml::Value::Table(table));
-    tagged.try_into().map_err(|e| format!("its example is not its spec: {e}"))
-}
-
 fn build<'a>(name: &'a str, layout: &'a mut LayoutBuilder) -> Build<'a> {
     Build {
         name,
@@ -99,7 +90,7 @@ struct Bench {
 
 impl Bench {
     fn new(r: &Registration) -> Result<Self, String> {
-        let spec: Box<dyn ProcessSpec> = spec(r)?;
+        let spec: Box<dyn ProcessSpec> = r.spec()?;
         let mut layout = LayoutBuilder::new();
         let process = spec
             .build(&mut build("process", &mut layout))
@@ -189,7 +180,7 @@ fn sensor(r: &Registration) -> Result<(), String> {
     let (mut refusals, mut accepted) = (String::new(), 0);
     for p in registry::all().into_iter().filter(|p| p.role == Role::Process) {
         let mut bench = Bench::new(p).map_err(|e| format!("process `{}`: {e}", p.name))?;
-        let spec: Box<dyn SensorSpec> = spec(r)?;
+        let spec: Box<dyn SensorSpec> = r.spec()?;
         let model = match spec.build(&mut build(r.name, &mut bench.layout)) {
             Ok(model) => model,
             Err(e) => {
@@ -232,13 +223,13 @@ fn sensor(r: &Registration) -> Result<(), String> {
 }
 
 fn gate(r: &Registration) -> Result<(), String> {
-    let spec: Box<dyn GateSpec> = spec(r)?;
+    let spec: Box<dyn GateSpec> = r.spec()?;
     spec.build().map_err(|e| e.to_string())?;
     // What could be built once can be built again.
     check_gate(&|| spec.build().unwrap_or_else(|_| Box::new(fusion_core::gate::Open)))
 }
 
 fn loss(r: &Registration) -> Result<(), String> {
-    let spec: Box<dyn LossSpec> = spec(r)?;
+    let spec: Box<dyn LossSpec> = r.spec()?;
     check_loss(spec.build().map_err(|e| e.to_string())?.as_ref())
 }

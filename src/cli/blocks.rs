@@ -3,7 +3,10 @@
 use super::{Failure, OutputArgs, print};
 use clap::Args;
 use fusion::config::Diagnostic;
+use fusion::models::block::{Channel, ProcessSpec, SensorSpec};
 use fusion::models::registry::{self, Registration, Role};
+use fusion::models::units::{Dimension, Dimensional, dim};
+use fusion::models::vocabulary::channel;
 use fusion::present::text::{WIDTH, wrapped};
 use fusion::present::{Page, Section, Table};
 use serde_json::Value;
@@ -301,6 +304,7 @@ fn example(r: &Registration) -> String {
                 inline()
             )
         }
+        Role::Sensor => indented(&sensor(r)),
         role => {
             let header = match role {
                 Role::Process => "process".to_owned(),
@@ -309,13 +313,87 @@ fn example(r: &Registration) -> String {
                 Role::Vehicle | Role::Control => format!("simulation.{}", role.name()),
                 _ => format!("{}.example", role.name()),
             };
-            let siblings = match role {
-                Role::Sensor => "source = \"gnss\"\nnoise = { sigma = 0.1 }\n",
-                Role::Process if r.name == "strapdown" => "source = \"imu\"\n",
-                _ => "",
-            };
-            let all = format!("[{header}]\ntype = {:?}\n{siblings}{}", r.name, nested(&header));
-            all.trim_end().lines().map(|line| format!("  {line}\n")).collect()
+            let source = if role == Role::Process { input(r) } else { None };
+            let source = source.map_or_else(String::new, |name| format!("source = {name:?}\n"));
+            indented(&format!("[{header}]\ntype = {:?}\n{source}{}", r.name, nested(&header)))
         }
     }
+}
+
+fn indented(text: &str) -> String {
+    let lines = text.trim_end().lines();
+    lines
+        .map(|line| if line.is_empty() { "\n".to_owned() } else { format!("  {line}\n") })
+        .collect()
+}
+
+/// The source that drives a process; none of one that time alone drives.
+fn input(r: &Registration) -> Option<&'static str> {
+    let channels = r.spec::<Box<dyn ProcessSpec>>().ok()?.input();
+    let is = |wanted: &Channel| channels.iter().any(|c| c.name == wanted.name);
+    if is(&channel::ANGULAR_RATE) || is(&channel::SPECIFIC_FORCE) {
+        Some("imu")
+    } else if is(&channel::ATTITUDE) {
+        Some("attitude")
+    } else {
+        channels.first().map(|_| "odometry")
+    }
+}
+
+/// A sensor with a source that suits it, and a noise in its units. What has no rows of its own comes with the stage that
+/// times it.
+fn sensor(r: &Registration) -> String {
+    let spec = r.spec::<Box<dyn SensorSpec>>().ok();
+    let timing = spec.as_ref().and_then(|s| s.timing());
+    let reads = |wanted: &Channel| {
+        spec.as_ref()
+            .is_some_and(|s| s.reading().channels().iter().any(|c| c.name == wanted.name))
+    };
+    let (stage, source) = match timing {
+        Some(stage) => (clock(stage), "timing"),
+        None if reads(&channel::SPECIFIC_FORCE) || reads(&channel::ANGULAR_RATE) => (String::new(), "imu"),
+        None => {
+            // One receiver has both; all others are named as what they are.
+            let family = ["gnss", "usbl"].into_iter().find(|family| r.name.starts_with(family));
+            (String::new(), family.unwrap_or(r.name))
+        }
+    };
+    let noise = spec.map_or_else(Vec::new, |s| s.noise());
+    let sigma: Vec<String> = noise.iter().map(|d| usual(*d)).collect();
+    let sigma = match sigma.as_slice() {
+        [first, rest @ ..] if rest.iter().any(|s| s != first) => format!("[{}]", sigma.join(", ")),
+        [first, ..] => first.clone(),
+        [] => "0.1".to_owned(),
+    };
+    let fields = r.example.trim().replace("\n[", "\n[sensor.example.");
+    format!(
+        "{stage}[sensor.example]\ntype = {:?}\nsource = {source:?}\nnoise = {{ sigma = {sigma} }}\n{fields}",
+        r.name
+    )
+}
+
+/// The stage that times a sensor, of the inertial unit alone.
+fn clock(stage: &str) -> String {
+    let all = registry::all();
+    let example = all
+        .iter()
+        .find(|r| r.role == Role::Stage && r.name == stage)
+        .map_or("", |r| r.example);
+    let own: Vec<&str> = example.trim().lines().filter(|line| !line.starts_with("gnss")).collect();
+    format!("[stage.timing]\ntype = {stage:?}\n{}\n\n", own.join("\n"))
+}
+
+/// A 1σ as it is written; in SI where nothing is usual.
+fn usual(of: Dimension) -> String {
+    let known = [
+        (dim::Length::KIND, "0.5 m"),
+        (dim::Speed::KIND, "0.1 m/s"),
+        (dim::Acceleration::KIND, "0.5 m/s^2"),
+        (dim::Angle::KIND, "1 deg"),
+        (dim::AngularRate::KIND, "0.1 deg/s"),
+        (dim::Pressure::KIND, "3 Pa"),
+        (dim::MagneticField::KIND, "0.5 uT"),
+    ];
+    let named = known.into_iter().find(|(kind, _)| kind.dimension == of);
+    named.map_or_else(|| "0.1".to_owned(), |(_, text)| format!("{text:?}"))
 }

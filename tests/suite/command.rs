@@ -517,10 +517,31 @@ fn every_example_shown_is_toml_with_its_type() {
     for r in fusion::models::registry::all() {
         let shown = stdout(&w.fusion(&["blocks", r.name]));
         for example in shown.split("\nExample\n").skip(1) {
-            let example = example.split("\n\n").next().unwrap();
-            let design: toml::Table = toml::from_str(example).unwrap_or_else(|e| panic!("{}: {e}\n{example}", r.name));
+            // What follows of another block of this name begins at the margin.
+            let example: Vec<&str> = example.lines().take_while(|l| l.is_empty() || l.starts_with(' ')).collect();
+            let example = example.join("\n");
+            let design: toml::Table = toml::from_str(&example).unwrap_or_else(|e| panic!("{}: {e}\n{example}", r.name));
             assert!(!design.is_empty());
+            let source = design.get("sensor").and_then(|s| s.get("example")?.get("source")?.as_str());
+            assert!(
+                source != Some("gnss") || r.name.starts_with("gnss"),
+                "a receiver measures no {}",
+                r.name
+            );
         }
+    }
+}
+
+/// A sensor without rows of its own comes with the stage that times it, and so it runs.
+#[test]
+fn the_example_of_a_pseudo_measurement_can_be_appended_to_a_design() {
+    let w = Workspace::new("command-paste");
+    let design = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/ins-gps.toml");
+    for name in ["zero_velocity", "zero_angular_rate", "nonholonomic"] {
+        let shown = stdout(&w.fusion(&["blocks", name]));
+        let example = shown.split("\nExample\n").nth(1).unwrap();
+        w.write("mine.toml", format!("include = [{design:?}]\n{example}"));
+        w.fusion(&["check", "mine.toml"]).success();
     }
 }
 

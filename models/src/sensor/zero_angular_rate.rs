@@ -56,6 +56,10 @@ impl SensorSpec for ZeroAngularRateSpec {
         Reading::Channel(channel::ANGULAR_RATE)
     }
 
+    fn timing(&self) -> Option<&'static str> {
+        Some("stationarity")
+    }
+
     fn noise(&self) -> Vec<Dimension> {
         vec![dim::AngularRate::KIND.dimension; 3]
     }

@@ -30,6 +30,10 @@ impl SensorSpec for ZeroVelocitySpec {
         Reading::Constant(vec![0.0; 3])
     }
 
+    fn timing(&self) -> Option<&'static str> {
+        Some("stationarity")
+    }
+
     fn noise(&self) -> Vec<Dimension> {
         vec![dim::Speed::KIND.dimension; 3]
     }

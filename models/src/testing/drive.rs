@@ -1,7 +1,7 @@
 //! The law of memories: a filter and a runner that are given the memory of others, which have run for a
 //! while, continue bit for bit as those.
 
-use super::{Bench, build, spec, state, steady};
+use super::{Bench, build, state, steady};
 use crate::block::SensorSpec;
 use crate::registry::{self, Role};
 use fusion_core::filter::{Backend, Estimator, Filter, Observed, Verdict};
@@ -36,7 +36,7 @@ impl Drive {
     fn new(mut bench: Bench, backend: Backend) -> Result<Self, String> {
         let mut sensors: Vec<Arc<dyn Measurement>> = Vec::new();
         for r in registry::all().into_iter().filter(|r| r.role == Role::Sensor) {
-            let spec: Box<dyn SensorSpec> = spec(r)?;
+            let spec: Box<dyn SensorSpec> = r.spec()?;
             // Those that do not suit the process are left out: the law of sensors says which do.
             sensors.extend(spec.build(&mut build(r.name, &mut bench.layout)).ok().map(Arc::from));
         }

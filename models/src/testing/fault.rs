@@ -1,6 +1,5 @@
 //! Laws of faults, on a source of position, velocity, heading and attitude.
 
-use super::spec;
 use crate::fault::{Fault, FaultContext, FaultSpec, Outcome, ProvidedChannel};
 use crate::registry::Registration;
 use crate::vocabulary::channel;
@@ -12,7 +11,7 @@ use fusion_core::time::Time;
 /// gives one disturbance, and the example is at work within 400 s. Statistics of a gate count a row as
 /// disturbed by this.
 pub(super) fn check(r: &Registration) -> Result<(), String> {
-    let spec: Box<dyn FaultSpec> = spec(r)?;
+    let spec: Box<dyn FaultSpec> = r.spec()?;
     let mut offset = 0;
     let channels = [channel::POSITION, channel::VELOCITY, channel::HEADING, channel::ATTITUDE].map(|channel| {
         let at = offset;

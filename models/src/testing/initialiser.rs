@@ -1,7 +1,7 @@
 //! Laws of initialisers, on every registered process that they can be built for.
 
 use super::rows::Motion;
-use super::{Bench, build, spec};
+use super::{Bench, build};
 use crate::block::InitialiserSpec;
 use crate::registry::{self, Registration, Role};
 use crate::vocabulary::state;
@@ -21,7 +21,7 @@ pub(super) fn check(r: &Registration) -> Result<(), String> {
     let (mut refusals, mut accepted, mut written) = (String::new(), 0, 0);
     for p in registry::all().into_iter().filter(|p| p.role == Role::Process) {
         let mut bench = Bench::new(p).map_err(|e| format!("process `{}`: {e}", p.name))?;
-        let spec: Box<dyn InitialiserSpec> = spec(r)?;
+        let spec: Box<dyn InitialiserSpec> = r.spec()?;
         match spec.build(&mut build(r.name, &mut bench.layout)) {
             Ok(_) => {
                 accepted += 1;

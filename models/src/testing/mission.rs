@@ -1,6 +1,5 @@
 //! Laws of controllers and of tasks.
 
-use super::spec;
 use crate::registry::Registration;
 use crate::sim::{Command, Control, ControlSpec, Goal, Seen, TaskSpec};
 use fusion_core::Time;
@@ -20,7 +19,7 @@ fn seen(k: i64, position: Vector2<f64>, heading: f64) -> Seen {
 /// A controller has a rate, asks for nothing where it is to stand, for finite things otherwise, turns
 /// towards the heading it is to hold, and forgets with a new task what it has added up.
 pub(super) fn control(r: &Registration) -> Result<(), String> {
-    let spec: Box<dyn ControlSpec> = spec(r)?;
+    let spec: Box<dyn ControlSpec> = r.spec()?;
     let build = || spec.build().map_err(|e| format!("its example does not build: {e}"));
     if !(spec.rate().is_finite() && spec.rate() > 0.0) {
         return Err(format!("it runs at {} Hz", spec.rate()));
@@ -62,7 +61,7 @@ fn held(control: &mut dyn Control, goal: &Goal, from: i64, heading: f64) -> f64 
 
 /// A task ends within an hour for a vehicle that does at once what is wanted.
 pub(super) fn task(r: &Registration) -> Result<(), String> {
-    let spec: Box<dyn TaskSpec> = spec(r)?;
+    let spec: Box<dyn TaskSpec> = r.spec()?;
     let mut task = spec.build().map_err(|e| format!("its example does not build: {e}"))?;
     if task.name().is_empty() {
         return Err("it has no name".to_owned());

@@ -1,6 +1,5 @@
 //! Laws of the segments of a trajectory.
 
-use super::spec;
 use crate::registry::Registration;
 use crate::sim::{Junction, Motion, Segment, SegmentSpec};
 use fusion_core::geometry::so3;
@@ -15,7 +14,7 @@ const H: f64 = 1e-5;
 /// and in between each quantity is the derivative of the one before, with finite jerk. One that is not
 /// smooth may start and end turning.
 pub(super) fn check(r: &Registration) -> Result<(), String> {
-    let spec: Box<dyn SegmentSpec> = spec(r)?;
+    let spec: Box<dyn SegmentSpec> = r.spec()?;
     let resting = Junction {
         position: Vector3::new(3.0, -2.0, 1.0),
         heading: 0.7,

@@ -1,7 +1,7 @@
 //! Laws of stages, on every registered process that they can be built for.
 
 use super::rows::Motion;
-use super::{Bench, build, spec, state};
+use super::{Bench, build, state};
 use crate::block::StageSpec;
 use crate::registry::{self, Registration, Role};
 use fusion_core::model::{Input, SignalBuffer};
@@ -20,7 +20,7 @@ pub(super) fn check(r: &Registration) -> Result<(), String> {
     let (mut refusals, mut accepted, mut emitted) = (String::new(), 0, 0);
     for p in registry::all().into_iter().filter(|p| p.role == Role::Process) {
         let mut bench = Bench::new(p).map_err(|e| format!("process `{}`: {e}", p.name))?;
-        let spec: Box<dyn StageSpec> = spec(r)?;
+        let spec: Box<dyn StageSpec> = r.spec()?;
         match spec.build(&mut build(r.name, &mut bench.layout)) {
             Ok(_) => {
                 accepted += 1;

@@ -1,6 +1,5 @@
 //! Laws of simulated vehicles.
 
-use super::spec;
 use crate::registry::Registration;
 use crate::sim::{Command, Junction, Motion, Vehicle, VehicleSpec};
 use nalgebra::Vector3;
@@ -13,7 +12,7 @@ const STEPS: u32 = 3000;
 /// A vehicle starts at rest where it is put and stays there without a command; under one it moves, its
 /// position is the integral of a velocity that is linear within a step, and a seed is a run.
 pub(super) fn check(r: &Registration) -> Result<(), String> {
-    let spec: Box<dyn VehicleSpec> = spec(r)?;
+    let spec: Box<dyn VehicleSpec> = r.spec()?;
     let start = Junction {
         position: Vector3::new(3.0, -2.0, 1.0),
         heading: 0.7,
