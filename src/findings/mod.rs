@@ -52,6 +52,8 @@ const FEW: u64 = 20;
 /// The mean statistic over its degrees of freedom from which on it is worth a change: errors are then
 /// √1.5 = 1.22 times the 1σ of the filter.
 const LARGE: f64 = 1.5;
+/// The same from which on no noise explains it: innovations are √50 = 7 times their 1σ, all of them.
+const FAR: f64 = 50.0;
 /// The same below: errors are √0.5 = 0.71 times the 1σ.
 const SMALL: f64 = 0.5;
 /// The same of errors that are known: half of the 1σ. A little too careful is no fault.
@@ -328,6 +330,9 @@ fn large(sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
     let is_gated = s.gate_power.iter().any(|power| power.is_finite());
     let advice = if sensor.is_constraint {
         "the vehicle does not keep this constraint so well; raise its `noise`, or apply it less often"
+    } else if ratio(nis) > FAR {
+        "so much is hardly noise: look first at its axes, signs and units, at its time stamps (`fusion check DESIGN --data DIR` compares \
+         its channels with others) and its lever arm; leave its `noise` until they are right"
     } else if !is_gated {
         "are there outliers, which a `gate` would refuse? Else look at its time stamps (`time_offset`), lever arm and axes, then at \
          its `noise`"

@@ -210,3 +210,18 @@ fn outages_that_end_beyond_three_sigma_are_found_where_chance_does_not_explain_t
         "{told}"
     );
 }
+
+#[test]
+fn innovations_of_hundreds_are_no_matter_of_noise() {
+    // 600 of 3: fourteen times the 1σ.
+    let far = found(instrument(None), sensor(600.0), None);
+    let (axes, noise) = (far[0].find("axes, signs and units"), far[0].find("`noise`"));
+    assert!(axes.is_some() && axes < noise && far[0].contains("fusion check"), "{far:?}");
+    assert!(!far[0].contains("raise its `noise`"), "{far:?}");
+    // 60 of 3 may be outliers, or a noise of another receiver.
+    let near = found(instrument(None), sensor(60.0), None);
+    assert!(
+        !near[0].contains("fusion check") && near[0].contains("then at its `noise`"),
+        "{near:?}"
+    );
+}
