@@ -7,6 +7,7 @@ pub use history::{History, Together, together};
 
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
+use crate::health::{FilterHealth, State};
 use crate::observe::{RunObserver, SensorStatistics};
 use crate::provenance::Provenance;
 use crate::run::{Options, Smoothing, Summary, run_sharing};
@@ -39,12 +40,16 @@ pub struct RunRow {
     pub position_rmse: f64,
     /// RMS of the angle of the attitude error \[deg\].
     pub rotation_rmse: f64,
-    /// Change of the horizontal error, from the origin \[% of the way travelled\].
-    pub way_percent: f64,
     /// NEES of position, velocity, attitude.
     pub nees: [Option<Consistency>; 3],
     /// The score in declared episodes and outside them.
     pub episodes: Option<Episodes>,
+    /// RMS over declared outages of the largest horizontal error \[m\].
+    pub drift_rms: Option<f64>,
+    /// The change of the horizontal error in % of the way travelled, from the origin.
+    pub drift_percent: Option<f64>,
+    /// What the filter said of itself.
+    pub health: RunHealth,
     /// Whether it has converged; none where the design does not say when a run has.
     pub convergence: Option<Convergence>,
     /// Each block of the state against its drawn truth.
@@ -53,6 +58,40 @@ pub struct RunRow {
     pub sensors: Vec<SensorStatistics>,
     /// How well a controlled vehicle did what it was to do; none where nothing is steered.
     pub control: Option<Record>,
+}
+
+/// What the filter of a run said of itself.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct RunHealth {
+    /// The worst state since the filter was good for the first time; of one that never was, the worst of all.
+    #[serde(serialize_with = "crate::health::word")]
+    pub worst: State,
+    /// The state at the end.
+    #[serde(serialize_with = "crate::health::word")]
+    pub at_the_end: State,
+    /// Share of the time in a state worse than aligning.
+    pub ill: f64,
+}
+
+impl RunHealth {
+    fn of(health: &FilterHealth) -> Self {
+        let total = health.spent.total();
+        let worse = State::ALL.into_iter().filter(|s| *s > State::Aligning);
+        Self {
+            // One that never was good is aligning at best, whatever else holds.
+            worst: if health.aligned.is_some() {
+                health.worst
+            } else {
+                health.worst.max(State::Aligning)
+            },
+            at_the_end: health.state,
+            ill: if total > 0.0 {
+                worse.map(|s| health.spent.of(s)).sum::<f64>() / total
+            } else {
+                0.0
+            },
+        }
+    }
 }
 
 impl RunRow {
@@ -70,9 +109,11 @@ impl RunRow {
             attitude_rms: axes(score.attitude_deg).rms,
             position_rmse: score.position_rmse_m.unwrap_or(f64::NAN),
             rotation_rmse: score.rotation_rmse_deg.unwrap_or(f64::NAN),
-            way_percent: score.travelled.map_or(f64::NAN, |t| t.from_origin_percent),
             nees: [score.nees_position, score.nees_velocity, score.nees_attitude],
             episodes: score.episodes,
+            drift_rms: score.drift_rms,
+            drift_percent: score.travelled.map(|t| t.from_origin_percent),
+            health: summary.health.first().map(RunHealth::of).unwrap_or_default(),
             convergence: score.convergence,
             blocks: score.blocks,
             sensors: summary.sensors.clone(),
@@ -279,6 +320,10 @@ pub struct Pooled {
     pub position: Option<f64>,
     /// Mean NEES of position, velocity, attitude over its degrees of freedom: 1 is ideal.
     pub nees: [Option<f64>; 3],
+    /// Mean over the runs of the change of the horizontal error in % of the way travelled.
+    pub drift_percent: Option<f64>,
+    /// RMS over the outages of all runs of the largest horizontal error \[m\].
+    pub drift: Option<f64>,
     /// Share of the runs that have converged, as the design declares it.
     pub converged: Option<f64>,
     /// Median over the runs that have of the time from the start to there \[s\].
@@ -304,6 +349,8 @@ impl Campaign {
                 let runs = self.rows.iter().filter_map(|row| row.nees[k]);
                 mean(&mut runs.map(|c| c.mean / c.dof as f64))
             }),
+            drift_percent: mean(&mut self.rows.iter().filter_map(|row| row.drift_percent)),
+            drift: mean(&mut self.rows.iter().filter_map(|row| row.drift_rms).map(|d| d * d)).map(f64::sqrt),
             converged: declared.then(|| converged().count() as f64 / self.rows.len() as f64),
             after: median(converged().filter_map(|c| c.after).collect()),
         }
@@ -324,6 +371,11 @@ impl Campaign {
             runs: duel.runs + 1,
         });
         (duel.runs > 0).then_some(duel)
+    }
+
+    /// The runs whose worst state was this one.
+    pub fn with_worst(&self, state: State) -> impl Iterator<Item = &RunRow> {
+        self.rows.iter().filter(move |row| row.health.worst == state)
     }
 
     /// The spread over the runs of some figure of a run; `None` without finite figures.

@@ -1,6 +1,6 @@
 //! runs.csv.
 
-use super::Campaign;
+use super::{Campaign, RunHealth};
 use crate::observe::SensorStatistics;
 use crate::output::Cells;
 use crate::score::BlockScore;
@@ -26,6 +26,7 @@ impl Campaign {
             "rms_yaw_deg",
         ])?;
         cells.texts(["nees_position", "nees_velocity", "nees_attitude"])?;
+        cells.texts(["worst_health", "health_at_end", "ill_share", "drift_percent", "drift_m"])?;
         self.blocks().iter().try_for_each(|block| block_header(&mut cells, block))?;
         self.sensors().iter().try_for_each(|sensor| sensor_header(&mut cells, sensor))?;
         cells.end()?;
@@ -35,6 +36,11 @@ impl Campaign {
             let nees = row.nees.map(|c| c.map_or(f64::NAN, |c| c.mean));
             for values in [row.rms, row.max, row.velocity_rms, row.attitude_rms, nees] {
                 values.into_iter().try_for_each(|value| real(&mut cells, value))?;
+            }
+            let RunHealth { worst, at_the_end, ill } = &row.health;
+            cells.texts([worst.word(), at_the_end.word()])?;
+            for value in [Some(*ill), row.drift_percent, row.drift_rms] {
+                real(&mut cells, value.unwrap_or(f64::NAN))?;
             }
             for block in &row.blocks {
                 let nees = block.nees.map_or(f64::NAN, |c| c.mean);

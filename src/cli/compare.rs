@@ -9,7 +9,7 @@ use fusion::config::Diagnostics;
 use fusion::design::{Design, FilterSpec, differences};
 use fusion::examine::{Missing, variants};
 use fusion::output::FileSet;
-use fusion::present::campaign::pooled;
+use fusion::present::campaign::{health, pooled};
 use fusion::present::{Page, comparison};
 use fusion::provenance::Provenance;
 use fusion::report::{Run, record, write};
@@ -182,6 +182,6 @@ fn together(n: u64, campaigns: &[(String, Campaign)]) -> Page {
         title: format!("{n} runs each"),
         provenance: Provenance::common(named.iter().map(|(_, campaign)| &campaign.provenance)),
         warnings: told.collect(),
-        sections: vec![pooled(&named)],
+        sections: vec![pooled(&named), health(&named)],
     }
 }

@@ -7,5 +7,6 @@ mod reason;
 mod record;
 
 pub use fusion_core::health::{Health, State};
+pub(crate) use reason::word;
 pub use reason::{NamedReason, Names};
 pub use record::{FilterHealth, HealthRecord, Spell, Spent, Transition};

@@ -82,7 +82,7 @@ impl fmt::Display for NamedReason {
 }
 
 /// A state as its word.
-pub(super) fn word<S: Serializer>(state: &State, s: S) -> Result<S::Ok, S::Error> {
+pub(crate) fn word<S: Serializer>(state: &State, s: S) -> Result<S::Ok, S::Error> {
     s.serialize_str(state.word())
 }
 

@@ -2,12 +2,18 @@
 
 use super::control;
 use super::judged::{NEES, axis_name, consistency, is_judged_as_block};
+use super::number::significant;
 use super::run::{NED, RPY};
 use super::sensors::{count_columns, counts, residual_rows, row_name, sum};
 use super::tree::{Cell, Column, Page, Section, Table};
 use super::unit::Unit;
 use crate::campaign::{Campaign, Duel, Independence, Pace, Pooled, RunRow};
+use crate::health::State;
 use crate::observe::Innovations;
+use crate::score::{Consistency, Verdict};
+
+/// Seeds of ill runs that are named.
+const SEEDS: usize = 3;
 
 /// The figures of campaigns over all their times and runs, a row for each with its name.
 #[must_use]
@@ -23,6 +29,8 @@ pub fn pooled(campaigns: &[(&str, &Campaign)]) -> Section {
         Column::number("NEES/n velocity"),
         Column::number("NEES/n position"),
         Column::number("outside episodes"),
+        Column::with_unit("drift in outages", Unit::of_si("m")),
+        Column::with_unit("drift of the way", Unit::shown("%")),
         Column::text("first is better in"),
     ];
     let mut t = Table::new(columns);
@@ -32,6 +40,8 @@ pub fn pooled(campaigns: &[(&str, &Campaign)]) -> Section {
             attitude,
             position,
             nees: [of_position, of_velocity, of_attitude],
+            drift_percent,
+            drift,
             converged,
             after,
         } = campaign.pooled();
@@ -42,7 +52,15 @@ pub fn pooled(campaigns: &[(&str, &Campaign)]) -> Section {
         let others = first.filter(|first| !core::ptr::eq(*first, *campaign));
         let wins = others.and_then(|first| first.against(campaign, |row| row.position_rmse));
         let wins = wins.map_or(Cell::Empty, |duel| Cell::text(format!("{} of {}", duel.better, duel.runs)));
-        t.row([Cell::text(*name)].into_iter().chain(convergence).chain(cells).chain([apart, wins]));
+        t.row(
+            [Cell::text(*name)]
+                .into_iter()
+                .chain(convergence)
+                .chain(cells)
+                .chain([apart])
+                .chain([drift, drift_percent].map(Cell::real))
+                .chain([wins]),
+        );
     }
     let section = Section::new(
         "Over all times and runs: RMS of the whole error, NEES over its dimension (1 is expected)",
@@ -88,6 +106,24 @@ fn said(what: &str, duel: &Duel) -> String {
     )
 }
 
+/// How many runs of each campaign were in which health at worst, and which of them were lost.
+#[must_use]
+pub fn health(campaigns: &[(&str, &Campaign)]) -> Section {
+    let states = State::ALL.map(|s| Column::number(s.word()));
+    let shares = ["ill, mean", "ill, most"].map(Column::number);
+    let mut t = Table::new([Column::text("run")].into_iter().chain(states).chain(shares));
+    for (name, campaign) in campaigns {
+        let counts = State::ALL.map(|s| Cell::from(campaign.with_worst(s).count()));
+        let ill = campaign.spread(|row| row.health.ill);
+        let shares = [ill.map(|s| s.mean), ill.map(|s| s.max)].map(|s| s.map_or(Cell::Empty, Cell::Share));
+        t.row([Cell::text(*name)].into_iter().chain(counts).chain(shares));
+    }
+    Section::new(
+        "Health: runs by their worst state since they aligned, share of the time in a state worse than aligning",
+        [t],
+    )
+}
+
 /// A description before what follows it.
 fn titled(description: &str) -> String {
     if description.is_empty() {
@@ -129,8 +165,12 @@ impl Campaign {
             title: format!("{}{} runs", titled(&self.description), self.rows.len()),
             provenance: self.provenance.clone(),
             warnings: self.warnings(),
-            sections: [pooled(&[("all runs", self)]), Section::new("Errors over the runs", [self.errors()])]
+            sections: self
+                .verdict()
+                .map(|verdict| Section::new("", []).note(verdict))
                 .into_iter()
+                .chain([pooled(&[("all runs", self)]), health(&[("all runs", self)])])
+                .chain([Section::new("Errors over the runs", [self.errors()])])
                 .chain(control::spread(self))
                 .chain([
                     Section::new(
@@ -149,17 +189,78 @@ impl Campaign {
     /// What a reader must not overlook of the runs together.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
-        let warning = match self.independence {
-            Independence::Full => return Vec::new(),
+        let shared = match self.independence {
+            Independence::Full => None,
             Independence::SharedLog => {
-                "the runs share one recorded log and differ by their random faults alone: bands are those of one run".to_owned()
+                Some("the runs share one recorded log and differ by their random faults alone: bands are those of one run".to_owned())
             }
-            Independence::Identical => format!(
+            Independence::Identical => Some(format!(
                 "nothing in this design is random: all {} runs are the same, and count as one",
                 self.rows.len()
-            ),
+            )),
         };
-        vec![warning]
+        shared.into_iter().chain(self.ill()).collect()
+    }
+
+    /// In how many runs the filter was degraded, lost, or never good, and how to look at one of the worst.
+    fn ill(&self) -> Option<String> {
+        let kinds = [
+            (State::Lost, "lost"),
+            (State::Degraded, "degraded"),
+            (State::Aligning, "never aligned"),
+        ];
+        let counts = kinds.map(|(state, word)| (self.with_worst(state).count(), word));
+        let told: Vec<String> = counts
+            .iter()
+            .filter(|(n, _)| *n > 0)
+            .map(|(n, word)| format!("{word} in {n}"))
+            .collect();
+        let (worst, word) = kinds.into_iter().find(|(state, _)| self.with_worst(*state).next().is_some())?;
+        let seeds: Vec<String> = self.with_worst(worst).take(SEEDS).map(|row| row.seed.to_string()).collect();
+        let more = match self.with_worst(worst).count().saturating_sub(SEEDS) {
+            0 => String::new(),
+            n => format!(" and {n} more, in runs.csv of `--out DIR`"),
+        };
+        Some(format!(
+            "health: of {} runs the filter was {}; repeat one that was {word} with `fusion run … --seed SEED`: {}{more}",
+            self.rows.len(),
+            told.join(", "),
+            seeds.join(", ")
+        ))
+    }
+
+    /// Whether the errors of the runs are what the filter says of them, in a sentence; by NIS where there is no
+    /// reference. None where nothing can be judged.
+    fn verdict(&self) -> Option<String> {
+        let nees = ["position", "velocity", "attitude"].into_iter().enumerate();
+        let nees: Vec<_> = nees.filter_map(|(i, of)| Some((of, self.judge(|r| r.nees[i])?))).collect();
+        let nis = self.sensors().iter().enumerate();
+        let nis = nis.filter_map(|(i, s)| Some((s.name.as_str(), self.judge(|r| r.sensors[i].nis)?)));
+        let (what, judged) = if nees.is_empty() { ("NIS", nis.collect()) } else { ("NEES", nees) };
+        let known: Vec<(&str, Consistency, Verdict)> = judged.into_iter().filter_map(|(of, c)| Some((of, c, c.verdict()?))).collect();
+        let words = |(of, c, verdict): &(&str, Consistency, Verdict)| {
+            let [mean, low, high] = [c.mean, c.band.0, c.band.1].map(|v| significant(v / c.dof as f64));
+            let side = if *verdict == Verdict::Consistent { "in" } else { "outside" };
+            let told = if *verdict == Verdict::Consistent {
+                String::new()
+            } else {
+                format!(" ({}: errors are {} times its 1σ)", verdict.word(), significant(c.error_ratio()))
+            };
+            format!("{of} {mean} {side} {low} … {high}{told}")
+        };
+        let is_consistent = |(.., verdict): &&(&str, Consistency, Verdict)| *verdict == Verdict::Consistent;
+        let wrong: Vec<_> = known.iter().filter(|k| !is_consistent(k)).collect();
+        let (head, told) = match (known.is_empty(), wrong.is_empty()) {
+            (true, _) => return None,
+            (_, true) => ("Consistent", known.iter().collect()),
+            _ => ("Not consistent", wrong),
+        };
+        let told: Vec<String> = told.into_iter().map(words).collect();
+        Some(format!(
+            "{head} over {} runs: {what} over its degrees of freedom, of {}.",
+            self.rows.len(),
+            told.join("; of ")
+        ))
     }
 
     /// The last errors of each parameter with a drawn truth, and what the filter says of them.
@@ -198,12 +299,16 @@ impl Campaign {
                 }
             }
         }
-        if let Some(s) = self.spread(|r| r.way_percent) {
-            let cells = [s.mean, s.std, s.min, s.max].map(Cell::Real);
-            t.row_in(
-                Unit::shown("% of the way"),
-                [Cell::text("horizontal drift")].into_iter().chain(cells),
-            );
+        type Drift = fn(&RunRow) -> Option<f64>;
+        let drifts: [(&str, &str, Drift); 2] = [
+            ("drift in outages", "m", |r| r.drift_rms),
+            ("drift of the way", "%", |r| r.drift_percent),
+        ];
+        for (name, unit, figure) in drifts {
+            if let Some(s) = self.spread(|r| figure(r).unwrap_or(f64::NAN)) {
+                let cells = [s.mean, s.std, s.min, s.max].map(Cell::Real);
+                t.row_in(Unit::shown(unit), [Cell::text(name)].into_iter().chain(cells));
+            }
         }
         t
     }

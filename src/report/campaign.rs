@@ -140,12 +140,14 @@ fn runs(campaign: &Campaign, look: &dyn Fn(&RunRow) -> Look) -> Markup {
         "NEES position",
         "NEES velocity",
         "NEES attitude",
+        "ill [%]",
+        "drift of the way [%]",
     ];
     let count = campaign.rows.len();
     html! {
         @if count > ROWS { p { "The " (ROWS) " worst of " (count) "; runs.csv has all of them." } }
         div.table { table {
-            thead { tr { @for head in heads { th scope="col" { (head) } } th.text scope="col" { "its plots" } } }
+            thead { tr { @for head in heads { th scope="col" { (head) } } @for head in ["health at worst", "its plots"] { th.text scope="col" { (head) } } } }
             tbody { @for row in worst_first(campaign).into_iter().take(ROWS) {
                 @let Look { command, report } = look(row);
                 tr {
@@ -154,6 +156,9 @@ fn runs(campaign: &Campaign, look: &dyn Fn(&RunRow) -> Look) -> Markup {
                     td { (number(row.position_rmse)) }
                     td { (number(row.rotation_rmse)) }
                     @for nees in row.nees { td { (number(nees.map_or(f64::NAN, |c| c.mean))) } }
+                    td { (number(100.0 * row.health.ill)) }
+                    td { (number(row.drift_percent.unwrap_or(f64::NAN))) }
+                    td.text { (row.health.worst.word()) }
                     td.text { @if let Some(report) = report { a href=(report) { (report) } } @else { code { (command) } } }
                 }
             } }

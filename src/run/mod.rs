@@ -218,8 +218,8 @@ impl<'a> Run<'a> {
         if !self.is_one_of_many {
             hub.add(&mut consumers);
             hub.add(&mut finals);
-            hub.add(&mut health);
         }
+        hub.add(&mut health);
         scores.iter_mut().for_each(|score| hub.add(score));
         files.estimates.iter_mut().for_each(|file| hub.add(file));
         files.updates.iter_mut().for_each(|file| hub.add(file));

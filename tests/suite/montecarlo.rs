@@ -1,5 +1,6 @@
 //! Campaigns: the same runs on any number of threads, and as runs of their own.
 
+use crate::support::{Workspace, stderr, stdout};
 use fusion::campaign::{monte_carlo, seed_of};
 use fusion::design::Design;
 use fusion::run::{Options, Smoothing, run};
@@ -51,4 +52,32 @@ fn what_runs_share_changes_no_bit_of_them() {
             assert_eq!((score.position.unwrap().rms, alone.epochs), (row.rms, row.epochs));
         }
     }
+}
+
+/// Runs whose filters say that they are lost are counted, and named so that they can be repeated.
+#[test]
+fn lost_runs_are_told_with_their_seeds() {
+    let w = Workspace::new("montecarlo-lost");
+    let design = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/ins-gps.toml");
+    let campaign = ["montecarlo", design, "-n", "3", "--set", "run.stop=60", "--out", "out"];
+    let ran = w.fusion(&campaign).success();
+    assert!(!stderr(&ran).contains("health:"), "{}", stderr(&ran));
+    assert!(
+        stdout(&ran).contains("onsistent over 3 runs: NEES over its degrees of freedom, of "),
+        "{}",
+        stdout(&ran)
+    );
+    // Limits that no filter keeps.
+    let limits = "health.innovations={ degraded = 0.1, lost = 0.2 }";
+    let ran = w.fusion(&[&campaign[..], &["--set", limits]].concat()).success();
+    let told = stderr(&ran);
+    assert!(told.contains("health: of 3 runs the filter was lost in 3; repeat one"), "{told}");
+    let seed = seed_of(1, 0).to_string();
+    assert!(told.contains(&seed), "{told}");
+    let again = ["run", design, "--set", "run.stop=60", "--set", limits, "--seed", &seed, "--strict"];
+    w.fusion(&again).code(3);
+    let runs = w.read("out/runs.csv");
+    let column = runs.lines().next().unwrap().split(',').position(|c| c == "worst_health").unwrap();
+    assert!(runs.lines().skip(1).all(|row| row.split(',').nth(column) == Some("lost")), "{runs}");
+    assert!(w.read("out/montecarlo.html").contains("health at worst"));
 }
