@@ -3,21 +3,57 @@
 use super::numbers::{median, quantile};
 use super::signal::factor;
 use super::words::Words;
-use crate::source::table::Table;
+use crate::source::table::{Format, Table, gps_of_unix};
 
 /// An interval longer than so many usual ones is a gap.
 const GAP: f64 = 3.5;
+
+/// How the stamps of a file are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// Numbers of the unit.
+    Count,
+    /// Numbers of the unit, and a second column that is added.
+    Sum {
+        /// The second column.
+        second: usize,
+        /// What one of it stands for, as designs write it.
+        each: &'static str,
+    },
+    /// Dates with the time of day.
+    Calendar,
+    /// None: samples are evenly spaced.
+    Even,
+}
+
+/// What the stamps of a file count from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Origin {
+    /// Nobody says it.
+    Unknown,
+    /// GPS time, as calendars and GPS weeks are read.
+    Gps,
+    /// 1970-01-01 UTC; here they are brought to GPS time.
+    Unix,
+}
+
+/// A week of GPS.
+const WEEK: f64 = 604_800.0;
 
 /// The stamps of a file.
 #[derive(Clone, Debug)]
 pub struct Clock {
     /// Its column.
     pub column: usize,
+    /// How it is written.
+    pub form: Form,
+    /// What it counts from.
+    pub origin: Origin,
     /// Its unit as designs write it.
     pub unit: &'static str,
     /// Why this column and this unit.
     pub why: String,
-    /// The stamps in seconds, as they are written.
+    /// The stamps in seconds, as they are written; calendars and weeks in GPS time.
     pub stamps: Vec<f64>,
     /// Rows a second, by the median interval.
     pub rate: f64,
@@ -40,14 +76,17 @@ pub struct Clock {
 impl Clock {
     /// That of a table; `None` where no column looks like time.
     pub(super) fn of(table: &Table) -> Option<Self> {
-        let (column, words) = named(table).or_else(|| rising(table))?;
-        Some(Self::at(table, column, &words))
+        Self::named(table).or_else(|| rising(table).map(|column| Self::at(table, column, &Words::default())))
     }
 
     /// That of a column which is called time.
     pub(crate) fn named(table: &Table) -> Option<Self> {
-        let (column, words) = named(table)?;
-        Some(Self::at(table, column, &words))
+        let by_name = || named(table).map(|(column, words)| Self::at(table, column, &words));
+        // Dates to the second beside finer stamps say when the log is from, not when a row is.
+        let dates = calendar(table);
+        let fine = dates.clone().filter(|c| c.ties * 2 < c.stamps.len());
+        let others = || week(table).or_else(|| split(table)).or_else(by_name).or_else(|| even(table));
+        fine.or_else(others).or(dates)
     }
 
     fn at(table: &Table, column: usize, words: &Words) -> Self {
@@ -56,12 +95,41 @@ impl Clock {
         let (unit, why) = unit(words, values, step);
         let scale = factor(unit);
         let stamps: Vec<f64> = values.iter().map(|v| v * scale).collect();
+        let is_solution = table.format == Format::Rtklib;
         Self {
             column,
             unit,
             why,
+            origin: if is_solution { Origin::Gps } else { Origin::Unknown },
             ..Self::measured(stamps)
         }
+    }
+
+    /// The columns that it is read from.
+    pub(super) fn columns(&self, table: &Table) -> Vec<usize> {
+        let date = table.columns[self.column].calendar.as_ref().and_then(|c| c.date);
+        let second = match self.form {
+            Form::Sum { second, .. } => Some(second),
+            _ => date,
+        };
+        core::iter::once(self.column).chain(second).collect()
+    }
+
+    /// Brings stamps of a size that counts since 1970 to GPS time, where they are beside clocks of that: whichever of both
+    /// clocks it is, the logs are of one time.
+    pub(super) fn bring_to_gps(&mut self, others: (f64, f64)) {
+        let (first, last) = self.span();
+        let Some(shift) = gps_of_unix(first).map(|gps| gps - first) else {
+            return;
+        };
+        let apart = |by: f64| (first + by - others.1).max(others.0 - last - by).max(0.0);
+        if apart(shift) > apart(0.0) {
+            self.origin = Origin::Gps;
+            return;
+        }
+        self.origin = Origin::Unix;
+        self.stamps.iter_mut().for_each(|t| *t += shift);
+        self.longest.1 += shift;
     }
 
     fn measured(stamps: Vec<f64>) -> Self {
@@ -75,6 +143,8 @@ impl Clock {
         }
         Self {
             column: 0,
+            form: Form::Count,
+            origin: Origin::Unknown,
             unit: "s",
             why: String::new(),
             rate: 1.0 / usual,
@@ -104,22 +174,108 @@ impl Clock {
     }
 }
 
+/// Dates with the time of day.
+fn calendar(table: &Table) -> Option<Clock> {
+    let column = table.columns.iter().position(|c| c.calendar.is_some())?;
+    let scale = table.columns[column].calendar.as_ref()?.scale;
+    Some(Clock {
+        column,
+        form: Form::Calendar,
+        origin: Origin::Gps,
+        unit: "ns",
+        why: format!("dates, {scale} unless their text names another scale"),
+        ..Clock::measured(table.columns[column].values.iter().map(|v| v * 1e-9).collect())
+    })
+}
+
+/// Samples whose rate a number beside them says.
+fn even(table: &Table) -> Option<Clock> {
+    let (name, rate) = table.rate.as_ref()?;
+    let stamps = table.columns.first()?.values.iter().map(|v| v * 1e-9);
+    Some(Clock {
+        form: Form::Even,
+        unit: "ns",
+        why: format!("no array of stamps; `{name}` tells the rate"),
+        rate: *rate,
+        ..Clock::measured(stamps.collect())
+    })
+}
+
+/// The column whose last word is one of these, and what stands before.
+fn ending(table: &Table, words: &[&str], is_sound: impl Fn(f64) -> bool) -> Option<(usize, String)> {
+    let name = |k: usize| table.columns[k].called().to_lowercase();
+    let found = (0..table.columns.len()).find_map(|k| {
+        let name = name(k);
+        let last = name.rsplit(|c: char| !c.is_alphanumeric()).find(|w| !w.is_empty())?;
+        let prefix = name[..name.rfind(last)?].to_owned();
+        words.contains(&last).then_some((k, prefix))
+    })?;
+    let values = || table.columns[found.0].values.iter().filter(|v| v.is_finite());
+    (values().count() * 2 > table.rows() && values().all(|v| is_sound(*v))).then_some(found)
+}
+
+/// Stamps in two columns, their sum.
+fn sum(table: &Table, column: usize, unit: &'static str, second: usize, each: &'static str, size: f64) -> Clock {
+    let (a, b) = (&table.columns[column].values, &table.columns[second].values);
+    Clock {
+        column,
+        form: Form::Sum { second, each },
+        unit,
+        why: format!("`{}` is added, {each} each", table.columns[second].name),
+        ..Clock::measured(a.iter().zip(b).map(|(a, b)| a * factor(unit) + b * size).collect())
+    }
+}
+
+/// A GPS week, and the time of it.
+fn week(table: &Table) -> Option<Clock> {
+    let (second, _) = ending(table, &["week", "weeknumber", "wn", "gpsweek"], |v| {
+        v.fract() == 0.0 && (1000.0..10_000.0).contains(&v)
+    })?;
+    let in_seconds = ending(table, &["tow", "sow", "itow", "seconds", "secs", "s"], |v| {
+        (0.0..WEEK + 1.0).contains(&v)
+    });
+    let in_milliseconds = || ending(table, &["tow", "itow", "ms", "towms"], |v| (0.0..1e3 * (WEEK + 1.0)).contains(&v));
+    let (column, unit) = in_seconds
+        .map(|(k, _)| (k, "s"))
+        .or_else(|| in_milliseconds().map(|(k, _)| (k, "ms")))?;
+    Some(Clock {
+        origin: Origin::Gps,
+        ..sum(table, column, unit, second, "604800 s", WEEK)
+    })
+}
+
+/// Whole seconds, and what is beyond them in finer units.
+fn split(table: &Table) -> Option<Clock> {
+    let whole = |limit: f64| move |v: f64| v.fract() == 0.0 && (0.0..limit).contains(&v);
+    let nanos = ending(
+        table,
+        &["ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanosecond", "nanoseconds", "nanos"],
+        whole(1e9),
+    );
+    let micros = || ending(table, &["us", "usec", "usecs", "microsec", "microseconds", "micros"], whole(1e6));
+    let (fine, each, size) = nanos.map(|n| (n, "1 ns", 1e-9)).or_else(|| micros().map(|m| (m, "1 us", 1e-6)))?;
+    let (column, prefix) = ending(table, &["s", "sec", "secs", "second", "seconds"], |v| v.fract() == 0.0)?;
+    (prefix == fine.1).then(|| sum(table, column, "s", fine.0, each, size))
+}
+
 /// The column that is called time.
 fn named(table: &Table) -> Option<(usize, Words)> {
-    let words = table.columns.iter().map(|c| Words::of(&c.name)).enumerate();
+    let words = table.columns.iter().map(|c| Words::of(c.called())).enumerate();
     let is_time = |w: &Words| w.ends_with(&["t", "time", "timestamp", "stamp", "tow", "gpst", "utc"]);
-    let is_number = |k: &usize| table.columns[*k].values.iter().filter(|v| v.is_finite()).count() * 2 > table.rows();
+    let is_number = |k: &usize| {
+        table.columns[*k].calendar.is_none() && table.columns[*k].values.iter().filter(|v| v.is_finite()).count() * 2 > table.rows()
+    };
     words.filter(|(k, w)| is_time(w) && is_number(k)).min_by_key(|(_, w)| w.stem.len())
 }
 
 /// The column that rises from row to row, all but a hundredth of them.
-fn rising(table: &Table) -> Option<(usize, Words)> {
+fn rising(table: &Table) -> Option<usize> {
     let rises = |k: &usize| {
         let values = &table.columns[*k].values;
         let up = values.windows(2).filter(|w| w[1] > w[0]).count();
         values.len() > 10 && up * 100 >= (values.len() - 1) * 99
     };
-    (0..table.columns.len()).find(rises).map(|k| (k, Words::default()))
+    (0..table.columns.len()).find(rises)
 }
 
 /// The unit of stamps, by the name or by their size.

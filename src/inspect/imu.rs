@@ -10,6 +10,15 @@ const WINDOW: f64 = 1.0;
 const TURNING: f64 = 0.1;
 /// What separates rest from motion where nobody tells the speed: this many times the quietest windows.
 const QUIET: f64 = 3.0;
+/// Windows in motion that pass for rest, per window at rest, if that can be told from motion by shaking: then hardly any
+/// window lies between the two. Slow motion has windows of every strength.
+const VALLEY: f64 = 0.1;
+/// Limits of rest let so many windows in motion pass, per window at rest.
+const LEAK: f64 = 0.02;
+/// Factors of the limits that are tried.
+const TIMES: [f64; 4] = [2.0, 1.5, 1.25, 1.0];
+/// Nothing at rest is shaken more, an idling engine included \[m/s²\].
+const SHAKEN: f64 = 1.0;
 
 /// What the samples say.
 #[derive(Clone, Debug)]
@@ -37,8 +46,11 @@ pub struct Rest {
     pub accel_std: Vec3,
     /// The same of the rates \[rad/s\].
     pub gyro_std: Vec3,
-    /// 95 % of the windows in motion are above, norms \[m/s²\], \[rad/s\]; NaN if it never moves.
-    pub motion: (f64, f64),
+    /// Limits of a test of rest are so many times the deviations above: the largest of a few factors that hardly any
+    /// window in motion passes.
+    pub times: f64,
+    /// The share of the windows in motion that pass these limits; NaN if it never moves.
+    pub passing: f64,
     /// The mean rate: the bias of the gyros \[rad/s\].
     pub bias: Vec3,
     /// Noise densities by neighbouring means of a second \[m/s²/√Hz\].
@@ -51,8 +63,8 @@ struct Window {
     from: f64,
     force: [(f64, f64); 3],
     rate: [(f64, f64); 3],
-    /// The speed that somebody else reports.
-    speed: Option<f64>,
+    /// Whether somebody else reports that it stands, or moves.
+    stands: Option<bool>,
 }
 
 impl Window {
@@ -62,10 +74,10 @@ impl Window {
 }
 
 impl Imu {
-    /// Of a log with specific force and angular rate; `speed` says how fast the vehicle is at a time.
-    pub(super) fn of(log: &Log, speed: &dyn Fn(f64) -> Option<f64>) -> Option<Self> {
+    /// Of a log with specific force and angular rate; `stands` says whether the vehicle stands at a time.
+    pub(super) fn of(log: &Log, stands: &dyn Fn(f64) -> Option<bool>) -> Option<Self> {
         let (force, rate) = (log.values(Kind::SpecificForce)?, log.values(Kind::AngularRate)?);
-        let windows = windows(log.stamps(), &force, &rate, speed);
+        let windows = windows(log.stamps(), &force, &rate, stands);
         let resting = resting(&windows);
         let rest = rest(&windows, &resting);
         let chosen: Vec<&Window> = windows
@@ -89,7 +101,7 @@ impl Imu {
     }
 }
 
-fn windows(t: &[f64], force: &[Vec3], rate: &[Vec3], speed: &dyn Fn(f64) -> Option<f64>) -> Vec<Window> {
+fn windows(t: &[f64], force: &[Vec3], rate: &[Vec3], stands: &dyn Fn(f64) -> Option<bool>) -> Vec<Window> {
     let (mut all, mut begin) = (Vec::new(), 0);
     for end in 0..t.len() {
         let elapsed = t[end] - t[begin];
@@ -103,7 +115,11 @@ fn windows(t: &[f64], force: &[Vec3], rate: &[Vec3], speed: &dyn Fn(f64) -> Opti
                 from: t[begin],
                 force: [0, 1, 2].map(|i| axis(force, i)),
                 rate: [0, 1, 2].map(|i| axis(rate, i)),
-                speed: speed(t[begin] + 0.5 * WINDOW),
+                stands: [0.0, 0.5, 1.0]
+                    .map(|share| stands(t[begin] + share * WINDOW))
+                    .into_iter()
+                    .reduce(|a, b| Some(a? && b?))
+                    .flatten(),
             });
         }
         begin = end;
@@ -111,20 +127,23 @@ fn windows(t: &[f64], force: &[Vec3], rate: &[Vec3], speed: &dyn Fn(f64) -> Opti
     all
 }
 
+/// Whether most windows are told of by somebody else.
+fn is_told(windows: &[Window]) -> bool {
+    windows.iter().filter(|w| w.stands.is_some()).count() * 2 > windows.len()
+}
+
 /// Which windows are at rest: by the speed where somebody reports it, else the quietest ones.
 fn resting(windows: &[Window]) -> Vec<bool> {
-    /// Receivers at rest report less \[m/s\].
-    const SLOW: f64 = 0.2;
-    let is_told = windows.iter().filter(|w| w.speed.is_some()).count() * 2 > windows.len();
-    if is_told {
-        return windows.iter().map(|w| w.speed.is_some_and(|s| s < SLOW)).collect();
+    if is_told(windows) {
+        return windows.iter().map(|w| w.stands == Some(true)).collect();
     }
     let quiet = |of: fn(&Window) -> f64| quantile(windows.iter().map(of), 0.05);
     let (force, rate) = (quiet(|w| w.shaking().0), quiet(|w| w.shaking().1));
     let bias = [0, 1, 2].map(|i| median(windows.iter().filter(|w| w.shaking().1 <= QUIET * rate).map(|w| w.rate[i].0)));
     // A mean of a second at rest moves by less than 0.02 rad/s, 1 deg/s.
     let is_steady = |w: &Window| norm([0, 1, 2].map(|i| w.rate[i].0 - bias[i])) < 0.02 && norm(bias) < TURNING;
-    let is_quiet = |w: &Window| w.shaking().0 <= QUIET * force && w.shaking().1 <= QUIET * rate.min(0.05) && is_steady(w);
+    let limit = (QUIET * force).min(SHAKEN);
+    let is_quiet = |w: &Window| w.shaking().0 <= limit && w.shaking().1 <= QUIET * rate.min(0.05) && is_steady(w);
     windows.iter().map(is_quiet).collect()
 }
 
@@ -134,7 +153,21 @@ fn rest(windows: &[Window], resting: &[bool]) -> Option<Rest> {
     let count = at_rest().count();
     let first = longest_first(windows, resting)?;
     let high = |of: &dyn Fn(&Window) -> f64| quantile(at_rest().map(of), 0.95);
-    let low = |of: &dyn Fn(&Window) -> f64| quantile(moving().map(of), 0.05);
+    let (accel_std, gyro_std) = (
+        [0, 1, 2].map(|i| high(&|w| w.force[i].1)),
+        [0, 1, 2].map(|i| high(&|w| w.rate[i].1)),
+    );
+    // How many windows in motion limits of so many times these let pass.
+    let passing = |times: f64| {
+        let is_below = |of: &[(f64, f64); 3], limits: Vec3| (0..3).all(|i| of[i].1 <= times * limits[i]);
+        let pass = moving().filter(|w| is_below(&w.force, accel_std) && is_below(&w.rate, gyro_std));
+        pass.count() as f64
+    };
+    if !is_told(windows) && passing(TIMES[0]) > VALLEY * count as f64 {
+        return None;
+    }
+    let is_tight = |times: &f64| passing(*times) <= LEAK * count as f64;
+    let times = TIMES.into_iter().find(is_tight).unwrap_or(TIMES[TIMES.len() - 1]);
     // The Allan deviation of neighbouring means is the density, over a second.
     let density = |of: &dyn Fn(&Window) -> Vec3| {
         let pairs = windows.windows(2).zip(resting.windows(2)).filter(|(_, r)| r[0] && r[1]);
@@ -147,9 +180,10 @@ fn rest(windows: &[Window], resting: &[bool]) -> Option<Rest> {
     Some(Rest {
         share: count as f64 / windows.len() as f64,
         first,
-        accel_std: [0, 1, 2].map(|i| high(&|w| w.force[i].1)),
-        gyro_std: [0, 1, 2].map(|i| high(&|w| w.rate[i].1)),
-        motion: (low(&|w| w.shaking().0), low(&|w| w.shaking().1)),
+        accel_std,
+        gyro_std,
+        times,
+        passing: passing(times) / moving().count() as f64,
         bias: [0, 1, 2].map(|i| median(at_rest().map(|w| w.rate[i].0))),
         accel_noise: density(&|w| w.force.map(|m| m.0)),
         gyro_noise: density(&|w| w.rate.map(|m| m.0)),

@@ -2,7 +2,7 @@
 
 use super::clock::Clock;
 use super::numbers::{Vec3, median};
-use super::signal::{Kind, Signal, signals};
+use super::signal::{Kind, Signal, is_derived, signals};
 use crate::source::table::Table;
 
 /// A file with what was found in it.
@@ -118,6 +118,22 @@ impl Log {
         let rows = self.table.rows();
         let is_zero = |row: &usize| signal.raw(&self.table, *row)[..2].iter().all(|v| *v == 0.0);
         (0..rows).filter(is_zero).count() as f64 / rows.max(1) as f64
+    }
+
+    /// Why a column is not read by a design; `None` of a quantity where there is no design.
+    pub(super) fn why_unused(&self, column: usize, is_designed: bool) -> Option<String> {
+        let signal = self.signals.iter().find(|s| s.columns.iter().any(|c| c.0 == column));
+        if let Some(signal) = signal {
+            return is_designed.then(|| format!("{}: {}", signal.kind.name(), signal.kind.why_unused()));
+        }
+        let values = || self.table.columns[column].values.iter().copied().filter(|v| v.is_finite());
+        let first = values().next();
+        Some(match first {
+            None => "no numbers".to_owned(),
+            Some(first) if values().all(|v| v == first) => format!("always {first}"),
+            Some(_) if is_derived(&self.table.columns[column].name) => "what another filter made of other columns".to_owned(),
+            Some(_) => "no quantity is known by this name".to_owned(),
+        })
     }
 
     /// The median of a column.

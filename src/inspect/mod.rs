@@ -26,11 +26,12 @@ mod turn;
 mod words;
 mod yaw;
 
-pub use clock::Clock;
+pub use clock::{Clock, Form, Origin};
 pub use imu::{Imu, Rest};
 pub use log::{Log, Repeats};
 pub use pair::Pair;
 pub use signal::{Kind, Signal};
+use track::Odometer;
 pub use track::Track;
 pub(crate) use words::stated_unit;
 pub use yaw::Yaw;
@@ -42,7 +43,10 @@ use signal::Kind::{AngularRate, Euler, Geodetic, Local, Quaternion, SpecificForc
 use std::path::{Path, PathBuf};
 
 /// Names of files that are looked at in a folder end in one of these.
-const ENDINGS: [&str; 6] = [".csv", ".csv.gz", ".txt", ".txt.gz", ".pos", ".pos.gz"];
+const ENDINGS: [&str; 7] = [".csv", ".csv.gz", ".txt", ".txt.gz", ".pos", ".pos.gz", ".mat"];
+
+/// Receivers at rest report less \[m/s\].
+const SLOW: f64 = 0.2;
 
 /// Logs, and what they are to a filter.
 #[derive(Clone, Debug)]
@@ -104,8 +108,8 @@ impl Inspection {
     pub fn of(paths: &[PathBuf]) -> Result<Self, Diagnostics> {
         let (mut logs, mut d) = (Vec::new(), Diagnostics::new());
         for path in paths {
-            match Table::read(path) {
-                Ok(table) => logs.push(Log::of(table)),
+            match Table::read_all(path) {
+                Ok(tables) => logs.extend(tables.into_iter().map(Log::of)),
                 Err(SourceError::Data(error)) => d.push(error.as_ref().into()),
                 // The only thing that is declared is the file.
                 Err(SourceError::Declared(errors)) => d.extend(errors.iter().map(|error| Diagnostic::error(error.to_string()))),
@@ -117,13 +121,20 @@ impl Inspection {
     /// Looks at logs.
     #[must_use]
     pub fn look(mut logs: Vec<Log>) -> Self {
+        bring_to_gps(&mut logs);
         let (position, reference) = tracks(&logs);
         if let Some((_, track)) = position.as_ref().or(reference.as_ref()) {
             bring_together(&mut logs, track);
         }
         let best = position.as_ref().or(reference.as_ref());
-        let speed = |t: f64| best.filter(|(_, track)| track.is_reported).and_then(|(_, track)| track.speed(t));
-        let imu = units(&logs).first().and_then(|k| Some((*k, Imu::of(&logs[*k], &speed)?)));
+        let reported = best.filter(|(_, track)| track.is_reported).map(|(_, track)| track);
+        let wheels = logs.iter().find_map(Odometer::of);
+        let stands = |t: f64| match (reported, &wheels) {
+            (Some(track), _) => track.speed(t).map(|speed| speed < SLOW),
+            (None, Some(wheels)) => wheels.stands(t),
+            (None, None) => None,
+        };
+        let imu = units(&logs).first().and_then(|k| Some((*k, Imu::of(&logs[*k], &stands)?)));
         let pair = imu.as_ref().zip(best).and_then(|((k, imu), (_, track))| {
             let log = &logs[*k];
             let (force, rate) = (log.values(SpecificForce)?, log.values(AngularRate)?);
@@ -183,6 +194,21 @@ impl Inspection {
             all.push("positions: without them a filter gives the attitude only".to_owned());
         }
         all
+    }
+}
+
+/// Brings clocks that count since 1970 to GPS time, where others are.
+fn bring_to_gps(logs: &mut [Log]) {
+    /// Seconds since 1970 or 1980 are more in any log of this century.
+    const ABSOLUTE: f64 = 6e8;
+    let of_gps = logs.iter().filter_map(|log| log.clock.as_ref()).filter(|c| c.origin == Origin::Gps);
+    let spans = of_gps.map(Clock::span);
+    let Some(all) = spans.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) else {
+        return;
+    };
+    let clocks = logs.iter_mut().filter_map(|log| log.clock.as_mut());
+    for clock in clocks.filter(|c| c.origin == Origin::Unknown && c.span().0 > ABSOLUTE) {
+        clock.bring_to_gps(all);
     }
 }
 

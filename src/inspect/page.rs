@@ -3,8 +3,9 @@
 use super::imu::Rest;
 use super::log::Log;
 use super::numbers::{Vec3, norm};
-use super::{Inspection, Pair, Track};
+use super::{Clock, Form, Inspection, Pair, Track};
 use crate::present::{Cell, Column, Page, Section, Table, Unit};
+use std::path::Path;
 
 impl Inspection {
     /// What was found, as tables.
@@ -16,7 +17,9 @@ impl Inspection {
         };
         let mut sections = vec![
             Section::new("Files", [all(file, files())]),
+            Section::new("Arrays", [all(arrays, Table::new(["file", "array", "shape"].map(Column::text)))]),
             Section::new("Quantities", [all(quantities, columns())]),
+            Section::new("Not used", [self.not_used()]),
             Section::new("Inertial unit", [self.unit()]),
             Section::new("At rest", [self.rest()]),
             Section::new("Positions", [self.positions()]),
@@ -36,6 +39,31 @@ impl Inspection {
             sections,
             ..Page::default()
         }
+    }
+
+    /// The columns that a first design does not read, and why.
+    fn not_used(&self) -> Table {
+        let mut t = Table::new([Column::text("file"), Column::text("columns"), Column::text("why")]);
+        let design = self.written(Path::new("."));
+        let read = |k: usize, column: usize| design.as_ref().is_some_and(|(_, read)| read.contains(&(k, column)));
+        for (k, log) in self.logs.iter().enumerate() {
+            let stamps = log.clock.as_ref().map_or_else(Vec::new, |c| c.columns(&log.table));
+            let mut reasons: Vec<(String, Vec<&str>)> = Vec::new();
+            for (column, of) in log.table.columns.iter().enumerate() {
+                let why = log.why_unused(column, design.is_some());
+                let Some(why) = why.filter(|_| !read(k, column) && !stamps.contains(&column)) else {
+                    continue;
+                };
+                match reasons.iter_mut().find(|(reason, _)| *reason == why) {
+                    Some((_, names)) => names.push(&of.name),
+                    None => reasons.push((why, vec![&of.name])),
+                }
+            }
+            for (why, names) in reasons {
+                t.row([log.name(), names.join(" "), why]);
+            }
+        }
+        t
     }
 
     fn unit(&self) -> Table {
@@ -58,7 +86,7 @@ impl Inspection {
         let mut t = Table::list();
         let Some((_, imu)) = &self.imu else { return t };
         let Some(r) = &imu.rest else {
-            t.row(["rest", "none found: no two seconds in a row"]);
+            t.row(["rest", "none found: no two seconds in a row that can be told from motion"]);
             return t;
         };
         t.row([Cell::text("share of the log"), Cell::Share(r.share)]);
@@ -117,6 +145,14 @@ impl Inspection {
         let mut t = Table::list();
         let Some(yaw) = self.yaw else { return t };
         let sense = if yaw.is_clockwise { "clockwise" } else { "anti-clockwise" };
+        if !yaw.is_decided() {
+            t.row([
+                Cell::text("heading counts"),
+                Cell::text("not decided: it does not follow the course"),
+            ]);
+            t.row([Cell::text("agreement with the course"), Cell::Fixed(yaw.agreement, 3)]);
+            return t;
+        }
         t.row(["heading counts", sense]);
         t.row_in(Unit::of_si("rad"), [Cell::text("course minus heading"), Cell::Real(yaw.offset)]);
         t.row([Cell::text("agreement with the course"), Cell::Fixed(yaw.agreement, 3)]);
@@ -141,10 +177,14 @@ impl Inspection {
             let moved = format!("{:.2} s was added to the stamps of the unit: there the turns agree", clock.shift);
             t.row(["clocks apart", &moved]);
         }
-        t.row([
-            "velocity or course is late by",
-            &format!("{:.2} s; positions may be late by another time", pair.lag),
-        ]);
+        if pair.correlation.abs() < 0.5 {
+            t.row(["velocity or course is late by", "not decided: the turns do not agree"]);
+        } else {
+            t.row([
+                "velocity or course is late by",
+                &format!("{:.2} s; positions may be late by another time", pair.lag),
+            ]);
+        }
         if let Some((first, last)) = pair.lags {
             t.row(["in the first and the last third", &format!("{first:.2} s, {last:.2} s")]);
         }
@@ -160,18 +200,11 @@ impl Inspection {
 
 /// What the test of rest can go by.
 fn separation(r: &Rest) -> String {
-    let (force, rate) = r.motion;
-    if !force.is_finite() {
+    if r.passing.is_nan() {
         return "it never moves".to_owned();
     }
-    let is_apart = |moving: f64, resting: Vec3| moving > norm(resting);
-    let word = match (is_apart(force, r.accel_std), is_apart(rate, r.gyro_std)) {
-        (true, true) => "forces and rates tell rest from motion",
-        (true, false) => "forces tell rest from motion, rates do not",
-        (false, true) => "rates tell rest from motion, forces do not",
-        (false, false) => "neither tells rest from motion alone",
-    };
-    format!("95 % above {force:.3} m/s², {:.3} deg/s: {word}", rate.to_degrees())
+    let share = 100.0 * r.passing;
+    format!("{share:.1} % of the windows pass limits of {} × these deviations", r.times)
 }
 
 pub(super) fn axis((k, is_negative): (usize, bool)) -> String {
@@ -210,10 +243,15 @@ fn file(t: &mut Table, log: &Log) {
     let Some(c) = &log.clock else {
         return t.row([name, rows, Cell::text("none found")]);
     };
+    let time = match c.form {
+        Form::Even => "evenly spaced".to_owned(),
+        Form::Calendar => format!("{} calendar", stamp_names(log, c)),
+        _ => format!("{} {}", stamp_names(log, c), c.unit),
+    };
     t.row([
         name,
         rows,
-        Cell::text(format!("`{}` {}", log.table.columns[c.column].name, c.unit)),
+        Cell::text(time),
         Cell::Real(c.rate),
         Cell::Share(c.jitter),
         Cell::Seconds(log.duration()),
@@ -224,6 +262,21 @@ fn file(t: &mut Table, log: &Log) {
         Cell::from(c.resets),
         Cell::from(log.table.malformed),
     ]);
+}
+
+/// The columns of the stamps.
+fn stamp_names(log: &Log, clock: &Clock) -> String {
+    let names = clock
+        .columns(&log.table)
+        .into_iter()
+        .map(|k| format!("`{}`", log.table.columns[k].name));
+    names.collect::<Vec<_>>().join(" + ")
+}
+
+fn arrays(t: &mut Table, log: &Log) {
+    for (name, shape) in &log.table.arrays {
+        t.row([log.name(), name.clone(), shape.clone()]);
+    }
 }
 
 fn columns() -> Table {

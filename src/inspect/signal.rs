@@ -2,7 +2,7 @@
 
 use super::numbers::{Vec3, median, norm, quantile};
 use super::turn;
-use super::words::{Words, begins, contains};
+use super::words::{Words, contains, is_called};
 use crate::source::table::Table;
 
 /// A quantity that a filter can use.
@@ -67,6 +67,22 @@ impl Kind {
     }
 }
 
+impl Kind {
+    /// Why a design does not read one.
+    pub(super) const fn why_unused(self) -> &'static str {
+        match self {
+            Self::SpecificForce | Self::AngularRate => "another unit or an odometer drives the filter",
+            Self::MagneticField => "its iron is not known: add a stage `compass` once it is calibrated",
+            Self::Quaternion | Self::Euler => "the estimate of another filter is no measurement",
+            Self::Wheels => "an odometer takes one speed: add a column with the mean of both",
+            Self::Pressure => "a barometer needs an inertial unit with positions that have a height, and air",
+            Self::PositionSigma | Self::VelocitySigma => "the noise is one number in a first design",
+            Self::Depth => "the positions have one",
+            _ => "this design does not need it",
+        }
+    }
+}
+
 /// A quantity in a table.
 #[derive(Clone, Debug)]
 pub struct Signal {
@@ -125,12 +141,18 @@ pub(super) fn factor(unit: &str) -> f64 {
         "us" | "uT" => 1e-6,
         "ns" => 1e-9,
         "hPa" => 100.0,
+        "kPa" => 1e3,
         _ => 1.0,
     }
 }
 
 /// Words of a quantity that was computed from others, by somebody else's filter.
 const DERIVED: [&str; 7] = ["est", "state", "cmd", "odom", "estimate", "kf", "ekf"];
+
+/// Whether the name of a column says that another filter made it.
+pub(super) fn is_derived(column: &str) -> bool {
+    contains(&Words::of(column).stem, &DERIVED)
+}
 
 struct Finder<'a> {
     table: &'a Table,
@@ -140,7 +162,7 @@ struct Finder<'a> {
 
 /// The quantities of a table whose rows come at `rate`.
 pub(super) fn signals(table: &Table, rate: f64) -> Vec<Signal> {
-    let words: Vec<Words> = table.columns.iter().map(|c| Words::of(&c.name)).collect();
+    let words: Vec<Words> = table.columns.iter().map(|c| Words::of(c.called())).collect();
     let mut finder = Finder {
         table,
         words,
@@ -236,23 +258,23 @@ impl Finder<'_> {
         let plain = vec![(x, false), (y, false), (z, false)];
         if let Some(w) = self
             .sibling(x, 'x', 'w')
-            .filter(|_| begins(prefix, &["q", "quat", "quaternion", "orientation"]))
+            .filter(|_| is_called(prefix, &["q", "quat", "quaternion", "orientation"]))
         {
             return self.add(Kind::Quaternion, vec![(w, false), (x, false), (y, false), (z, false)]);
         }
         let kind = match unit {
             Some("m/s^2" | "g" | "mg") => Some(Kind::SpecificForce),
             Some("uT") => Some(Kind::MagneticField),
-            Some("m/s") if begins(prefix, &["dv", "dvel", "deltav"]) => Some(Kind::SpecificForce),
-            Some("m/s") if begins(prefix, &["v", "vel"]) => Some(Kind::BodyVelocity),
-            Some("rad" | "deg") if begins(prefix, &["dth", "dtheta", "dang", "da"]) => Some(Kind::AngularRate),
+            Some("m/s") if is_called(prefix, &["dv", "dvel", "deltav"]) => Some(Kind::SpecificForce),
+            Some("m/s") if is_called(prefix, &["v", "vel"]) => Some(Kind::BodyVelocity),
+            Some("rad" | "deg") if is_called(prefix, &["dth", "dtheta", "dang", "da"]) => Some(Kind::AngularRate),
             Some("rad/s" | "deg/s") => Some(Kind::AngularRate),
-            Some("m") if prefix.is_empty() || begins(prefix, &["p", "pos", "position"]) => Some(Kind::Local),
-            Some("counts") | None if begins(prefix, &["a", "f", "acc", "accel", "accelerometer", "acceleration"]) => {
+            Some("m") if prefix.is_empty() || is_called(prefix, &["p", "pos", "position"]) => Some(Kind::Local),
+            Some("counts") | None if is_called(prefix, &["a", "f", "acc", "accel", "accelerometer", "acceleration"]) => {
                 Some(Kind::SpecificForce)
             }
-            Some("counts") | None if begins(prefix, &["w", "g", "gyr", "gyro", "gyroscope", "omega"]) => Some(Kind::AngularRate),
-            None if begins(prefix, &["m", "mag", "magnetometer"]) => Some(Kind::MagneticField),
+            Some("counts") | None if is_called(prefix, &["w", "g", "gyr", "gyro", "gyroscope", "omega"]) => Some(Kind::AngularRate),
+            None if is_called(prefix, &["m", "mag", "magnetometer"]) => Some(Kind::MagneticField),
             _ => None,
         };
         match kind {
@@ -298,7 +320,7 @@ impl Finder<'_> {
             (Kind::Speed, &["v", "speed"]),
             (Kind::YawRate, &["yawrate", "yaw_rate"]),
             (Kind::Depth, &["depth"]),
-            (Kind::Pressure, &["pressure", "baro"]),
+            (Kind::Pressure, &["pressure", "press", "baro", "p_baro"]),
         ];
         for (kind, names) in singles {
             if let Some(k) = self.one(names) {
@@ -366,7 +388,7 @@ fn settle_by_turns(found: &mut [Signal], table: &Table, rate: f64) {
         signal.map(|s| (s.values(table), name))
     });
     let gyros = found.iter_mut().find(|s| s.kind == Kind::AngularRate && !s.increment);
-    let is_named = |s: &Signal| Words::of(&table.columns[s.columns[0].0].name).unit.is_some();
+    let is_named = |s: &Signal| Words::of(table.columns[s.columns[0].0].called()).unit.is_some();
     let Some(gyros) = gyros.filter(|s| !is_named(s)) else { return };
     let raw: Vec<Vec3> = (0..table.rows()).map(|row| gyros.raw(table, row)).collect();
     let told = directions.iter().flatten();
@@ -418,6 +440,13 @@ fn unit_by_values(s: &Signal, table: &Table, rate: f64) -> Option<(&'static str,
         Kind::Geodetic => ("rad", format!("longitudes reach {:.4}", reach(1))),
         Kind::Euler if reach(2) > core::f64::consts::TAU => ("deg", format!("headings reach {:.1}", reach(2))),
         Kind::Euler => ("rad", format!("headings reach {:.2}", reach(2))),
+        // Nobody lives where the air has less than a third of the pressure at sea level.
+        Kind::Pressure => match length(s, table, 0.5) {
+            m if (3e4..1.2e5).contains(&m) => ("Pa", format!("median {m:.0}")),
+            m if (300.0..1200.0).contains(&m) => ("hPa", format!("median {m:.1}")),
+            m if (30.0..120.0).contains(&m) => ("kPa", format!("median {m:.2}")),
+            _ => return None,
+        },
         Kind::Local | Kind::Depth | Kind::PositionSigma => ("m", "no unit is named".to_owned()),
         Kind::Velocity | Kind::BodyVelocity | Kind::Speed | Kind::VelocitySigma => ("m/s", "no unit is named".to_owned()),
         _ => return None,

@@ -8,8 +8,8 @@ use crate::source::table::Column;
 fn table(columns: &[(&str, &dyn Fn(f64) -> f64)], rows: usize, rate: f64) -> Table {
     let column = |(name, of): &(&str, &dyn Fn(f64) -> f64)| Column {
         name: (*name).to_owned(),
-        first: String::new(),
         values: (0..rows).map(|k| of(k as f64 / rate)).collect(),
+        ..Column::default()
     };
     Table {
         path: "log.csv".into(),
@@ -91,13 +91,36 @@ fn rest_gravity_and_bias_of_a_unit_are_found() {
     // σ √Δt, by 19 differences of three axes: within half.
     let density = 0.0058 / 50_f64.sqrt();
     assert!((0.5..1.5).contains(&(rest.accel_noise / density)), "{rest:?}");
-    assert!(rest.motion.0 > 0.5 && rest.motion.1 > 10.0 * degree, "{rest:?}");
+    assert!(rest.times == 2.0 && rest.passing == 0.0, "{rest:?}");
+}
+
+#[test]
+fn slow_motion_is_no_rest() {
+    // Ten minutes, shaken by 0.01 to 1 m/s² from second to second, as a car that creeps: every strength is there.
+    let strength = |t: f64| 10_f64.powf(-1.0 + noise(t.floor(), 9.0));
+    let mut creeping = unit();
+    creeping.columns = table(
+        &[
+            ("t_s", &|t| t),
+            ("ax", &move |t| strength(t) * noise(t, 1.0)),
+            ("ay", &move |t| strength(t) * noise(t, 2.0)),
+            ("az", &move |t| -9.81 + strength(t) * noise(t, 3.0)),
+            ("gx_dps", &move |t| 5.0 * strength(t) * noise(t, 4.0)),
+            ("gy_dps", &move |t| 5.0 * strength(t) * noise(t, 5.0)),
+            ("gz_dps", &move |t| 5.0 * strength(t) * noise(t, 6.0)),
+        ],
+        30_000,
+        50.0,
+    )
+    .columns;
+    let imu = Imu::of(&Log::of(creeping), &|_| None).unwrap();
+    assert!(imu.rest.is_none(), "{imu:?}");
 }
 
 #[test]
 fn rest_is_where_the_reported_speed_says_so() {
     let log = Log::of(unit());
-    let told = Imu::of(&log, &|t| Some(if t > 40.0 { 0.0 } else { 5.0 })).unwrap().rest.unwrap();
+    let told = Imu::of(&log, &|t| Some(t > 40.0)).unwrap().rest.unwrap();
     assert!(
         (told.first.0 - 40.0).abs() < 1.1 && (told.share - 1.0 / 3.0).abs() < 0.03,
         "{told:?}"
@@ -200,4 +223,207 @@ fn several_recordings_in_a_file_are_named_and_refused() {
     );
     assert!(looked.design(Path::new("/")).is_err());
     assert!(!Inspection::look(vec![Log::of(unit())]).missing().join("\n").contains("goes back"));
+}
+
+/// The line `time = …` of a minute of samples whose stamps are written so: header and cells, of seconds after noon of
+/// 1 May 2024, 13:00 in Paris.
+fn time_of(name: &str, header: &str, delimiter: &str, cells: &dyn Fn(f64) -> String) -> String {
+    let titles = [header, "ax_mps2", "ay_mps2", "az_mps2", "wx_radps", "wy_radps", "wz_radps"];
+    let mut text = titles.join(delimiter) + "\n";
+    for k in 0..3000 {
+        let t = 0.02 * f64::from(k);
+        let samples = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0].map(|seed| 0.01 * noise(t, seed) - if seed == 3.0 { 9.81 } else { 0.0 });
+        let samples: Vec<String> = samples.iter().map(|x| format!("{x:.6}")).collect();
+        text += &format!("{}{delimiter}{}\n", cells(t), samples.join(delimiter));
+    }
+    let path = std::env::temp_dir().join(format!("fusion-inspect-{}-{name}.csv", std::process::id()));
+    std::fs::write(&path, text).unwrap();
+    let looked = Inspection::of(core::slice::from_ref(&path)).unwrap();
+    std::fs::remove_file(path).unwrap();
+    let clock = looked.logs[0].clock.as_ref().unwrap();
+    // In double precision stamps of this century are known to 0.24 us, 1.2e-5 of the interval, at both of its ends.
+    assert!(
+        (clock.rate - 50.0).abs() < 2e-3 && clock.ties == 0 && clock.backwards == 0,
+        "{name}: {clock:?}"
+    );
+    let design = looked.design(Path::new("/")).unwrap();
+    let line = design.lines().find(|l| l.starts_with("time = ")).unwrap_or_default();
+    line.split("  #").next().unwrap_or_default().to_owned()
+}
+
+#[test]
+fn stamps_of_calendars_weeks_and_two_columns_are_declared() {
+    let clock = |t: f64| format!("12:{:02}:{:05.2}", (t / 60.0) as u8, t % 60.0);
+    let noon = "epoch = \"2024-05-01T12:00:00Z\" }";
+    assert_eq!(
+        time_of("iso", "when", ",", &|t| format!("2024-05-01T{}Z", clock(t))),
+        format!("time = {{ column = \"when\", calendar = \"utc\", {noon}")
+    );
+    assert_eq!(
+        time_of("slashes", "stamp", ";", &|t| format!("2024/05/01 {}", clock(t))),
+        format!("time = {{ column = \"stamp\", calendar = \"utc\", {noon}")
+    );
+    assert_eq!(
+        time_of("apart", "date,time", ",", &|t| format!("2024-05-01,{}", clock(t))),
+        format!("time = {{ column = \"time\", date = \"date\", calendar = \"utc\", {noon}")
+    );
+    // 1 May 2024 is a Wednesday of GPS week 2312; GPS time is 18 s ahead of UTC.
+    assert_eq!(
+        time_of("week", "week,tow_s", ",", &|t| format!("2312,{:.2}", 3.5 * 86_400.0 + 18.0 + t)),
+        format!("time = {{ column = \"tow_s\", plus = {{ column = \"week\", each = \"604800 s\" }}, counts_from = \"gps\", {noon}")
+    );
+    let whole = |t: f64| 1_714_564_800 + (t + 1e-9) as u64;
+    assert_eq!(
+        time_of("split", "sec,nanosec", ",", &|t| format!(
+            "{},{:.0}",
+            whole(t),
+            1e7 * (100.0 * ((t + 1e-9) % 1.0)).floor()
+        )),
+        "time = { column = \"sec\", plus = { column = \"nanosec\", each = \"1 ns\" }, epoch = 1714564800 }"
+    );
+}
+
+#[test]
+fn unix_stamps_are_brought_to_a_calendar_beside_them() {
+    let logs = |first: f64| {
+        let mut of_gps = unit();
+        of_gps.columns[0].calendar = Some(crate::source::table::Calendar { scale: "utc", date: None });
+        // 1 May 2024, 12:00 UTC in GPS time.
+        of_gps.columns[0].values.iter_mut().for_each(|t| *t = 1e9 * (*t + 1_398_600_018.0));
+        let mut counted = fixes(-1.0);
+        counted.columns[0].values.iter_mut().for_each(|t| *t += first);
+        Inspection::look(vec![Log::of(of_gps), Log::of(counted)])
+    };
+    for (first, origin) in [(1_714_564_800.0, Origin::Unix), (1_398_600_018.0, Origin::Gps)] {
+        let looked = logs(first);
+        let clock = looked.logs[1].clock.as_ref().unwrap();
+        assert_eq!(clock.origin, origin);
+        assert!((clock.span().0 - 1_398_600_018.0).abs() < 1e-6, "{:?}", clock.span());
+        let design = looked.design(Path::new("/")).unwrap();
+        let name = if origin == Origin::Unix { "unix" } else { "gps" };
+        assert!(design.contains(&format!("counts_from = \"{name}\"")), "{design}");
+    }
+}
+
+/// A file of MATLAB, version 5, with arrays of so many columns.
+fn matlab(arrays: &[(&str, usize, &[f64])]) -> Vec<u8> {
+    let element = |kind: u32, data: &[u8]| {
+        let mut bytes = [kind.to_le_bytes(), (data.len() as u32).to_le_bytes()].concat();
+        bytes.extend_from_slice(data);
+        bytes.resize(bytes.len().next_multiple_of(8), 0);
+        bytes
+    };
+    let whole = |v: [u32; 2]| v.map(u32::to_le_bytes).concat();
+    let mut file = b"MATLAB 5.0 MAT-file".to_vec();
+    file.resize(124, b' ');
+    file.extend_from_slice(&[0, 1, b'I', b'M']);
+    for (name, columns, values) in arrays {
+        let numbers: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        let shape = [(values.len() / columns) as u32, *columns as u32];
+        let parts = [
+            element(6, &whole([6, 0])),
+            element(5, &whole(shape)),
+            element(1, name.as_bytes()),
+            element(9, &numbers),
+        ];
+        file.extend(element(14, &parts.concat()));
+    }
+    file
+}
+
+#[test]
+fn arrays_of_matlab_are_listed_and_declared() {
+    let of = unit();
+    let three = |first: usize| {
+        of.columns[first..first + 3]
+            .iter()
+            .flat_map(|c| c.values.clone())
+            .collect::<Vec<_>>()
+    };
+    let (force, rate) = (three(1), three(4));
+    let samples: [(&str, usize, &[f64]); 2] = [("imu_acc", 3, &force), ("imu_gyr", 3, &rate)];
+    let stamps: (&str, usize, &[f64]) = ("time", 1, &of.columns[0].values);
+    for (more, time) in [
+        (("sampling_rate", 1, &[50.0][..]), "time = { rate = \"50 Hz\" }"),
+        (stamps, "time = { column = \"time\" }"),
+    ] {
+        let path = std::env::temp_dir().join(format!("fusion-inspect-{}-{}.mat", std::process::id(), more.0));
+        std::fs::write(&path, matlab(&[&samples[..], &[more]].concat())).unwrap();
+        let looked = Inspection::of(core::slice::from_ref(&path)).unwrap();
+        std::fs::remove_file(path).unwrap();
+        let arrays = &looked.logs[0].table.arrays;
+        assert!(arrays.contains(&("imu_acc".to_owned(), "3000×3".to_owned())), "{arrays:?}");
+        let design = looked.design(Path::new("/")).unwrap();
+        assert!(design.contains("type = \"mat\"") && design.contains(time), "{design}");
+        assert!(
+            design.contains("specific_force = { columns = [\"imu_acc(:,1)\", \"imu_acc(:,2)\", \"imu_acc(:,3)\"]"),
+            "{design}"
+        );
+    }
+}
+
+#[test]
+fn every_column_is_used_or_named() {
+    let mut odd = unit();
+    let rows = odd.rows();
+    let more: [(&str, &dyn Fn(usize) -> f64); 4] = [
+        ("temperature", &|k| 20.0 + (k % 9) as f64),
+        ("flag", &|_| 3.0),
+        ("est_x", &|k| k as f64),
+        ("note", &|_| f64::NAN),
+    ];
+    odd.columns.extend(more.map(|(name, of)| Column {
+        name: name.to_owned(),
+        values: (0..rows).map(of).collect(),
+        ..Column::default()
+    }));
+    let page = Inspection::look(vec![Log::of(odd)]).page();
+    let section = page.sections.iter().find(|s| s.title == "Not used").unwrap();
+    let said = format!("{section:?}");
+    for words in ["temperature", "no quantity is known", "always 3", "another filter", "no numbers"] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+    assert!(!said.contains("\"ax\""), "{said}");
+}
+
+#[test]
+fn a_pressure_becomes_a_barometer() {
+    let air = table(
+        &[("t", &|t| t), ("pressure_pa", &|t| 1e5 - 6.0 * t + 10.0 * noise(t, 20.0))],
+        300,
+        1.0,
+    );
+    let mut shaken = unit();
+    shaken.path = "imu.csv".into();
+    let looked = Inspection::look(vec![Log::of(shaken), Log::of(fixes(-1.0)), Log::of(air)]);
+    let design = looked.design(Path::new("/")).unwrap();
+    // The first ten seconds are 999.6 to 999.8 hPa, at 100 m: 1.01194 times as much at height zero of the standard atmosphere.
+    assert!(
+        design.contains("type = \"barometer\"") && design.contains("initial = \"1011."),
+        "{design}"
+    );
+}
+
+#[test]
+fn a_heading_that_does_not_follow_the_course_is_not_decided() {
+    let mut looked = Inspection::look(vec![Log::of(fixes(-1.0))]);
+    let mut reference = table(
+        &[
+            ("t", &|t| t),
+            ("roll_rad", &|t| 0.1 * noise(t, 30.0)),
+            ("pitch_rad", &|t| 0.1 * noise(t, 31.0)),
+            ("yaw_rad", &|t| 3.0 * noise(t, 32.0)),
+        ],
+        300,
+        1.0,
+    );
+    reference.path = "ahrs.csv".into();
+    looked.logs.push(Log::of(reference));
+    let looked = Inspection::look(looked.logs);
+    let design = looked.design(Path::new("/")).unwrap();
+    assert!(looked.yaw.is_some_and(|yaw| yaw.agreement < 0.5), "{:?}", looked.yaw);
+    assert!(
+        design.contains("not decided") && design.contains("rpy = [\"roll_rad\", \"pitch_rad\", \"yaw_rad\"], unit"),
+        "{design}"
+    );
 }

@@ -24,6 +24,8 @@ pub struct Track {
     pub way: f64,
     /// By how much a fix is off the line between its neighbours, 1σ of one fix, horizontal \[m\].
     pub scatter: f64,
+    /// The same of a reported velocity \[m/s\].
+    pub velocity_scatter: f64,
     /// Median of the 1σ that is reported, horizontal \[m\].
     pub claimed: Option<f64>,
     /// Slope of the reported velocity over the differences of position, north, east, down.
@@ -105,14 +107,21 @@ impl Track {
                 from = k;
             }
         }
+        // The median length of two equal normal components is 1.177 σ, a quarter is below 0.759 σ: accelerations that change
+        // add less to it.
+        self.scatter = median(self.off(&self.position)) / 1.177;
+        self.velocity_scatter = quantile(self.off(&self.velocity), 0.25) / 0.759;
+    }
+
+    /// By how much values are off the line between their neighbours, horizontal, as long as one error.
+    fn off(&self, values: &[Vec3]) -> Vec<f64> {
         // Of a, b, c with equal intervals, b - (a + c)/2 has the variance 1.5 σ² of white errors.
-        let middle = self.position.windows(3).zip(self.t.windows(3)).filter_map(|(p, t)| {
+        let middle = values.windows(3).zip(self.t.windows(3)).filter_map(|(p, t)| {
             let even = (t[2] - t[1]) / (t[1] - t[0]);
             let off = |i: usize| p[1][i] - 0.5 * (p[0][i] + p[2][i]);
-            (0.8..1.25).contains(&even).then(|| off(0).hypot(off(1)))
+            (0.8..1.25).contains(&even).then(|| off(0).hypot(off(1)) / 1.5_f64.sqrt())
         });
-        // The median length of two equal normal components is 1.177 σ.
-        self.scatter = median(middle) / 1.177 / 1.5_f64.sqrt();
+        middle.collect()
     }
 
     /// The horizontal speed at a time: of the row before it, if it is recent \[m/s\].
@@ -132,6 +141,31 @@ impl Track {
     #[must_use]
     pub fn rate(&self) -> f64 {
         1.0 / median(self.t.windows(2).map(|w| w[1] - w[0]))
+    }
+}
+
+/// The speed of wheels.
+#[derive(Debug)]
+pub(super) struct Odometer {
+    t: Vec<f64>,
+    speed: Vec<f64>,
+}
+
+impl Odometer {
+    /// Of a log with a speed.
+    pub(super) fn of(log: &Log) -> Option<Self> {
+        let speed = log.values(Kind::Speed)?.iter().map(|v| v[0].abs()).collect();
+        let t = log.stamps().to_vec();
+        let is_sound = t.len() > 2 && t.is_sorted();
+        is_sound.then_some(Self { t, speed })
+    }
+
+    /// Whether it stands at a time, by the row before.
+    pub(super) fn stands(&self, t: f64) -> Option<bool> {
+        /// Wheels at rest report a step of the encoder at most [m/s].
+        const STILL: f64 = 0.02;
+        let k = self.t.partition_point(|s| *s <= t).checked_sub(1)?;
+        (t - self.t[k] < 2.0 && self.speed[k].is_finite()).then(|| self.speed[k] < STILL)
     }
 }
 

@@ -10,7 +10,7 @@ pub(super) struct Words {
 }
 
 /// Units as headers write them, without blanks and brackets, and as designs do.
-const UNITS: [(&str, &str); 38] = [
+const UNITS: [(&str, &str); 40] = [
     ("mps2", "m/s^2"),
     ("ms2", "m/s^2"),
     ("m/s2", "m/s^2"),
@@ -45,6 +45,8 @@ const UNITS: [(&str, &str); 38] = [
     ("ut", "uT"),
     ("pa", "Pa"),
     ("hpa", "hPa"),
+    ("mbar", "hPa"),
+    ("kpa", "kPa"),
     ("m2", "m^2"),
     ("m^2", "m^2"),
     ("pa2", "Pa^2"),
@@ -98,8 +100,13 @@ impl Words {
 }
 
 /// Whether a stem begins with one of these words.
-pub(super) fn begins(stem: &str, words: &[&str]) -> bool {
+fn begins(stem: &str, words: &[&str]) -> bool {
     words.contains(&stem.split('_').next().unwrap_or_default()) || words.contains(&stem)
+}
+
+/// Whether a stem begins with one of these words, or has one that is more than a letter or two: `imu_acc`.
+pub(super) fn is_called(stem: &str, words: &[&str]) -> bool {
+    begins(stem, words) || stem.split('_').any(|w| w.len() > 2 && words.contains(&w))
 }
 
 /// Whether one of its words is one of these.

@@ -14,6 +14,13 @@ pub struct Yaw {
 }
 
 impl Yaw {
+    /// Whether the course tells how it counts.
+    pub(super) fn is_decided(&self) -> bool {
+        /// Headings that have nothing to do with the course agree less.
+        const DECIDED: f64 = 0.5;
+        self.agreement >= DECIDED
+    }
+
     /// Of headings \[rad\] at stamps; `None` where the vehicle hardly moves.
     pub(super) fn of(t: &[f64], yaw: &[f64], track: &Track) -> Option<Self> {
         let slowest = 0.5 * track.top_speed();

@@ -84,13 +84,9 @@ impl SourceSpec for MatSpec {
     fn open(&self, context: &OpenContext) -> Result<Box<dyn RowStream>, SourceError> {
         let plan = self.plan()?;
         let file = DataFile::new(&self.path, context);
-        let mut bytes = Vec::new();
-        let wrong = |what: String| DataError::new(file.name(), what);
-        let read = std::io::Read::read_to_end(&mut file.bytes(context)?, &mut bytes);
-        read.map_err(|error| wrong(format!("this file cannot be read: {error}")))?;
-        let variables = format::variables(&bytes).map_err(wrong)?;
+        let variables = variables(&file, context)?;
         let guide = self.time.column.as_deref().or_else(|| plan.columns().next());
-        let rows = Samples::new(variables, guide.unwrap_or_default(), self.time.rate);
+        let rows = Samples::new(variables, guide.unwrap_or_default(), self.time.rate.map(|rate| rate.si()));
         plan.decode(rows, &file, context)
     }
 }
@@ -108,9 +104,74 @@ impl MatSpec {
     }
 }
 
+/// All arrays of a file.
+fn variables(file: &DataFile, context: &OpenContext) -> Result<Vec<Variable>, SourceError> {
+    let mut bytes = Vec::new();
+    let wrong = |what: String| DataError::new(file.name(), what);
+    let read = std::io::Read::read_to_end(&mut file.bytes(context)?, &mut bytes);
+    read.map_err(|error| wrong(format!("this file cannot be read: {error}")))?;
+    Ok(format::variables(&bytes).map_err(wrong)?)
+}
+
+/// A file of which nothing is declared.
+pub(super) struct Undeclared {
+    variables: Vec<Variable>,
+    /// Samples per second, and the name of the number that says so.
+    pub(super) rate: Option<(String, f64)>,
+}
+
+impl Undeclared {
+    pub(super) fn open(file: &DataFile, context: &OpenContext) -> Result<Self, SourceError> {
+        let variables = variables(file, context)?;
+        let rate = variables.iter().find_map(|v| Some((v.name.clone(), rate_of(v)?)));
+        Ok(Self { variables, rate })
+    }
+
+    /// The name of every array, and its shape or what it is instead.
+    pub(super) fn arrays(&self) -> Vec<(String, String)> {
+        let shown = |v: &Variable| match v.content {
+            Content::Other(what) => what.to_owned(),
+            _ => v.shape(),
+        };
+        self.variables.iter().map(|v| (v.name.clone(), shown(v))).collect()
+    }
+
+    /// The samples of arrays of one length, the longest first.
+    pub(super) fn samples(&self) -> Vec<Samples> {
+        /// Shorter ones are parameters.
+        const FEWEST: usize = 10;
+        let arrays = self.variables.iter().filter(|v| !matches!(v.content, Content::Other(_)));
+        let mut guides: Vec<(usize, &str)> = arrays.filter_map(|v| Some((*v.shape.iter().max()?, v.name.as_str()))).collect();
+        guides.retain(|(count, _)| *count >= FEWEST);
+        guides.sort_by_key(|(count, _)| core::cmp::Reverse(*count));
+        guides.dedup_by_key(|(count, _)| *count);
+        let rate = self.rate.as_ref().map(|(_, rate)| *rate);
+        let samples = guides.iter().map(|(_, guide)| Samples::new(self.variables.clone(), guide, rate));
+        samples.collect()
+    }
+}
+
+/// The rate that a single number says by its name.
+fn rate_of(variable: &Variable) -> Option<f64> {
+    let number = match &variable.content {
+        Content::Numbers(numbers) => *numbers.first()?,
+        Content::Integers(numbers) => *numbers.first()? as f64,
+        Content::Other(_) => return None,
+    };
+    let name = variable.name.to_lowercase();
+    let last = name.rsplit(['.', '_']).next()?;
+    let is_single = variable.shape.iter().all(|n| *n == 1);
+    let rate = match last {
+        "rate" | "fs" | "freq" | "frequency" | "hz" => number,
+        "dt" | "ts" => number.recip(),
+        _ => return None,
+    };
+    (is_single && rate > 0.0 && rate.is_finite()).then_some(rate)
+}
+
 /// The samples of some arrays.
 #[derive(Debug)]
-struct Samples {
+pub(super) struct Samples {
     variables: Vec<Variable>,
     columns: Vec<String>,
     /// Where the cells of each column are.
@@ -131,7 +192,7 @@ enum Place {
 
 impl Samples {
     /// The columns as long as the one called `guide`.
-    fn new(variables: Vec<Variable>, guide: &str, rate: Option<Positive<dim::Frequency>>) -> Self {
+    fn new(variables: Vec<Variable>, guide: &str, rate: Option<f64>) -> Self {
         let named = |guide: &str| variables.iter().find(|v| base(guide) == v.name);
         let guide = named(guide).or_else(|| named(guide.trim_start_matches('-')));
         let longest = |v: &Variable| v.shape.iter().copied().max();
@@ -140,7 +201,7 @@ impl Samples {
             variables: Vec::new(),
             columns: Vec::new(),
             places: Vec::new(),
-            interval: rate.map_or(0.0, |rate| rate.si().recip()),
+            interval: rate.map_or(0.0, f64::recip),
             count: count.unwrap_or(0),
             number: 0,
         };
@@ -228,7 +289,6 @@ impl RawRows for Samples {
 
     fn absent(&self, column: &str) -> Option<String> {
         let variable = self.variables.iter().find(|v| v.name == base(column))?;
-        let shape: Vec<String> = variable.shape.iter().map(ToString::to_string).collect();
         let name = &variable.name;
         Some(match variable.content {
             Content::Other(what) => format!("`{name}` is {what}, not an array of numbers"),
@@ -236,10 +296,10 @@ impl RawRows for Samples {
                 let count = self.count;
                 format!(
                     "`{name}` is {}, which is no column of {count} samples: give it a source of its own",
-                    shape.join("×")
+                    variable.shape()
                 )
             }
-            _ => format!("`{name}` is {}", shape.join("×")),
+            _ => format!("`{name}` is {}", variable.shape()),
         })
     }
 }

@@ -7,8 +7,9 @@
 
 use super::OpenContext;
 use super::csv::CsvSpec;
-use super::decode::RawRows;
+use super::decode::{Origin, RawRows, Scale};
 use super::file::DataFile;
+use super::mat::Undeclared;
 use super::rtklib::PosRows;
 use crate::rows::{DataError, SourceError};
 use fusion_models::block::BuildError;
@@ -17,6 +18,8 @@ use std::path::{Path, PathBuf};
 
 /// What may separate the fields of a text file, the usual one first.
 const DELIMITERS: [&str; 3] = [",", ";", "\t"];
+/// What separates them where none of these is in the first line.
+const BLANKS: &str = "blanks";
 
 /// How the rows of a file are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -26,6 +29,8 @@ pub enum Format {
     Csv,
     /// A solution of RTKLIB.
     Rtklib,
+    /// Arrays of MATLAB.
+    Mat,
 }
 
 /// A file as columns of numbers.
@@ -41,6 +46,10 @@ pub struct Table {
     pub header: bool,
     /// Its columns.
     pub columns: Vec<Column>,
+    /// Samples per second, and the name of the number that says so; the first column then holds their nanoseconds.
+    pub rate: Option<(String, f64)>,
+    /// Of arrays, all of the file, each with its shape.
+    pub arrays: Vec<(String, String)>,
     /// Rows that cannot be split into as many cells as there are columns.
     pub malformed: usize,
 }
@@ -52,12 +61,96 @@ pub struct Column {
     pub name: String,
     /// Its first cell as it is written.
     pub first: String,
-    /// The numbers, NaN where a cell is none.
+    /// What it is called where the name holds an index: `imu_acc_y` of `imu.acc(:,2)`.
+    pub label: Option<String>,
+    /// Whether it holds dates with the time of day.
+    pub calendar: Option<Calendar>,
+    /// The numbers, of a calendar nanoseconds of GPS time; NaN where a cell is none.
     pub values: Vec<f64>,
 }
 
+/// Dates with the time of day.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Calendar {
+    /// The scale that is named, as designs write it; `utc` where none is.
+    pub scale: &'static str,
+    /// The column of the date, where the cells hold the time of day alone.
+    pub date: Option<usize>,
+}
+
+/// A second of GPS time as a date and time of day of UTC, such as `2025-07-08T19:34:18Z`.
+#[must_use]
+pub fn utc_text(gps_seconds: i64) -> String {
+    super::decode::utc_text(gps_seconds)
+}
+
+/// Seconds of GPS time of a date and time of day, of UTC where it names no scale.
+#[must_use]
+pub fn gps_of_text(text: &str) -> Option<f64> {
+    Scale::guessed(text).map(|(_, count)| count as f64 * 1e-9)
+}
+
+/// Seconds of GPS time of seconds since 1970-01-01 UTC, to which leap seconds are added; `None` beyond any log.
+#[must_use]
+pub fn gps_of_unix(seconds: f64) -> Option<f64> {
+    let count = Origin::Unix.instant((seconds * 1e9) as i128)?;
+    Some(count as f64 * 1e-9)
+}
+
+impl Column {
+    /// What it is called.
+    #[must_use]
+    pub fn called(&self) -> &str {
+        self.label.as_deref().unwrap_or(&self.name)
+    }
+}
+
+/// `imu_acc_y` of `imu.acc(:,2)`, one of three columns of it; `None` of other counts than three and of four, a quaternion.
+fn label(columns: &[String], name: &str) -> Option<String> {
+    let base = name.split_once('(')?.0;
+    let same: Vec<&String> = columns.iter().filter(|c| c.split('(').next() == Some(base)).collect();
+    let axes = match same.len() {
+        3 => ["x", "y", "z"].as_slice(),
+        4 => ["w", "x", "y", "z"].as_slice(),
+        _ => return None,
+    };
+    let axis = same.iter().position(|c| *c == name)?;
+    Some(format!("{}_{}", base.replace('.', "_"), axes[axis]))
+}
+
 impl Table {
-    /// Reads all of a file.
+    /// Reads all of a file: of arrays of MATLAB a table for each number of samples.
+    ///
+    /// # Errors
+    /// It cannot be opened or read.
+    pub fn read_all(path: &Path) -> Result<Vec<Self>, SourceError> {
+        if path.extension().is_none_or(|e| e != "mat") {
+            return Ok(vec![Self::read(path)?]);
+        }
+        let context = OpenContext::default();
+        let file = Undeclared::open(&DataFile::new(path, &context), &context)?;
+        let table = |rows| {
+            let table = Self {
+                path: path.to_owned(),
+                format: Format::Mat,
+                header: true,
+                rate: file.rate.clone(),
+                ..Self::default()
+            };
+            let mut table = table.filled(rows)?;
+            let names: Vec<String> = table.columns.iter().map(|c| c.name.clone()).collect();
+            table.columns.iter_mut().for_each(|c| c.label = label(&names, &c.name));
+            Ok(table)
+        };
+        let mut tables = file.samples().into_iter().map(table).collect::<Result<Vec<_>, SourceError>>()?;
+        match tables.first_mut() {
+            Some(first) => first.arrays = file.arrays(),
+            None => return Err(DataError::new(path.display().to_string(), "no array has ten samples or more").into()),
+        }
+        Ok(tables)
+    }
+
+    /// Reads all of a table in a file.
     ///
     /// # Errors
     /// It cannot be opened or read.
@@ -80,8 +173,15 @@ impl Table {
                 best = Some((delimiter, names));
             }
         }
-        let (delimiter, names) = best.unwrap_or_default();
-        let header = !names.iter().all(|name| name.parse::<f64>().is_ok());
+        let by_blanks = names(path, BLANKS)?;
+        let best = best.filter(|(_, columns)| columns.len() > 1 || by_blanks.len() < 2);
+        let (delimiter, names) = best.unwrap_or((BLANKS, by_blanks));
+        // Not a number but a stamp: a time of day may stand beside its date.
+        let is_stamp = |name: &String| Scale::guessed(name).is_some() || names.iter().any(|day| Scale::guessed_of_day(day, name).is_some());
+        let is_date = |name: &String| names.iter().any(|time| Scale::guessed_of_day(name, time).is_some());
+        let header = !names
+            .iter()
+            .all(|name| name.parse::<f64>().is_ok() || is_stamp(name) || is_date(name));
         let table = Self {
             path: path.to_owned(),
             delimiter: delimiter.to_owned(),
@@ -109,12 +209,34 @@ impl Table {
             self.malformed += 1;
             return;
         }
+        if self.rows() == 0 {
+            for (k, column) in self.columns.iter_mut().enumerate() {
+                column.first = row.cell(k).shown().into_owned();
+            }
+            self.find_calendars();
+        }
         for (k, column) in self.columns.iter_mut().enumerate() {
             let cell = row.cell(k);
-            if column.values.is_empty() {
-                column.first = cell.shown().into_owned();
-            }
-            column.values.push(cell.number().unwrap_or(f64::NAN));
+            let number = match &column.calendar {
+                None => cell.number(),
+                Some(calendar) => instant(calendar, row, k).map(|count| count as f64),
+            };
+            column.values.push(number.unwrap_or(f64::NAN));
+        }
+    }
+
+    /// Which columns hold dates, by their first cells.
+    fn find_calendars(&mut self) {
+        let first: Vec<String> = self.columns.iter().map(|c| c.first.clone()).collect();
+        for (column, text) in self.columns.iter_mut().zip(&first) {
+            let whole = Scale::guessed(text).map(|(scale, _)| (scale, None));
+            let apart = || {
+                let days = first.iter().enumerate();
+                days.filter_map(|(k, day)| Some((Scale::guessed_of_day(day, text)?.0, Some(k))))
+                    .next()
+            };
+            let found = whole.or_else(apart);
+            column.calendar = found.map(|(scale, date)| Calendar { scale: scale.name(), date });
         }
     }
 
@@ -123,6 +245,16 @@ impl Table {
     pub fn rows(&self) -> usize {
         self.columns.first().map_or(0, |c| c.values.len())
     }
+}
+
+/// The instant in a column of the row at hand, in nanoseconds of GPS time.
+fn instant(calendar: &Calendar, row: &impl RawRows, column: usize) -> Option<i128> {
+    let text = row.cell(column).shown();
+    let read = match calendar.date {
+        None => Scale::guessed(&text),
+        Some(date) => Scale::guessed_of_day(&row.cell(date).shown(), &text),
+    };
+    Some(read?.1)
 }
 
 /// The first line, cell by cell.

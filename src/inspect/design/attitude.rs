@@ -92,8 +92,8 @@ impl Inspection {
         text.table("stage.still");
         text.line("type = \"stationarity\"\nsource = \"imu\"\nrate = \"1 Hz\"", "");
         text.line(
-            &format!("still = {}", super::strapdown::still(rest, 2.0, "1 s")),
-            "guessed: twice what 95 % of the windows at rest stay below",
+            &format!("still = {}", super::strapdown::still(rest, "1 s")),
+            &super::strapdown::limits(rest),
         );
         text.table("sensor.still");
         text.line("type = \"zero_angular_rate\"\nsource = \"still\"", "");

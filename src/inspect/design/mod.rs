@@ -12,6 +12,7 @@ use self::toml::Text;
 use super::signal::Kind::{AngularRate, Euler, Local, SpecificForce, Speed, YawRate};
 use super::{Inspection, Log, Track};
 use crate::config::Diagnostic;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Slower units cannot be integrated \[Hz\].
@@ -38,13 +39,17 @@ impl Inspection {
     /// # Errors
     /// What is missing, in words.
     pub fn design(&self, folder: &Path) -> Result<String, Diagnostic> {
-        let resets = |log: &Log| log.clock.as_ref().is_some_and(|c| c.resets > 0);
-        let driver = self.driver().filter(|_| !self.logs.iter().any(resets));
-        let Some(driver) = driver else {
+        self.written(folder).map(|(text, _)| text).ok_or_else(|| {
             let what = Diagnostic::error("no design can be guessed from these files");
             let lacks = self.missing().into_iter().map(|m| format!("missing: {m}"));
-            return Err(lacks.fold(what, Diagnostic::and_help));
-        };
+            lacks.fold(what, Diagnostic::and_help)
+        })
+    }
+
+    /// A first design, and the columns that it reads, each by the numbers of its log and its own.
+    pub(super) fn written(&self, folder: &Path) -> Option<(String, BTreeSet<(usize, usize)>)> {
+        let resets = |log: &Log| log.clock.as_ref().is_some_and(|c| c.resets > 0);
+        let driver = self.driver().filter(|_| !self.logs.iter().any(resets))?;
         let mut text = Text::default();
         self.head(&mut text, folder, driver);
         match driver {
@@ -54,7 +59,7 @@ impl Inspection {
             Driver::Gyros => self.attitude(&mut text),
         }
         self.judge(&mut text);
-        Ok(text.finish())
+        Some(text.finish())
     }
 
     fn driver(&self) -> Option<Driver> {

@@ -76,6 +76,7 @@ impl Inspection {
         ));
         let name = format!("{sign}{}", self.logs[*k].table.columns[column].name);
         self.source(text, "turn", *k, &[], "");
+        text.reads(*k, [column]);
         text.line(
             &format!(
                 "yaw_rate = {{ column = {}, unit = \"{}\" }}",

@@ -41,7 +41,7 @@ impl Inspection {
         }
         let known = self.yaw.filter(|y| y.agreement > 0.8);
         let sigma = if known.is_some() { "10 deg" } else { "100 deg" };
-        let left = self.yaw.map_or(0.0, |y| {
+        let left = self.yaw.filter(crate::inspect::Yaw::is_decided).map_or(0.0, |y| {
             let degrees = y.offset.to_degrees();
             degrees - 90.0 * (degrees / 90.0).round()
         });

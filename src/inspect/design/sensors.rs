@@ -2,7 +2,10 @@
 
 use super::toml::Text;
 use super::{WITHHELD, is_local, track_stride};
-use crate::inspect::signal::Kind::{self, BodyVelocity, Depth, Euler, Geodetic, Local, PositionSigma, Quaternion, Velocity, VelocitySigma};
+use crate::inspect::numbers::median;
+use crate::inspect::signal::Kind::{
+    self, BodyVelocity, Depth, Euler, Geodetic, Local, PositionSigma, Pressure, Quaternion, Velocity, VelocitySigma,
+};
 use crate::inspect::{Inspection, Log, Track};
 
 /// Positions whose fixes differ by less are of centimetre grade \[m\].
@@ -130,12 +133,19 @@ impl Inspection {
             let offset = format!("time_offset = {{ estimate = true, initial = \"{lag:.2} s\", sigma = \"50 ms\" }}");
             text.line(&offset, "guessed: rate of the course against the gyros");
         }
-        let claimed = log
-            .values(VelocitySigma)
-            .map(|s| crate::inspect::numbers::median(s.iter().map(|s| 0.5 * (s[0] + s[1]))));
+        let claimed = log.values(VelocitySigma).map(|s| median(s.iter().map(|s| 0.5 * (s[0] + s[1]))));
+        // Neighbours share a part of their error, which their scatter does not show.
+        let scatter = 3.0 * track.velocity_scatter;
         let (sigma, why) = match claimed {
-            Some(c) => (c.max(0.05), format!("guessed: the 1σ reported, {c:.3} m/s")),
-            None => (0.1, "guessed: what receivers usually reach".to_owned()),
+            Some(c) if !(scatter < c) => (c.max(0.05), format!("guessed: the 1σ reported, {c:.3} m/s")),
+            _ if scatter.is_finite() => (
+                scatter.clamp(0.05, 0.5),
+                format!(
+                    "guessed: three times the scatter of neighbouring velocities, {:.3} m/s",
+                    track.velocity_scatter
+                ),
+            ),
+            _ => (0.1, "guessed: what receivers usually reach".to_owned()),
         };
         text.line(
             &format!(
@@ -169,6 +179,44 @@ impl Inspection {
             text.section("positions: about one a second is used, the others judge");
         }
         self.source(text, "gnss", *k, &[place(log), Velocity], &more);
+    }
+
+    /// A barometer, where the air has a pressure and positions have a height.
+    pub(super) fn barometer(&self, text: &mut Text) {
+        let is_wet = self.with(Depth).is_some() || self.with(BodyVelocity).is_some();
+        let Some((k, (_, track))) = self
+            .with(Pressure)
+            .zip(self.position.as_ref())
+            .filter(|_| !is_wet && self.has_height())
+        else {
+            return;
+        };
+        let log = &self.logs[k];
+        let (Some(values), Some(origin)) = (log.values(Pressure), track.origin) else {
+            return;
+        };
+        let pressures: Vec<f64> = values.iter().map(|v| v[0]).collect();
+        // What a barometer at the first position would read at height zero of the standard atmosphere (ISO 2533).
+        let at_sea = median(pressures.iter().take(10).copied()) / (1.0 - 6.5e-3 * origin[2] / 288.15).powf(5.255_88);
+        let changed: Vec<f64> = pressures.windows(2).filter(|w| w[0] != w[1]).map(|w| w[1]).collect();
+        // Of three in a row with white errors, as of positions; a normal number is below 0.674 σ half of the time.
+        let off = changed.windows(3).map(|p| (p[1] - 0.5 * (p[0] + p[2])).abs());
+        let scatter = median(off) / 0.674 / 1.5_f64.sqrt();
+        let sigma = if scatter.is_finite() { scatter.max(3.0) } else { 10.0 };
+        text.table("sensor.barometer");
+        text.line("type = \"barometer\"\nsource = \"barometer\"", "");
+        text.line(
+            &format!(
+                "sea_level_pressure = {{ estimate = true, initial = \"{:.2} hPa\", sigma = \"2 hPa\", random_walk = \"2 Pa/sqrt(s)\" }}",
+                0.01 * at_sea
+            ),
+            "guessed: so that the first pressure is that of the first height; the weather moves it",
+        );
+        text.line(
+            &format!("noise = {{ sigma = \"{sigma:.1} Pa\" }}"),
+            "guessed: the scatter of neighbouring pressures; 3 Pa, a quarter of a metre, at least",
+        );
+        self.source(text, "barometer", k, &[Pressure], "");
     }
 
     /// A Doppler log and a depth, where there are.

@@ -5,8 +5,8 @@ use crate::inspect::log::Log;
 use crate::inspect::pair::{cross, horizontal};
 use crate::inspect::signal::{Kind, Signal};
 use crate::inspect::words::{Words, contains};
-use crate::inspect::{Clock, Inspection};
-use crate::source::table::Format;
+use crate::inspect::{Clock, Form, Inspection, Origin};
+use crate::source::table::{Format, utc_text};
 
 /// Repeated rows above this share are not measurements of their own.
 const REPEATED: f64 = 0.1;
@@ -15,18 +15,18 @@ const ZEROS: f64 = 0.01;
 /// Clocks that move apart by more over the log than can be seen are brought together \[s\].
 const DRIFT: f64 = 0.05;
 
-/// Whether it is read as a solution of RTKLIB, which names its stamps itself.
-fn is_solution(log: &Log) -> bool {
-    log.table.format == Format::Rtklib
-}
-
 impl Inspection {
     /// `[source.NAME]` with the channels of these kinds, and a line more.
     pub(super) fn source(&self, text: &mut Text, name: &str, k: usize, kinds: &[Kind], more: &str) {
         let log = &self.logs[k];
         let Some(clock) = &log.clock else { return };
         text.table(&format!("source.{name}"));
-        text.quoted("type", if is_solution(log) { "rtklib" } else { "csv" });
+        let kind = match log.table.format {
+            Format::Csv => "csv",
+            Format::Rtklib => "rtklib",
+            Format::Mat => "mat",
+        };
+        text.quoted("type", kind);
         let path = log.table.path.strip_prefix(self.common()).unwrap_or(&log.table.path);
         text.quoted("path", &path.display().to_string());
         if log.table.format == Format::Csv && log.table.delimiter != "," {
@@ -40,7 +40,8 @@ impl Inspection {
         }
         self.time(text, name, log, clock);
         let signals: Vec<&Signal> = kinds.iter().filter_map(|kind| log.signal(*kind)).collect();
-        self.rows(text, log, &signals);
+        self.rows(text, k, &signals);
+        text.reads(k, signals.iter().flat_map(|s| s.columns.iter().map(|c| c.0)));
         if name == "imu" || name == "attitude_reference" {
             let increments = signals.iter().any(|s| s.increment);
             text.line(&format!("rate = \"{:.3} Hz\"", clock.rate), "the median interval");
@@ -59,15 +60,34 @@ impl Inspection {
 
     fn time(&self, text: &mut Text, name: &str, log: &Log, clock: &Clock) {
         let mut parts = Vec::new();
-        if !is_solution(log) {
-            parts.push(format!("column = {}", quoted(&log.table.columns[clock.column].name)));
-            if clock.unit != "s" {
+        let name_of = |column: usize| quoted(&log.table.columns[column].name);
+        if clock.form == Form::Even {
+            parts.push(format!("rate = \"{} Hz\"", clock.rate));
+        } else if log.table.format != Format::Rtklib {
+            parts.push(format!("column = {}", name_of(clock.column)));
+            if let Some(calendar) = &log.table.columns[clock.column].calendar {
+                parts.extend(calendar.date.map(|date| format!("date = {}", name_of(date))));
+                parts.push(format!("calendar = \"{}\"", calendar.scale));
+            } else if clock.unit != "s" {
                 parts.push(format!("unit = \"{}\"", clock.unit));
+            }
+            if let Form::Sum { second, each } = clock.form {
+                parts.push(format!("plus = {{ column = {}, each = \"{each}\" }}", name_of(second)));
+            }
+            if clock.form != Form::Calendar {
+                match clock.origin {
+                    Origin::Unknown => {}
+                    Origin::Gps => parts.push("counts_from = \"gps\"".to_owned()),
+                    Origin::Unix => parts.push("counts_from = \"unix\"".to_owned()),
+                }
             }
         }
         let begin = self.begin().floor();
         if begin > 1e6 {
-            parts.push(format!("epoch = {}", epoch(begin, clock.unit)));
+            parts.push(match clock.origin {
+                Origin::Unknown => format!("epoch = {}", epoch(begin, clock.unit)),
+                _ => format!("epoch = \"{}\"", utc_text(begin as i64)),
+            });
         }
         if clock.shift != 0.0 {
             parts.push(format!("offset = \"{:.2} s\"", clock.shift));
@@ -85,9 +105,13 @@ impl Inspection {
             return;
         }
         let mut why = match log.table.format {
-            Format::Csv => vec![format!("unit: {}", clock.why)],
-            Format::Rtklib => vec!["an epoch is in nanoseconds of GPS time".to_owned()],
+            Format::Csv | Format::Mat if clock.form == Form::Count => vec![format!("unit: {}", clock.why)],
+            Format::Csv | Format::Mat => vec![clock.why.clone()],
+            Format::Rtklib => Vec::new(),
         };
+        if clock.origin == Origin::Unix {
+            why.push("counted since 1970, guessed: so it is of the time of the other files".to_owned());
+        }
         if clock.shift != 0.0 {
             why.push("offset guessed: there its turns agree with the positions".to_owned());
         }
@@ -106,7 +130,8 @@ impl Inspection {
     }
 
     /// Which rows are used.
-    fn rows(&self, text: &mut Text, log: &Log, signals: &[&Signal]) {
+    fn rows(&self, text: &mut Text, k: usize, signals: &[&Signal]) {
+        let log = &self.logs[k];
         if log.table.malformed > 0 || signals.iter().any(|s| log.missing(s) > 0.0) {
             text.line("bad_rows = \"skip\"", "some rows are cut off or lack numbers");
         }
@@ -117,7 +142,8 @@ impl Inspection {
         }
         let position = signals.iter().find(|s| matches!(s.kind, Kind::Geodetic | Kind::Local));
         let Some(position) = position else { return };
-        if let Some((condition, why)) = validity(log, position) {
+        if let Some((column, condition, why)) = validity(log, position) {
+            text.reads(k, [column]);
             text.line(&format!("valid = {{ {condition} }}"), &why);
         }
     }
@@ -143,7 +169,7 @@ impl Inspection {
                 body
             }
             Kind::Velocity | Kind::BodyVelocity | Kind::PositionSigma | Kind::VelocitySigma => columns,
-            Kind::Speed | Kind::YawRate | Kind::Depth => format!("column = {}{}", quoted(&names[0]), unit(&signal.unit)),
+            Kind::Speed | Kind::YawRate | Kind::Depth | Kind::Pressure => format!("column = {}{}", quoted(&names[0]), unit(&signal.unit)),
             Kind::Geodetic => {
                 // No sensor uses the height where there is none: the column that is nearest to zero stands for it.
                 let height = names.get(2).cloned().unwrap_or_else(|| smallest(log));
@@ -174,8 +200,11 @@ impl Inspection {
                 let body = if log.has(Kind::Geodetic) { String::new() } else { self.axes() };
                 format!("quaternion = {}{world}{body}", array(&names))
             }
-            Kind::Euler => self.euler(&names, &signal.unit),
-            Kind::Wheels | Kind::Pressure => return,
+            Kind::Euler => {
+                self.undecided_heading(text, &names);
+                self.euler(&names, &signal.unit)
+            }
+            Kind::Wheels => return,
         };
         text.line(
             &format!("{} = {{ {body} }}", channel_name(signal.kind)),
@@ -183,9 +212,26 @@ impl Inspection {
         );
     }
 
+    /// The choices where the course does not tell how the heading counts.
+    fn undecided_heading(&self, text: &mut Text, names: &[String]) {
+        let Some(yaw) = self.yaw.filter(|yaw| !yaw.is_decided()) else {
+            return;
+        };
+        text.comment(&format!(
+            "not decided: the heading agrees with the course to {:.2} of 1 only. It is read as clockwise from north:",
+            yaw.agreement
+        ));
+        let against = [names[0].clone(), format!("-{}", names[1]), format!("-{}", names[2])];
+        text.comment(&format!(
+            "`rpy = {}`; if it counts anti-clockwise from east: `rpy = {}` with `offset = [0, 0, \"90 deg\"]`",
+            array(names),
+            array(&against)
+        ));
+    }
+
     /// Roll, pitch, yaw: as of an aeroplane, or of axes forward, left, up where the heading counts anti-clockwise.
     fn euler(&self, names: &[String], unit: &str) -> String {
-        let Some(yaw) = self.yaw else {
+        let Some(yaw) = self.yaw.filter(|yaw| yaw.is_decided()) else {
             return format!("rpy = {}, unit = \"{unit}\"", array(names));
         };
         // To a quarter turn: the rest is how the instrument is mounted.
@@ -272,16 +318,16 @@ fn epoch(seconds: f64, unit: &str) -> String {
     format!("{seconds:.0}{}", "0".repeat(zeros))
 }
 
-/// The condition on which a position is one, and why.
-fn validity(log: &Log, position: &Signal) -> Option<(String, String)> {
-    let words: Vec<Words> = log.table.columns.iter().map(|c| Words::of(&c.name)).collect();
+/// The column that tells a position from none, the condition, and why.
+fn validity(log: &Log, position: &Signal) -> Option<(usize, String, String)> {
+    let words: Vec<Words> = log.table.columns.iter().map(|c| Words::of(c.called())).collect();
     let first = words[position.columns[0].0].stem.split('_').next().unwrap_or_default().to_owned();
     let flag = words
         .iter()
         .position(|w| contains(&w.stem, &["valid"]) && w.stem.starts_with(&first));
     if let Some(k) = flag {
         let name = quoted(&log.table.columns[k].name);
-        return Some((format!("column = {name}, equals = 1"), "guessed by its name".to_owned()));
+        return Some((k, format!("column = {name}, equals = 1"), "guessed by its name".to_owned()));
     }
     let quality = words
         .iter()
@@ -292,6 +338,7 @@ fn validity(log: &Log, position: &Signal) -> Option<(String, String)> {
         if others > 0 && usual.fract() == 0.0 {
             let name = quoted(&log.table.columns[k].name);
             return Some((
+                k,
                 format!("column = {name}, equals = {usual}"),
                 format!("guessed: the usual one; {others} rows have another"),
             ));
@@ -307,5 +354,5 @@ fn validity(log: &Log, position: &Signal) -> Option<(String, String)> {
     // A third column that is zero wherever the others are tells a fix from none.
     let (k, is_against) = *position.columns.get(2)?;
     let name = quoted(&log.table.columns[k].name);
-    (!is_against).then(|| (format!("column = {name}, at_least = 0.001"), share))
+    (!is_against).then(|| (k, format!("column = {name}, at_least = 0.001"), share))
 }

@@ -21,6 +21,7 @@ impl Inspection {
         let is_car = self.is_road_vehicle();
         text.section("aids");
         self.position_sensors(text, true);
+        self.barometer(text);
         if is_car {
             self.road(text, imu);
         }
@@ -40,7 +41,11 @@ impl Inspection {
     pub(super) fn ahead(&self) -> String {
         let found = self.pair.and_then(|p| p.forward).filter(|(_, c)| *c > 0.6);
         found.map_or_else(
-            || "guessed: the first horizontal axis is ahead; nothing here tells it".to_owned(),
+            || {
+                "not decided: nothing here tells which axis is ahead, the first horizontal one is taken. For another one turn \
+                 `rotation` about the vertical: of [\"x\", \"y\", \"z\"] to [\"y\", \"-x\", \"z\"] or [\"-x\", \"-y\", \"z\"]"
+                    .to_owned()
+            },
             |(angle, c)| {
                 let rest = angle.to_degrees() - 90.0 * (angle.to_degrees() / 90.0).round();
                 format!("guessed: ahead by forces and accelerations of the track (correlation {c:.2}), to a quarter turn; {rest:.1} deg are left")
@@ -54,7 +59,7 @@ impl Inspection {
         let (force, rate) = (shaken(|r| r.accel_noise, FLOOR.0), shaken(|r| r.gyro_noise, FLOOR.1));
         let why = |measured: Option<f64>| match measured {
             Some(m) => format!("guessed: three times the {m:.1e} at rest, or the least that a shaken unit has"),
-            None => "guessed: it never rests; what a shaken unit has".to_owned(),
+            None => "guessed: no rest in this log; what a shaken unit has".to_owned(),
         };
         text.line(
             &format!("gyro.noise = \"{rate:.1e} rad/s/sqrt(Hz)\""),
@@ -132,13 +137,10 @@ impl Inspection {
                     "gyro_bias_sigma = \"0.05 deg/s\"",
                     "guessed: the mean at rest, less what motion changes",
                 );
-                text.line(
-                    &format!("still = {}", still(r, 2.0, "1 s")),
-                    "guessed: twice what 95 % of the windows at rest stay below",
-                );
+                text.line(&format!("still = {}", still(r, "1 s")), &limits(r));
             }
             None => {
-                text.line("duration = \"1 s\"", "guessed: it never rests");
+                text.line("duration = \"1 s\"", "guessed: nothing in this log can be told from motion as rest");
                 text.line("tilt_sigma = \"5 deg\"", "guessed: the force of motion");
             }
         }
@@ -178,10 +180,7 @@ impl Inspection {
         );
         text.table("stage.standing");
         text.line("type = \"stationarity\"\nsource = \"imu\"\nrate = \"1 Hz\"\npersist = 5", "");
-        text.line(
-            &format!("still = {}", still(rest, 1.5, "1 s")),
-            "guessed: half as much again as 95 % of the windows at rest",
-        );
+        text.line(&format!("still = {}", still(rest, "1 s")), &limits(rest));
         text.line("max_mean_acceleration = \"0.2 m/s^2\"", "guessed: braking is no rest");
         text.line(
             "gnss = { source = \"gnss\", max_speed = \"0.2 m/s\", max_age = \"1.6 s\" }",
@@ -197,10 +196,19 @@ impl Inspection {
     }
 }
 
+/// Where the limits of the test of rest are from.
+pub(super) fn limits(r: &Rest) -> String {
+    let share = if r.passing.is_nan() { 0.0 } else { 100.0 * r.passing };
+    format!(
+        "guessed: {} × what 95 % of the windows at rest stay below; {share:.1} % of those in motion pass",
+        r.times
+    )
+}
+
 /// The limits of the test of rest.
-pub(super) fn still(r: &Rest, times: f64, window: &str) -> String {
+pub(super) fn still(r: &Rest, window: &str) -> String {
     let list = |v: [f64; 3], unit: &str| {
-        let all = v.map(|x| format!("\"{:.5} {unit}\"", times * x));
+        let all = v.map(|x| format!("\"{:.5} {unit}\"", r.times * x));
         format!("[{}]", all.join(", "))
     };
     format!(

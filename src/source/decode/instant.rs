@@ -45,7 +45,7 @@ pub(in super::super) enum Scale {
 
 impl Origin {
     /// A count of nanoseconds as an instant; `None` beyond any log.
-    pub(super) fn instant(self, count: i128) -> Option<i128> {
+    pub(in super::super) fn instant(self, count: i128) -> Option<i128> {
         match self {
             Self::Gps => Some(count),
             Self::Unix => (count.abs() < LARGEST).then(|| {
@@ -97,6 +97,26 @@ impl Scale {
         Ok(self.named(date, time)?.1)
     }
 
+    /// The scale that a text of which nothing is declared names, by default UTC, and the instant.
+    pub(in super::super) fn guessed(text: &str) -> Option<(Self, i128)> {
+        let (date, time) = parts_of(text).ok()?;
+        Self::guessed_of_day(date, time)
+    }
+
+    /// As [`guessed`](Self::guessed), of date and time of day apart.
+    pub(in super::super) fn guessed_of_day(date: &str, time: &str) -> Option<(Self, i128)> {
+        Self::Utc.named(date, time).ok()
+    }
+
+    /// As designs write it.
+    pub(in super::super) const fn name(self) -> &'static str {
+        match self {
+            Self::Utc => "utc",
+            Self::Gps => "gps",
+            Self::Tai => "tai",
+        }
+    }
+
     /// The instant of nanoseconds since 1980-01-06 of this calendar; `None` beyond any log.
     pub(in super::super) fn of_count(self, count: i128) -> Option<i128> {
         match self {
@@ -134,6 +154,13 @@ impl Scale {
             Self::Tai => TimeScale::TAI,
         }
     }
+}
+
+/// A second of GPS time as a date and time of day of UTC, such as `2025-07-08T19:34:18Z`.
+pub(in super::super) fn utc_text(gps_seconds: i64) -> String {
+    let instant = Epoch::from_gpst_duration(Duration::from_total_nanoseconds(i128::from(gps_seconds) * SECOND));
+    let (year, month, day, hour, minute, second, _) = instant.to_gregorian_utc();
+    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
 }
 
 /// Days of the calendar since 1970-01-01.

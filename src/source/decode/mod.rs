@@ -31,7 +31,7 @@ mod stream;
 mod tests;
 
 pub(super) use clock::decimal_nanos;
-pub(super) use instant::{Origin, Scale};
+pub(super) use instant::{Origin, Scale, utc_text};
 pub(super) use one_or_many::OneOrMany;
 pub(super) use plan::Plan;
 pub(super) use raw::{Cell, Malformed, RawRows};

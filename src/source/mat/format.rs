@@ -22,6 +22,14 @@ pub(super) struct Variable {
     pub(super) content: Content,
 }
 
+impl Variable {
+    /// Its dimensions, such as `5×3`.
+    pub(super) fn shape(&self) -> String {
+        let sizes: Vec<String> = self.shape.iter().map(ToString::to_string).collect();
+        sizes.join("×")
+    }
+}
+
 /// What an array holds, the first index the fastest.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Content {
