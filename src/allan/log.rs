@@ -3,8 +3,9 @@
 use crate::config::{Diagnostic, Diagnostics, Node, Place};
 use crate::inspect::Clock;
 use crate::rows::{DataError, SourceError, width};
-use crate::source::table::Table;
+use crate::source::table::{Table, gps_of_text};
 use crate::source::{OpenContext, SourceSpec};
+use core::ops::Range;
 use flate2::bufread::MultiGzDecoder;
 use fusion_models::registry::{self, Role};
 use fusion_models::vocabulary::channel;
@@ -47,12 +48,60 @@ pub struct Columns {
     pub factor: f64,
 }
 
+/// A time in a log.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Moment {
+    /// Seconds from the first sample on.
+    Elapsed(f64),
+    /// A stamp \[s\], of a calendar or of GPS weeks in GPS time.
+    Stamp(f64),
+}
+
+impl Moment {
+    /// `120` from the beginning, `@1520530308.5` as a stamp in seconds, `2025-07-08T19:34:18Z` as one of a calendar.
+    #[must_use]
+    pub fn parse(text: &str) -> Option<Self> {
+        let number = |text: &str| text.parse().ok().filter(|x: &f64| x.is_finite());
+        match text.strip_prefix('@') {
+            Some(stamp) => number(stamp).map(Self::Stamp),
+            None => number(text).map(Self::Elapsed).or_else(|| gps_of_text(text).map(Self::Stamp)),
+        }
+    }
+
+    /// Its stamp in a log that begins at `first`.
+    const fn of(self, first: f64) -> f64 {
+        match self {
+            Self::Elapsed(since) => first + since,
+            Self::Stamp(stamp) => stamp,
+        }
+    }
+}
+
+/// The part of a log that is used.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Part {
+    /// Samples before are left out.
+    pub from: Option<Moment>,
+    /// The first sample at or after ends it.
+    pub to: Option<Moment>,
+}
+
+impl Part {
+    /// The samples of the part, by their stamps.
+    fn of(self, times: &[f64]) -> Range<usize> {
+        let first = times.first().copied().unwrap_or_default();
+        let place = |moment: Moment| times.partition_point(|t| *t < moment.of(first));
+        let (begin, end) = (self.from.map_or(0, place), self.to.map_or(times.len(), place));
+        begin.min(end)..end
+    }
+}
+
 /// The inertial channels of the sources that a design declares under `[source]`, each opened as the
 /// design says. `only` is the name of the only source to read.
 ///
 /// # Errors
 /// Mistakes of the declarations, of the data; no inertial channel.
-pub fn declared(root: &Node, data_dir: &Path, only: Option<&str>) -> Result<Vec<Log>, Diagnostics> {
+pub fn declared(root: &Node, data_dir: &Path, only: Option<&str>, part: Part) -> Result<Vec<Log>, Diagnostics> {
     fusion_models::link();
     let sources = root.get("source").map_or(&[][..], Node::entries);
     let names: Vec<&str> = sources.iter().map(|s| s.key.as_str()).collect();
@@ -72,7 +121,7 @@ pub fn declared(root: &Node, data_dir: &Path, only: Option<&str>) -> Result<Vec<
         let Some(spec) = node.read_block::<dyn SourceSpec>("source", &registry::names(Role::Source), &mut d) else {
             continue;
         };
-        match read(spec.as_ref(), &context) {
+        match read(spec.as_ref(), &context, part) {
             Ok(found) => logs.extend(found),
             Err(error) => d.extend(error.diagnostics(&node)),
         }
@@ -87,7 +136,7 @@ pub fn declared(root: &Node, data_dir: &Path, only: Option<&str>) -> Result<Vec<
 }
 
 /// The inertial channels of one source.
-fn read(spec: &dyn SourceSpec, context: &OpenContext) -> Result<Vec<Log>, SourceError> {
+fn read(spec: &dyn SourceSpec, context: &OpenContext, part: Part) -> Result<Vec<Log>, SourceError> {
     let wanted = [
         (Instrument::Gyro, channel::ANGULAR_RATE),
         (Instrument::Accelerometer, channel::SPECIFIC_FORCE),
@@ -114,8 +163,8 @@ fn read(spec: &dyn SourceSpec, context: &OpenContext) -> Result<Vec<Log>, Source
             axes.iter_mut().zip(&row[*at..]).for_each(|(axis, x)| axis.push(*x));
         }
     }
-    let Some((piece, interval, gaps)) = longest_piece(&times) else {
-        return Err(DataError::new(&context.name, "there are fewer than three samples").into());
+    let Some((piece, interval, gaps)) = longest_piece(&times, part) else {
+        return Err(DataError::new(&context.name, "there are fewer than three samples, or between `--from` and `--to`").into());
     };
     let log = |((instrument, _), axes): (&(Instrument, usize), [Vec<f64>; 3])| Log {
         instrument: *instrument,
@@ -127,9 +176,11 @@ fn read(spec: &dyn SourceSpec, context: &OpenContext) -> Result<Vec<Log>, Source
     Ok(found.iter().zip(samples).map(log).collect())
 }
 
-/// The longest piece without a gap, its mean interval, and how many gaps there are: intervals of more
+/// The longest piece of a part without a gap, its mean interval, and how many gaps there are: intervals of more
 /// than one and a half times the median, which a missing sample makes two.
-fn longest_piece(times: &[f64]) -> Option<(core::ops::Range<usize>, f64, usize)> {
+fn longest_piece(all: &[f64], part: Part) -> Option<(Range<usize>, f64, usize)> {
+    let part = part.of(all);
+    let times = &all[part.clone()];
     let intervals: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let mut sorted = intervals.clone();
     sorted.sort_by(f64::total_cmp);
@@ -142,7 +193,8 @@ fn longest_piece(times: &[f64]) -> Option<(core::ops::Range<usize>, f64, usize)>
     let pieces = starts.zip(ends.iter().copied().chain([times.len()]));
     let (start, end) = pieces.max_by_key(|(start, end)| end - start)?;
     let interval = (times[end - 1] - times[start]) / (end - 1 - start) as f64;
-    (end - start > 2 && interval > 0.0).then_some((start..end, interval, ends.len()))
+    let piece = part.start + start..part.start + end;
+    (end - start > 2 && interval > 0.0).then_some((piece, interval, ends.len()))
 }
 
 /// Columns of a table that has a column of stamps, found as `fusion inspect` finds it. Rows without a number or a later
@@ -150,7 +202,7 @@ fn longest_piece(times: &[f64]) -> Option<(core::ops::Range<usize>, f64, usize)>
 ///
 /// # Errors
 /// A file that cannot be read, no column of stamps, a column that there is not, fewer than three samples.
-pub fn stamped(path: &Path, wanted: &[Columns]) -> Result<Vec<Log>, Diagnostics> {
+pub fn stamped(path: &Path, wanted: &[Columns], part: Part) -> Result<Vec<Log>, Diagnostics> {
     let name = path.display().to_string();
     let table = Table::read(path).map_err(|error| match error {
         SourceError::Data(error) => Diagnostics::from(Diagnostic::from(error.as_ref())),
@@ -178,8 +230,9 @@ pub fn stamped(path: &Path, wanted: &[Columns]) -> Result<Vec<Log>, Diagnostics>
                 axes.iter_mut().zip(&columns).for_each(|(axis, k)| axis.push(value(*k, row)));
             }
         }
-        let Some((piece, interval, gaps)) = longest_piece(&times) else {
-            return Err(Diagnostic::error(format!("`{name}` has fewer than three samples with stamps that rise")).into());
+        let Some((piece, interval, gaps)) = longest_piece(&times, part) else {
+            let message = format!("`{name}` has fewer than three samples with stamps that rise, or between `--from` and `--to`");
+            return Err(Diagnostic::error(message).into());
         };
         logs.push(Log {
             instrument: of.instrument,
@@ -212,7 +265,7 @@ fn places(file: &str, known: &[&str], names: &[String]) -> Result<Vec<usize>, Di
 ///
 /// # Errors
 /// A file that cannot be read, a column that there is not, a field that is no number.
-pub fn plain(path: &Path, interval: f64, wanted: &[Columns]) -> Result<Vec<Log>, Diagnostics> {
+pub fn plain(path: &Path, interval: f64, wanted: &[Columns], part: Part) -> Result<Vec<Log>, Diagnostics> {
     let name = path.display().to_string();
     let failed = |why: &dyn std::fmt::Display| Diagnostic::error(format!("`{name}` cannot be read: {why}"));
     let bytes: Box<dyn Read> = {
@@ -243,9 +296,11 @@ pub fn plain(path: &Path, interval: f64, wanted: &[Columns]) -> Result<Vec<Log>,
             column.push(number.ok_or_else(wrong)?);
         }
     }
+    let rows = columns.first().map_or(0, Vec::len);
+    let piece = part.of(&(0..rows).map(|row| row as f64 * interval).collect::<Vec<_>>());
     let mut columns = columns.into_iter();
     let log = |of: &Columns| {
-        let scaled = |column: Vec<f64>| column.into_iter().map(|x| x * of.factor).collect();
+        let scaled = |column: Vec<f64>| column[piece.clone()].iter().map(|x| x * of.factor).collect();
         Log {
             instrument: of.instrument,
             name: name.clone(),

@@ -13,7 +13,7 @@ mod study;
 
 pub use chart::svg;
 pub use fit::Noises;
-pub use log::{Columns, Instrument, Log, declared, plain, stamped};
+pub use log::{Columns, Instrument, Log, Moment, Part, declared, plain, stamped};
 pub use study::{Axis, Study, toml};
 
 use rayon::prelude::*;

@@ -143,8 +143,13 @@ impl Study {
              A log of this length shows σ up to τ = {} s.",
             short(self.span),
             short(self.rate),
-            short(self.axes[0].curve.last().map_or(0.0, |p| p.tau)),
+            short(self.longest()),
         ))
+    }
+
+    /// The longest cluster time of the curves \[s\].
+    fn longest(&self) -> f64 {
+        self.axes[0].curve.last().map_or(0.0, |p| p.tau)
     }
 
     /// Root mean square over the axes, in the unit shown.
@@ -168,6 +173,16 @@ impl Study {
     }
 }
 
+/// The size of a noise on each axis, of an axis that does not show it the smallest of the others, and which axes these are;
+/// `None` where no axis shows it.
+fn filled(study: &Study, of: fn(&Noises) -> f64) -> Option<([f64; 3], String)> {
+    let sizes = study.axes.each_ref().map(|axis| of(&axis.noises));
+    let least = sizes.into_iter().filter(|size| *size > 0.0).reduce(f64::min)?;
+    let hidden = ["x", "y", "z"].into_iter().zip(sizes).filter(|(_, size)| *size == 0.0);
+    let hidden: Vec<&str> = hidden.map(|(name, _)| name).collect();
+    Some((sizes.map(|size| if size > 0.0 { size } else { least }), hidden.join(", ")))
+}
+
 /// What to write into a design.
 #[must_use]
 pub fn toml(studies: &[Study]) -> String {
@@ -175,25 +190,44 @@ pub fn toml(studies: &[Study]) -> String {
     for study in studies {
         let (unit, si) = study.instrument.unit();
         let key = study.instrument.key();
-        let noise = study
-            .axes
-            .each_ref()
-            .map(|axis| format!("\"{:.3e} {unit}/sqrt(Hz)\"", axis.noises.white / si));
-        let walk = study
-            .axes
-            .each_ref()
-            .map(|axis| format!("\"{:.2e} {unit}/sqrt(s)\"", axis.noises.walk / si));
-        let instability = study.axes.each_ref().map(|axis| format!("{:.2e}", axis.noises.flicker / si));
+        let up_to = short(study.longest());
+        let of_others = |what: &str, hidden: &str| match hidden {
+            "" => String::new(),
+            _ => format!("# No {what} shows in {hidden}: the smallest of the other axes is written.\n"),
+        };
+        let instability = study.axes.each_ref().map(|axis| match axis.noises.flicker {
+            0.0 => "not seen".to_owned(),
+            flicker => format!("{:.2e} {unit}", flicker / si),
+        });
         text += &format!(
-            "# B = {} {unit}; `sigma` is the bias that this log shows: a data sheet knows more.\n",
+            "# B = {}; `sigma` is the bias that this log shows: a data sheet knows more.\n",
             instability.join(", ")
         );
-        text += &format!("{key}.noise = [{}]\n", noise.join(", "));
-        text += &format!(
-            "{key}.bias = {{ estimate = true, initial = [0, 0, 0], sigma = \"{:.2e} {unit}\", random_walk = [{}] }}\n",
-            study.bias(),
-            walk.join(", "),
-        );
+        match filled(study, |noises| noises.white) {
+            None => {
+                text += &format!(
+                    "# No white noise shows from τ = {} s on: take `{key}.noise` from a data sheet.\n",
+                    short(1.0 / study.rate)
+                )
+            }
+            Some((white, hidden)) => {
+                let noise = white.map(|white| format!("\"{:.3e} {unit}/sqrt(Hz)\"", white / si));
+                text += &of_others("white noise", &hidden);
+                text += &format!("{key}.noise = [{}]\n", noise.join(", "));
+            }
+        }
+        let bias = format!("estimate = true, initial = [0, 0, 0], sigma = \"{:.2e} {unit}\"", study.bias());
+        match filled(study, |noises| noises.walk) {
+            None => {
+                text += &format!("# No random walk of the bias shows up to τ = {up_to} s: none is written. A longer log may show one.\n");
+                text += &format!("{key}.bias = {{ {bias} }}\n");
+            }
+            Some((walk, hidden)) => {
+                let walk = walk.map(|walk| format!("\"{:.2e} {unit}/sqrt(s)\"", walk / si));
+                text += &of_others("random walk", &hidden);
+                text += &format!("{key}.bias = {{ {bias}, random_walk = [{}] }}\n", walk.join(", "));
+            }
+        }
     }
     text
 }

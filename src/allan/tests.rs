@@ -144,3 +144,48 @@ fn what_has_no_curve_is_refused() {
     assert!(deviation(&[1.0; 17], 1.0).is_empty());
     assert_eq!(Noises::fit(&deviation(&[1.0; 100], 1.0)), None);
 }
+
+/// A study of three axes with these random walks of the bias.
+fn study(walks: [f64; 3]) -> Study {
+    let axis = |walk| Axis {
+        mean: 0.0,
+        curve: vec![Point {
+            tau: 50.0,
+            sigma: 1e-3,
+            freedom: 8.0,
+        }],
+        noises: Noises {
+            white: 1e-3,
+            flicker: 0.0,
+            walk,
+        },
+    };
+    Study {
+        instrument: Instrument::Accelerometer,
+        name: "rest.csv".to_owned(),
+        span: 450.0,
+        rate: 50.0,
+        gaps: 0,
+        axes: walks.map(axis),
+    }
+}
+
+#[test]
+fn a_walk_that_no_log_shows_is_left_out_of_a_design() {
+    let none = toml(&[study([0.0; 3])]);
+    assert!(!none.contains("random_walk =") && none.contains("shows up to τ = 50 s"), "{none}");
+    let one = toml(&[study([0.0, 2e-5, 1e-5])]);
+    assert!(one.contains("[\"1.00e-5 m/s^2/sqrt(s)\", \"2.00e-5 m"), "{one}");
+    assert!(one.contains("shows in x:"), "{one}");
+}
+
+#[test]
+fn a_moment_is_a_time_from_the_first_sample_a_stamp_or_a_date() {
+    assert_eq!(Moment::parse("120"), Some(Moment::Elapsed(120.0)));
+    assert_eq!(Moment::parse("@1520530308.5"), Some(Moment::Stamp(1_520_530_308.5)));
+    // The first day of GPS time; leap seconds came later.
+    assert_eq!(Moment::parse("1980-01-07T00:00:00Z"), Some(Moment::Stamp(86_400.0)));
+    for wrong in ["", "@", "noon", "inf", "12:00"] {
+        assert_eq!(Moment::parse(wrong), None, "{wrong}");
+    }
+}

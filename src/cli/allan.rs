@@ -3,7 +3,7 @@
 use super::run::written;
 use super::{Failure, Format, OutputArgs, print, read_text};
 use clap::Args;
-use fusion::allan::{Columns, Instrument, Log, Study, declared, plain, stamped, svg, toml};
+use fusion::allan::{Columns, Instrument, Log, Moment, Part, Study, declared, plain, stamped, svg, toml};
 use fusion::config::{Diagnostic, Diagnostics, Document, Files};
 use fusion::models::units::{Dimension, Dimensional, dim, parse, parse_unit};
 use fusion::output::FileSet;
@@ -37,11 +37,32 @@ pub(super) struct AllanArgs {
     /// Of a table: the unit of its accelerometers, with a factor if need be: "3.33 mg".
     #[arg(long, value_name = "UNIT", default_value = "m/s^2")]
     accelerometer_unit: String,
+    /// Leaves samples before out, such as a warming-up: seconds from the log's first sample, `@` and a stamp in seconds, or
+    /// of a log with a calendar a date and time, `2025-07-08T19:34:18Z`.
+    #[arg(long, value_name = "TIME", value_parser = moment)]
+    from: Option<Moment>,
+    /// Leaves this sample and those after it out, such as the way home: a time as for `--from`.
+    #[arg(long, value_name = "TIME", value_parser = moment)]
+    to: Option<Moment>,
     /// Writes allan.svg, allan.csv and noise.toml here; the folder is made if need be.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
     output: OutputArgs,
+}
+
+impl AllanArgs {
+    const fn part(&self) -> Part {
+        Part {
+            from: self.from,
+            to: self.to,
+        }
+    }
+}
+
+fn moment(text: &str) -> Result<Moment, String> {
+    let expected = "expected seconds from the first sample, as 120, a stamp in seconds, as @1520530308.5, or a date and time";
+    Moment::parse(text).ok_or_else(|| expected.to_owned())
 }
 
 pub(super) fn allan(args: &AllanArgs) -> Result<(), Failure> {
@@ -97,7 +118,7 @@ fn of_design(args: &AllanArgs) -> Result<Vec<Log>, Diagnostics> {
     let root = document.root();
     let folder = args.log.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let own = || folder.join(root.at("run.data_dir").and_then(|n| n.as_str()).unwrap_or_default());
-    declared(root, &args.data.clone().unwrap_or_else(own), args.source.as_deref())
+    declared(root, &args.data.clone().unwrap_or_else(own), args.source.as_deref(), args.part())
 }
 
 fn of_table(args: &AllanArgs) -> Result<Vec<Log>, Diagnostics> {
@@ -138,8 +159,8 @@ fn of_table(args: &AllanArgs) -> Result<Vec<Log>, Diagnostics> {
     }
     d.unless_errors(())?;
     match rate {
-        Some(rate) => plain(&args.log, 1.0 / rate, &wanted),
-        None => stamped(&args.log, &wanted),
+        Some(rate) => plain(&args.log, 1.0 / rate, &wanted, args.part()),
+        None => stamped(&args.log, &wanted, args.part()),
     }
 }
 

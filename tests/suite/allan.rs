@@ -197,3 +197,25 @@ fn a_mistake_says_what_is_accepted() {
     }
     assert!(!Path::new(&w.path("out")).exists());
 }
+
+#[test]
+fn a_part_of_a_log_is_cut_out_by_seconds_and_by_stamps() {
+    let w = Workspace::new("allan-part");
+    w.write("rest.csv", rest());
+    w.write("rest.toml", REST);
+    let spans = |args: &[&str]| {
+        let ran = w.fusion(&[&["allan"], args, &["--from", "20", "--to", "@200"]].concat()).success();
+        let told = stdout(&ran);
+        assert!(told.contains("180 s at 10 Hz"), "{told}");
+        // The gap is later than the part.
+        assert!(!stderr(&ran).contains("gap"), "{}", stderr(&ran));
+    };
+    let columns = ["--gyro", "gx,gy,gz"];
+    spans(&["rest.toml"]);
+    spans(&[&["rest.csv"], &columns[..]].concat());
+    spans(&[&["rest.csv", "--rate", "10 Hz"], &columns[..]].concat());
+    let empty = w.fusion(&["allan", "rest.toml", "--from", "9000"]).code(2);
+    assert!(stderr(&empty).contains("--from"), "{}", stderr(&empty));
+    let wrong = w.fusion(&["allan", "rest.toml", "--from", "noon"]).code(2);
+    assert!(stderr(&wrong).contains("seconds from the first sample"), "{}", stderr(&wrong));
+}
