@@ -112,9 +112,7 @@ fn table(name: &str, schema: &Value, whole: &Value) -> String {
         .as_str()
         .or(target["description"].as_str())
         .unwrap_or_default();
-    for line in wrapped(&unbroken(meaning), WIDTH - 2) {
-        text += &format!("  {line}\n");
-    }
+    text += &paragraphs(meaning);
     let mut fields = String::new();
     if target["properties"].is_object() {
         add_fields(&mut fields, target, whole, 1);
@@ -128,9 +126,7 @@ fn table(name: &str, schema: &Value, whole: &Value) -> String {
 fn one(r: &Registration) -> String {
     let schema = fusion::schema::block(r);
     let mut text = format!("{} ({}, in {})\n", r.name, r.role.name(), place(r.role, "NAME"));
-    for line in wrapped(&unbroken(schema["description"].as_str().unwrap_or_default()), WIDTH - 2) {
-        text += &format!("  {line}\n");
-    }
+    text += &paragraphs(schema["description"].as_str().unwrap_or_default());
     let mut fields = String::new();
     add_fields(&mut fields, &schema, &schema, 1);
     if fields.is_empty() {
@@ -150,6 +146,15 @@ fn one(r: &Registration) -> String {
         _ => {}
     }
     text + "\nExample\n" + &example(r)
+}
+
+/// A description, indented.
+fn paragraphs(text: &str) -> String {
+    let lines: String = wrapped(&unbroken(text), WIDTH - 2)
+        .into_iter()
+        .map(|line| format!("{line}\n"))
+        .collect();
+    indented(&lines)
 }
 
 /// Line breaks of the source text taken out; paragraphs stay.

@@ -57,6 +57,15 @@ pub fn judge(design: &Design, options: &Options) -> Result<Judged, Diagnostics> 
     // An arm is told only by what is right otherwise.
     if found.mistakes.is_empty() {
         arm::judge(design, options, &mut found)?;
+    } else {
+        found.comparisons.push(Comparison {
+            what: "lever arms".to_owned(),
+            with: "the estimate of this filter".to_owned(),
+            samples: 0,
+            correlation: Vec::new(),
+            margin: 0.0,
+            verdict: "not judged while something else is wrong".to_owned(),
+        });
     }
     Ok(found)
 }
@@ -335,7 +344,7 @@ impl Judge<'_> {
     /// Compares a specific force with gravity and with the motion; what puts it right.
     fn force(&mut self, track: &Track, moved: Option<&Moved>, attitude: Option<&(String, Attitudes)>) -> Force {
         let upright = Upright::of(track);
-        let (mut fits, _) = aligned(|lag| {
+        let by = |lag: f64, seconds: f64| {
             let mut expected = Expected::default();
             match (attitude, moved) {
                 (Some((_, attitudes)), moved) => {
@@ -346,7 +355,7 @@ impl Judge<'_> {
                     pairs.for_each(|(f, m)| expected.push_all(&f, m));
                 }
                 (None, Some(moved)) => {
-                    for leg in moved.velocities.legs() {
+                    for leg in moved.velocities.strides(seconds) {
                         if let Some(((_, ahead), measured)) = leg.turn().zip(track.mean(leg.from - lag, leg.to - lag)) {
                             (0..2).for_each(|row| expected.push(row, ahead[row], measured));
                         }
@@ -355,7 +364,9 @@ impl Judge<'_> {
                 (None, None) => {}
             }
             expected
-        });
+        };
+        let (mut fits, lag) = aligned(|lag| by(lag, 0.0));
+        let is_doubtful = attitude.is_none() && doubt(&mut fits, &by(lag, SLOW).fits());
         let mut with = match (attitude, moved) {
             (Some((name, _)), _) => format!("gravity in the attitude of `{name}`"),
             (None, Some(moved)) => format!("the accelerations of {}", moved.name),
@@ -376,6 +387,9 @@ impl Judge<'_> {
             let with = format!("the accelerations of {}", moved.name);
             self.untold(track, &with, FAST);
         }
+        if is_doubtful {
+            self.untold(track, &format!("the accelerations over {SLOW} s"), WAVES);
+        }
         (known(&fits), factor)
     }
 
@@ -386,7 +400,7 @@ impl Judge<'_> {
             (None, Some(moved)) => format!("the turns of {}", moved.name),
             (None, None) => return,
         };
-        let (mut fits, lag) = aligned(|lag| {
+        let by = |lag: f64, seconds: f64| {
             let mut expected = Expected::default();
             if let Some((_, attitudes)) = attitude {
                 let pairs = attitudes
@@ -394,20 +408,25 @@ impl Judge<'_> {
                     .filter_map(|(from, to, w)| Some((w, track.mean(from - lag, to - lag)?)));
                 pairs.for_each(|(w, m)| expected.push_all(&w, m));
             } else if let Some(moved) = moved {
-                for leg in moved.velocities.legs() {
+                for leg in moved.velocities.strides(seconds) {
                     if let Some(((rate, _), measured)) = leg.turn().zip(track.mean(leg.from - lag, leg.to - lag)) {
                         expected.push(2, rate, measured);
                     }
                 }
             }
             expected
-        });
-        if let (None, Some(moved), Some((forces, right))) = (attitude, moved, force) {
+        };
+        let (mut fits, lag) = aligned(|lag| by(lag, 0.0));
+        let is_doubtful = attitude.is_none() && doubt(&mut fits, &by(lag, SLOW).fits());
+        if let (false, None, Some(moved), Some((forces, right))) = (is_doubtful, attitude, moved, force) {
             let tilts = tilts(track, forces, right, lag, &moved.velocities).fits();
             (fits[0], fits[1]) = (tilts[0], tilts[1]);
         }
         let lack = if attitude.is_some() { LONG } else { FAST };
         self.compare(track, &with, &fits, false, lack);
+        if is_doubtful {
+            self.untold(track, &format!("the turns over {SLOW} s"), WAVES);
+        }
     }
 }
 
@@ -415,6 +434,31 @@ impl Judge<'_> {
 const FAST: &str = "not judged: a minute of turns at more than 2 m/s would tell";
 /// ... and by what needs none.
 const LONG: &str = "not judged: both together for a minute would tell";
+
+/// Longer than waves, and than the steps of a walk \[s\]: what is read off a course has to be true over such intervals too.
+const SLOW: f64 = 15.0;
+/// What is said where it is not.
+const WAVES: &str = "not decided: waves, or other fast motion, say something else";
+
+/// Replaces what fast motion says against the declaration, where slow motion is long enough to tell and does not say the
+/// same, by what slow motion says; whether there was anything to replace.
+///
+/// Means over an interval between two velocities are right however long it is. But an antenna on a mast moves against the
+/// boat as it rolls, once or twice between two fixes.
+fn doubt(fast: &mut [Option<Fit>; 3], slow: &[Option<Fit>; 3]) -> bool {
+    let mut is_doubtful = false;
+    for (fast, slow) in fast.iter_mut().zip(slow) {
+        let (Some(told), Some(slow)) = (&fast, slow) else { continue };
+        let is_same = (told.axis, told.negative) == (slow.axis, slow.negative);
+        if told.is_other() && !(is_same && slow.certainty >= SLIGHT) {
+            (*fast, is_doubtful) = (Some(*slow).filter(|s| !s.is_other()), true);
+        }
+    }
+    is_doubtful
+}
+
+/// Standard errors from which on slow motion confirms what fast motion is certain of.
+const SLIGHT: f64 = 2.0;
 
 /// Which axes of a specific force the data tell, and the factor that it is too small by.
 type Force = ([Option<(usize, bool)>; 3], f64);

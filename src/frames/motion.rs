@@ -50,14 +50,30 @@ impl Velocities {
         slopes
     }
 
+    /// From each velocity to the next.
     pub(super) fn legs(&self) -> impl Iterator<Item = Leg> + '_ {
+        self.strides(0.0)
+    }
+
+    /// Legs of `seconds` at least, each of as many steps as that takes, none of which is too long.
+    pub(super) fn strides(&self, seconds: f64) -> impl Iterator<Item = Leg> + '_ {
         let steps = self.times.windows(2).zip(self.values.windows(2));
-        let legs = steps.map(|(t, v)| Leg {
-            from: t[0],
-            to: t[1],
-            ends: [v[0], v[1]],
-        });
-        legs.filter(|leg| leg.to - leg.from <= LONGEST)
+        let mut begun: Option<(f64, Vector3<f64>)> = None;
+        steps.filter_map(move |(t, v)| {
+            if t[1] - t[0] > LONGEST {
+                begun = None;
+                return None;
+            }
+            let (from, start) = *begun.get_or_insert((t[0], v[0]));
+            (t[1] - from >= seconds).then(|| {
+                begun = None;
+                Leg {
+                    from,
+                    to: t[1],
+                    ends: [start, v[1]],
+                }
+            })
+        })
     }
 
     /// Its value at a time between two samples.

@@ -226,10 +226,9 @@ impl Silence {
 impl Followed {
     fn reach(&mut self, time: Time) {
         let since = *self.counted.get_or_insert(time);
-        let is_declared = self
-            .silences
-            .iter_mut()
-            .fold(false, |is_any, silence| silence.holds(since) || is_any);
+        // Each has to see the time.
+        let holding: u32 = self.silences.iter_mut().map(|silence| u32::from(silence.holds(since))).sum();
+        let is_declared = holding > 0;
         if time > since {
             let seconds = time.seconds_since(since);
             self.health.spent.add(self.health.state, seconds);

@@ -30,7 +30,7 @@ pub fn pooled(campaigns: &[(&str, &Campaign)]) -> Section {
         Column::number("NEES/n position"),
         Column::number("outside episodes"),
         Column::with_unit("drift in outages", Unit::of_si("m")),
-        Column::with_unit("drift of the way", Unit::shown("%")),
+        Column::with_unit("drift", Unit::shown("% of way")),
         Column::text("first is better in"),
     ];
     let mut t = Table::new(columns);
@@ -119,7 +119,7 @@ pub fn health(campaigns: &[(&str, &Campaign)]) -> Section {
         t.row([Cell::text(*name)].into_iter().chain(counts).chain(shares));
     }
     Section::new(
-        "Health: runs by their worst state since they aligned, share of the time in a state worse than aligning",
+        "Health: runs by their worst state since they aligned; ill: share of the time in a worse one",
         [t],
     )
 }
@@ -302,7 +302,7 @@ impl Campaign {
         type Drift = fn(&RunRow) -> Option<f64>;
         let drifts: [(&str, &str, Drift); 2] = [
             ("drift in outages", "m", |r| r.drift_rms),
-            ("drift of the way", "%", |r| r.drift_percent),
+            ("drift", "% of the way", |r| r.drift_percent),
         ];
         for (name, unit, figure) in drifts {
             if let Some(s) = self.spread(|r| figure(r).unwrap_or(f64::NAN)) {

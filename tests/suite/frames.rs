@@ -411,3 +411,54 @@ fn check_tells_the_mistake_at_its_place_where_data_are_named() {
     let ran = workspace.fusion(&["check", "drive.toml"]).success();
     assert_eq!(stderr(&ran), "");
 }
+
+#[test]
+fn waves_do_not_accuse_a_unit_that_is_right() {
+    let w = Workspace::new("frames-waves");
+    w.fusion(&["new", "mine", "--from", "boat"]).success();
+    // Long enough for slow motion to tell, rough, and the antenna on a mast.
+    let lines = "{ type = \"straight\", distance = \"100 m\" }, { type = \"turn\", angle = \"180 deg\", radius = \"15 m\" }, \
+                 { type = \"straight\", distance = \"100 m\" }, { type = \"turn\", angle = \"-180 deg\", radius = \"15 m\" }, ";
+    let way = format!(
+        "[{{ type = \"rest\", duration = \"20 s\" }}, {{ type = \"straight\", distance = \"100 m\", speed = \"3 m/s\", acceleration = \"0.3 m/s^2\" }}, {}]",
+        lines.repeat(8)
+    );
+    let sets = [
+        format!("simulation.trajectory={way}"),
+        "sensor.gnss_position.lever_arm=[\"-3 m\", 0, \"-2.5 m\"]".to_owned(),
+        "sensor.gnss_velocity.lever_arm=[\"-3 m\", 0, \"-2.5 m\"]".to_owned(),
+    ];
+    let sets: Vec<&str> = sets.iter().flat_map(|set| ["--set", set.as_str()]).collect();
+    w.fusion(&[&["record", "mine.toml", "--out", "log"], &sets[..]].concat()).success();
+    // At sea there is no reference.
+    let recorded = w.read("log/design.toml");
+    let tables = recorded.split_inclusive('\n').fold(Vec::<String>::new(), |mut tables, line| {
+        match tables.last_mut() {
+            Some(table) if !line.starts_with('[') => table.push_str(line),
+            _ => tables.push(line.to_owned()),
+        }
+        tables
+    });
+    let is_reference = |table: &String| table.starts_with("[reference]") || table.starts_with("[source.reference");
+    let sea: String = tables.into_iter().filter(|table| !is_reference(table)).collect();
+    w.write("log/sea.toml", &sea);
+    const RIGHT: &str = "\"angular_rate_z [rad/s]\"";
+    assert!(sea.contains(RIGHT));
+    w.write("log/wrong.toml", sea.replace(RIGHT, "\"-angular_rate_z [rad/s]\""));
+    let said = |design: &str| {
+        let ran = w.fusion(&["check", design, "--data", "log"]).success();
+        (stderr(&ran), stdout(&ran))
+    };
+    let (warned, compared) = said("log/sea.toml");
+    assert!(
+        !warned.contains("warning") && compared.contains("not decided: waves"),
+        "{warned}{compared}"
+    );
+    assert!(compared.contains("gnss_position.lever_arm"), "arms are judged: {compared}");
+    // Where waves hide a wrong sign, nothing else is advised.
+    let (warned, compared) = said("log/wrong.toml");
+    assert!(
+        !warned.contains("warning") && compared.contains("not decided: waves"),
+        "{warned}{compared}"
+    );
+}

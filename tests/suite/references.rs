@@ -123,6 +123,7 @@ fn sources_of_a_reference_may_be_named_one_by_one_as_the_one_was() {
 const COMPASS: &str = r#"
 [sensor.compass]
 type = "attitude"
+source = "compass"
 noise = { sigma = "2 deg" }
 
 [simulation.sensor.compass]
@@ -208,8 +209,9 @@ fn a_wrong_lever_arm_of_the_reference_is_found() {
     let found = at_point("[1, 0, 0]");
     let (_, arm) = found[0].split_once("`reference.lever_arm = [").unwrap();
     let arm: Vec<f64> = arm.split([',', ']']).take(2).map(|n| n.trim().parse().unwrap()).collect();
-    // The error of the filter, 0.4 m with a memory of some seconds, over two minutes.
-    assert!((arm[0] - 3.0).abs() < 0.4 && (arm[1] + 1.5).abs() < 0.4, "{found:?}");
+    // The error of the filter, 0.4 m with a memory of some seconds, over two minutes; ahead twice that, for only the turns
+    // tell an offset ahead from a lateness.
+    assert!((arm[0] - 3.0).abs() < 0.8 && (arm[1] + 1.5).abs() < 0.4, "{found:?}");
     assert!(found[0].contains("an offset of [") && of_log(&at, &[]).findings.iter().all(|f| f.about != "reference"));
 }
 

@@ -123,13 +123,10 @@ noise = { sigma = "10 cm" }
     // The log is without noise: a thousandth of what the start was off, 2 m/s and 0.2 rad, is left.
     assert!(v < 2e-3 && turn < 1e-3 && moved < 1e-3, "{v} {turn} {moved}");
     // The error of the attitude is that of the offset about down, and none of tilt.
-    let columns = ["sigma_yaw_deg", "sigma_heading_offset", "sigma_roll_deg", "sigma_vn_mps"].map(&of);
-    for k in 0..columns[0].len() {
-        assert!(
-            (columns[0][k].to_radians() - columns[1][k]).abs() < 1e-6 && columns[2][k] < 1e-6,
-            "{k}"
-        );
-        assert!(columns[3][k] > 1e-4 && columns[3][k] < 0.05, "{k}");
+    let [yaw, offset, roll, north] = ["sigma_yaw_deg", "sigma_heading_offset", "sigma_roll_deg", "sigma_vn_mps"].map(&of);
+    for ((yaw, offset), (roll, north)) in yaw.iter().zip(&offset).zip(roll.iter().zip(&north)) {
+        assert!((yaw.to_radians() - offset).abs() < 1e-6 && *roll < 1e-6, "{yaw} {offset} {roll}");
+        assert!(*north > 1e-4 && *north < 0.05, "{north}");
     }
 }
 

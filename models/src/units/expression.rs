@@ -235,7 +235,7 @@ mod tests {
             ("70 ug/sqrt(Hz)", 70e-6 * G, "m/s/sqrt(s)"),
             ("70 µg/sqrt(Hz)", 70e-6 * G, "m/s/sqrt(s)"),
             ("70 µg/√Hz", 70e-6 * G, "m/s/sqrt(s)"),
-            ("10 nT/√(s)", 1e-8, "kg/s^2/A/sqrt(s)"),
+            ("10 nT/√(s)", 1e-8, "kg/s^2/sqrt(s)/A"),
             ("3.8e-5 deg/s^2/sqrt(Hz)", 3.8e-5 * PI / 180.0, "rad/s/sqrt(s)"),
             ("36.098 deg", 36.098 * PI / 180.0, "rad"),
             ("-36.098°", -36.098 * PI / 180.0, "rad"),

@@ -137,7 +137,7 @@ impl Inspection {
         // Neighbours share a part of their error, which their scatter does not show.
         let scatter = 3.0 * track.velocity_scatter;
         let (sigma, why) = match claimed {
-            Some(c) if !(scatter < c) => (c.max(0.05), format!("guessed: the 1σ reported, {c:.3} m/s")),
+            Some(c) if scatter.is_nan() || scatter >= c => (c.max(0.05), format!("guessed: the 1σ reported, {c:.3} m/s")),
             _ if scatter.is_finite() => (
                 scatter.clamp(0.05, 0.5),
                 format!(
