@@ -200,7 +200,11 @@ fn add_fields(text: &mut String, schema: &Value, root: &Value, depth: usize) {
         let choice = target["anyOf"]
             .as_array()
             .and_then(|any| any.iter().map(|c| resolved(c, root)).find(is_table));
-        let nested = choice.unwrap_or_else(|| items.map_or(target, |items| resolved(items, root)));
+        // A table of keys says of others that they are unknown; one of names says what each may be, as an array does.
+        let is_keyed = |schema: &&Value| schema["properties"].is_object();
+        let each = || items.or_else(|| target.get("items")).map(|items| resolved(items, root));
+        let keyed = || Some(target).filter(is_keyed).or_else(|| each().filter(is_keyed));
+        let nested = choice.or_else(keyed).unwrap_or(&Value::Null);
         if depth < 4 {
             add_fields(text, nested, root, depth + 1);
         }

@@ -122,13 +122,14 @@ fn parameters(sensor: &Node) -> Vec<String> {
     let block = registry::all().into_iter().find(|r| r.role == Role::Sensor && r.name == kind);
     let schema = block.map(|block| (block.schema)().to_value()).unwrap_or_default();
     let fields = schema["properties"].as_object().into_iter().flatten();
-    let is_parameter = |schema: &Json| {
-        let forms = schema["anyOf"].as_array().into_iter().flatten();
-        let mut forms = core::iter::once(schema).chain(forms);
-        forms.any(|form| form["properties"].get(ESTIMATE).is_some())
-    };
     let own = fields.filter(|(_, schema)| is_parameter(schema)).map(|(key, _)| key.clone());
     own.chain([TIME_OFFSET.to_owned()]).collect()
+}
+
+/// Whether a field has a form with `estimate`.
+fn is_parameter(schema: &Json) -> bool {
+    let mut forms = schema["anyOf"].as_array().into_iter().flatten();
+    schema["properties"].get(ESTIMATE).is_some() || forms.any(is_parameter)
 }
 
 /// What variants and `--set` have changed of a simulated sensor and, where no `truth` says otherwise, of the instrument

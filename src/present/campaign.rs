@@ -119,7 +119,7 @@ pub fn health(campaigns: &[(&str, &Campaign)]) -> Section {
         t.row([Cell::text(*name)].into_iter().chain(counts).chain(shares));
     }
     Section::new(
-        "Health: runs by their worst state since they aligned; ill: share of the time in a worse one",
+        "Health: runs by their worst state after aligning; ill: share of the time coasting or worse",
         [t],
     )
 }

@@ -143,6 +143,22 @@ fn water_that_the_filter_takes_for_still_carries_the_boat_all_the_same() {
 }
 
 #[test]
+fn a_declination_that_was_left_out_turns_the_heading_by_it() {
+    let w = Workspace::new("truth-declination");
+    w.fusion(&["new", "mine", "--from", "boat"]).success();
+    let heading = |sets: &[&str]| {
+        w.fusion(&[&["run", "mine.toml", "--out", "out"], sets].concat()).success();
+        let summary: serde_json::Value = serde_json::from_str(&w.read("out/summary.json")).unwrap();
+        summary["score"]["heading_rmse_deg"].as_f64().unwrap()
+    };
+    let right = heading(&[]);
+    // The Earth's field is told by a parameter that may be left out: `truth` knows it all the same. A boat with a receiver of
+    // velocity hears little of its heading from elsewhere.
+    let wrong = heading(&["--set", "simulation.sensor.magnetometer.truth.declination=11.5 deg"]);
+    assert!(right < 1.5 && wrong > right + 2.0 && wrong < 9.0, "{right}° {wrong}°");
+}
+
+#[test]
 fn mistakes_of_a_truth_are_shown_at_their_place() {
     let w = Workspace::new("truth-mistakes");
     for (truth, said) in [
