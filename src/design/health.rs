@@ -23,8 +23,11 @@ pub struct HealthSpec {
     pub reacquired: Option<NonNegative<dim::Duration>>,
     /// How long a sensor may be silent.
     pub silent: SilentSpec,
+    /// How long nothing need measure position or velocity, three periods of what did so last at least; 30 s by default.
+    pub unaided: Option<NonNegative<dim::Duration>>,
     /// How far an estimated calibration parameter may be from its initial value, in units of its
-    /// initial 1σ and of what it has walked since; 5 by default.
+    /// initial 1σ and of what it has walked since, and a slow error from zero, in units of its stationary
+    /// 1σ; 5 by default.
     pub calibration: Option<Positive<dim::Ratio>>,
     /// How far a parameter may move while sensors contradict the estimate, in units of what its own
     /// covariance explains; 5 by default. It is told until the parameter is back or learnt anew.
@@ -97,6 +100,7 @@ impl HealthSpec {
             reacquired: self.reacquired.map_or(d.reacquired, |v| v.si()),
             silent_periods: self.silent.periods.map_or(d.silent_periods, |v| v.si()),
             silent: self.silent.at_least.map_or(d.silent, |v| v.si()),
+            unaided: self.unaided.map_or(d.unaided, |v| v.si()),
             calibration: self.calibration.map_or(d.calibration, |v| v.si()),
             pulled: self.pulled.map_or(d.pulled, |v| v.si()),
             floor: Floor {

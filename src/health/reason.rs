@@ -11,7 +11,7 @@ use serde::{Serialize, Serializer};
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct NamedReason {
     /// What it is: `no_input`, `stopped`, `refused`, `unsound`, `floor`, `calibration`,
-    /// `pulled`, `innovations`, `rejected`, `reacquired`, `silent`, `ahead`.
+    /// `pulled`, `innovations`, `rejected`, `reacquired`, `silent`, `ahead`, `unaided`.
     pub reason: &'static str,
     /// The sensor, stream or block; empty where it is the filter as a whole.
     pub of: String,
@@ -21,7 +21,7 @@ pub struct NamedReason {
 }
 
 /// Every word that a reason can have.
-const WORDS: [&str; 18] = [
+const WORDS: [&str; 19] = [
     "",
     "no_input",
     "stopped",
@@ -35,6 +35,7 @@ const WORDS: [&str; 18] = [
     "reacquired",
     "silent",
     "ahead",
+    "unaided",
     State::Good.word(),
     State::Aligning.word(),
     State::Coasting.word(),
@@ -63,10 +64,12 @@ impl NamedReason {
             ("pulled", _) => "moved too far while sensors disagreed",
             ("innovations", State::Lost) => "innovations beyond all σ",
             ("innovations", _) => "innovations too large",
-            ("rejected", State::Lost) => "rejected for long, and so is another, or no other is used",
+            ("rejected", State::Lost) => "rejected for long, and so is another, or none measures the same motion",
             ("rejected", _) => "rejected",
             ("reacquired", _) => "re-acquired",
             ("ahead", _) => "stamped ahead of the process input",
+            ("unaided", _) => "nothing measures position or velocity",
+            ("silent", State::Good) => "silent, and others measure what it does",
             _ => "silent",
         }
     }
@@ -120,7 +123,8 @@ impl Names {
             Reason::Innovations { sensor, .. } => ("innovations", Some(&self.sensors), sensor),
             Reason::Rejected { sensor, .. } => ("rejected", Some(&self.sensors), sensor),
             Reason::Reacquired { sensor } => ("reacquired", Some(&self.sensors), sensor),
-            Reason::Silent { sensor } => ("silent", Some(&self.sensors), sensor),
+            Reason::Unaided => ("unaided", None, 0),
+            Reason::Silent { sensor, .. } => ("silent", Some(&self.sensors), sensor),
             Reason::StreamSilent { stream } => ("silent", Some(&self.streams), stream),
             Reason::Ahead { stream } => ("ahead", Some(&self.streams), stream),
             other => (other.state().word(), None, 0),

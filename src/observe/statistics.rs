@@ -314,6 +314,7 @@ mod tests {
             mode,
             power: &[],
             weight: 1.0,
+            jacobian: None,
         }
     }
 

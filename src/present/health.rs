@@ -9,7 +9,7 @@ const SPELLS: usize = 20;
 /// Reasons that are named in a line.
 const REASONS: usize = 4;
 
-/// In a line: the state at the end, and the time in each that is not good.
+/// In a line: the state at the end, and the time in each that is not good; where it always was, what is told nevertheless.
 pub(super) fn line(health: &FilterHealth) -> String {
     let ill = [State::Lost, State::Degraded, State::Coasting].into_iter();
     let ill: Vec<String> = ill
@@ -24,7 +24,10 @@ pub(super) fn line(health: &FilterHealth) -> String {
         String::new()
     };
     match (health.is_good(), ill.is_empty()) {
-        (true, true) => "good".to_owned(),
+        (true, true) => match health.transitions.iter().find(|t| !t.reasons.is_empty()) {
+            Some(told) => format!("good; from {:.1} s on: {}", told.time, named(&told.reasons)),
+            None => "good".to_owned(),
+        },
         (_, true) => format!("{} at the end", health.state),
         _ => format!("{}{declared}; {} at the end", ill.join(", "), health.state),
     }

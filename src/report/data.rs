@@ -10,7 +10,7 @@ use super::table::TableData;
 use super::trace::{Columns, Samples};
 use crate::health::FilterHealth;
 use crate::present::{Unit, residual_rows};
-use crate::run::Summary;
+use crate::run::{FaultWindow, Summary};
 use fusion_core::geometry::so3;
 use fusion_models::earth::LocalFrame;
 use nalgebra::Vector3;
@@ -42,6 +42,8 @@ struct RunData {
     /// Where the run is not the first: position, velocity and attitude less those of the first at the same times.
     differences: TableData,
     outages: Vec<(f64, f64)>,
+    /// From, to, stream and name of each declared fault.
+    faults: Vec<(f64, f64, String)>,
     /// Parts of the map to enlarge: title, middle north and east, extent \[m\].
     details: Vec<(String, [f64; 2], f64)>,
     /// The heading that a controller wanted, from each time on \[deg\].
@@ -242,6 +244,7 @@ impl Share {
             wanted: wanted(run.summary),
             health: health(run.summary),
             outages: run.summary.score.iter().flat_map(|s| &s.drift).map(|d| (d.from, d.to)).collect(),
+            faults: faults(run.summary),
         }
     }
 
@@ -363,6 +366,12 @@ fn wanted(summary: &Summary) -> TableData {
     })
 }
 
+/// When which fault was at work.
+fn faults(summary: &Summary) -> Vec<(f64, f64, String)> {
+    let name = |f: &FaultWindow| format!("{} of {}", f.fault, f.stream);
+    summary.faults.iter().map(|f| (f.from, f.to, name(f))).collect()
+}
+
 /// How the design's own filter was, from the first estimate on.
 fn health(summary: &Summary) -> Vec<(f64, f64, &'static str)> {
     let spells = summary.health.first().map(FilterHealth::spells).unwrap_or_default();
@@ -419,6 +428,7 @@ mod tests {
             mode: Mode::Track,
             power: &[],
             weight: 1.0,
+            jacobian: None,
         };
         recording.measurement("tilt", Time::default(), None, &update);
         let innovations = Innovations {

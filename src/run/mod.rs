@@ -13,11 +13,11 @@ pub use crate::rows::SourceStatistics;
 pub use files::Finished;
 pub use recorded::open_one;
 pub use saving::Checkpoints;
-pub use summary::{Current, FinalState, InsideScore, Smoothed, Summary};
+pub use summary::{Current, FaultWindow, FinalState, InsideScore, Smoothed, Summary};
 
 use crate::assembly::{Assembly, assemble, declared_streams, stream_of};
 use crate::config::{Diagnostic, Diagnostics, Node};
-use crate::design::{Design, Named, ReferenceSpec, SourceDesign};
+use crate::design::{Design, Fault, Named, ReferenceSpec, SourceDesign};
 use crate::findings::findings;
 use crate::health::HealthRecord;
 use crate::observe::{Consumers, Counters, FilterScore, Filters, Finals, Heard, Hub, RunObserver, Smoother, Statistics, Timing};
@@ -30,6 +30,7 @@ use aboard::Carried;
 use files::Files;
 use fusion_core::runner::Runner;
 use fusion_core::time::Time;
+use fusion_models::fault::Window;
 use fusion_models::sim::SharedCourse;
 use reference::Reference;
 use saving::Saving;
@@ -285,6 +286,7 @@ impl<'a> Run<'a> {
                 .collect(),
             sensors: statistics.finish(last.time),
             control: self.data.rows.record(),
+            faults: (counters.started).map_or_else(Vec::new, |from| fault_windows(self.design, from, last.time.seconds())),
             sources: self.data.rows.statistics(),
             parameters,
             consumers: consumers.finish(),
@@ -389,19 +391,46 @@ impl RunData {
     }
 }
 
-/// The declared outages, each with the sensors of the outermost filter that read the silent stream.
-fn outages(design: &Design, assembly: &Assembly) -> Vec<Outage> {
+/// The faults that are declared of each stream.
+fn declared_faults(design: &Design) -> Vec<(&str, &[Fault])> {
     let recorded = design
         .sources
         .iter()
         .map(|named| (named.name.as_str(), named.block.faults.as_slice()));
     let simulated = design.simulation.iter().flat_map(|s| &s.block.faults);
     let simulated = simulated.map(|(stream, faults)| (stream_of(design, stream), faults.as_slice()));
-    let streams: Vec<(&str, &[_])> = if design.simulation.is_some() {
+    if design.simulation.is_some() {
         simulated.collect()
     } else {
         recorded.collect()
-    };
+    }
+}
+
+/// Windows of a fault that are kept.
+const FAULT_WINDOWS: usize = 1000;
+
+/// The windows of all faults between two times \[s\], by their beginnings.
+fn fault_windows(design: &Design, from: f64, to: f64) -> Vec<FaultWindow> {
+    let [from, to] = [from, to].map(Time::from_seconds);
+    let streams = declared_faults(design).into_iter();
+    let all = streams.flat_map(|(stream, faults)| faults.iter().map(move |fault| (stream, fault)));
+    let windows = all.flat_map(|(stream, (name, fault))| {
+        let windows: Vec<Window> = fault.windows().within(Window { from, to }).take(FAULT_WINDOWS).collect();
+        windows.into_iter().map(move |w| FaultWindow {
+            stream: stream.to_owned(),
+            fault: name.clone(),
+            from: w.from.max(from).seconds(),
+            to: w.to.min(to).seconds(),
+        })
+    });
+    let mut windows: Vec<FaultWindow> = windows.collect();
+    windows.sort_by(|a, b| a.from.total_cmp(&b.from));
+    windows
+}
+
+/// The declared outages, each with the sensors of the outermost filter that read the silent stream.
+fn outages(design: &Design, assembly: &Assembly) -> Vec<Outage> {
+    let streams = declared_faults(design);
     let reads = |name: &str| {
         let stream = assembly.streams.iter().position(|s| s.name == name);
         let sensors = assembly.runner.sensors().iter().enumerate();

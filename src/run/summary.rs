@@ -70,6 +70,19 @@ pub struct Current {
     pub memory: usize,
 }
 
+/// A stretch of time in which a declared fault is at work.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FaultWindow {
+    /// The source or simulated stream.
+    pub stream: String,
+    /// The name of the fault.
+    pub fault: String,
+    /// Its beginning \[s\].
+    pub from: f64,
+    /// Its end \[s\], or that of the run.
+    pub to: f64,
+}
+
 /// The result of a run.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Summary {
@@ -100,6 +113,8 @@ pub struct Summary {
     pub current: Option<Current>,
     /// Scores of the filters inside stages.
     pub inside: Vec<InsideScore>,
+    /// When declared faults were at work, by their beginnings; those that always are left out.
+    pub faults: Vec<FaultWindow>,
     /// How well a controlled vehicle did what it was to do; none where nothing is steered.
     pub control: Option<Record>,
     /// Per sensor.

@@ -268,6 +268,40 @@ fn gnss_lost_for_good_is_told() {
 }
 
 #[test]
+fn a_walk_that_zero_velocities_no_longer_hold_is_told_half_a_minute_later() {
+    let shaken =
+        "simulation.imu.fault.shaken={ type = \"noise\", channel = \"angular_rate\", sigma = \"3 deg/s\", window = { from = \"40 s\" } }";
+    let sees = |variants: &[&str], sets: &[&str]| {
+        let (health, watch) = watched("templates/person", variants, sets).unwrap();
+        let ill = health[0].transitions.iter().find(|t| t.state >= State::Degraded).cloned();
+        (ill, watch.worst)
+    };
+    let (ill, worst) = sees(&[], &[]);
+    assert!(ill.is_none() && worst < 1.5, "held: {ill:?} {worst}");
+    // The last one is used at 40 s at the latest; without any, none since the start.
+    for (variants, sets, from) in [(&[][..], &[shaken][..], 69.0..71.0), (&["free"], &[], 29.0..31.0)] {
+        let (ill, _) = sees(variants, sets);
+        let ill = ill.unwrap();
+        let reasons: Vec<String> = ill.reasons.iter().map(ToString::to_string).collect();
+        assert!(from.contains(&ill.time), "{ill:?}");
+        assert_eq!(reasons, ["nothing measures position or velocity"]);
+    }
+}
+
+#[test]
+fn declared_faults_are_in_the_report_and_the_summary() {
+    let w = Workspace::new("health-faults");
+    let fault = "simulation.sensor.compass.fault.stuck={ type = \"frozen\", window = [{ from = \"100 s\", to = \"130 s\" }, { from = \"200 s\", duration = \"1 h\" }] }";
+    w.fusion(&["run", "--set", fault, "--out", "out"]).success();
+    let summary: serde_json::Value = serde_json::from_str(&w.read("out/summary.json")).unwrap();
+    let own = summary["faults"].as_array().unwrap().iter().filter(|f| f["fault"] == "stuck");
+    let own: Vec<(f64, f64)> = own.map(|f| (f["from"].as_f64().unwrap(), f["to"].as_f64().unwrap())).collect();
+    assert_eq!((own.len(), own[0], own[1].0), (2, (100.0, 130.0), 200.0));
+    assert!(own[1].1 < 1000.0, "it ends with the run: {own:?}");
+    assert!(w.read("out/report.html").contains("[100.0,130.0,\"stuck of compass\"]"));
+}
+
+#[test]
 fn health_is_printed_written_and_an_exit_code_where_that_is_asked_for() {
     let w = Workspace::new("health-strict");
     let good = w.fusion(&["run", "--strict", "--out", "good"]).success().stderr("");

@@ -602,6 +602,7 @@ impl Estimator for Bank {
             mode: report.answer.mode,
             power: &report.power,
             weight: report.weight,
+            jacobian: self.hypotheses[self.shown].estimator.jacobian(),
         }
     }
 

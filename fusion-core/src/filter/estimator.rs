@@ -3,6 +3,7 @@
 use super::lateness::Lateness;
 use super::step::Step;
 use crate::gate::{Gate, Mode, Outcome};
+use crate::linear::Jacobian;
 use crate::loss::Loss;
 use crate::memory::Memory;
 use crate::model::{Input, Measurement, Undefined};
@@ -73,6 +74,8 @@ pub struct Update<'a> {
     pub power: &'a [f64],
     /// Robust weight; 1 is full weight.
     pub weight: f64,
+    /// H, over the axes of the belief, before the update; none where nothing was linearised.
+    pub jacobian: Option<&'a Jacobian>,
 }
 
 /// A measurement ready for an estimator.
@@ -124,6 +127,11 @@ pub trait Estimator: Memory + core::fmt::Debug + Send {
     /// Offers a measurement valid now. `others` is the latest outcome of each sensor of the design,
     /// for gates that depend on it; it may be empty.
     fn update<'a>(&'a mut self, observed: &Observed<'a>, gate: &mut dyn Gate, others: &[Option<Outcome>], loss: &dyn Loss) -> Update<'a>;
+
+    /// H of the latest update, where it linearised.
+    fn jacobian(&self) -> Option<&Jacobian> {
+        None
+    }
 
     /// The state and the process's signals, as models see them.
     fn view(&mut self) -> View<'_>;

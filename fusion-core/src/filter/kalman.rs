@@ -10,7 +10,7 @@ use super::step::Step;
 use crate::chart::{Chart, Reset};
 use crate::covariance::{Covariance, Form, Kernel};
 use crate::gate::{Answer, Decision, Gate, GateInput, Mode, Outcome};
-use crate::linear::{BlockMatrix, Transition};
+use crate::linear::{BlockMatrix, Jacobian, Transition};
 use crate::loss::Loss;
 use crate::memory::{Memory, Tape};
 use crate::model::{Gap, Input, LastInput, Process, SignalBuffer, Size};
@@ -496,6 +496,7 @@ impl Filter {
             mode: answer.mode,
             power: &self.work.power[..m],
             weight,
+            jacobian: self.jacobian(),
         }
     }
 }
@@ -619,6 +620,12 @@ impl Estimator for Filter {
         };
         gate.settle(matches!(verdict, Verdict::Accepted | Verdict::Reacquired));
         self.report(observed, verdict, nis, answer, weight)
+    }
+
+    fn jacobian(&self) -> Option<&Jacobian> {
+        // The predicted σ is no number, or none yet, where the latest measurement did not come so far.
+        let is_there = self.work.sigma[..self.work.rows].first().is_some_and(|sigma| *sigma > 0.0);
+        (is_there && self.keeps_covariance()).then_some(&self.work.jacobian)
     }
 
     fn view(&mut self) -> View<'_> {

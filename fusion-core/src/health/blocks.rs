@@ -109,7 +109,13 @@ impl Blocks {
                     let is_far = |(d, v): (&f64, f64)| v > 0.0 && d.powi(2) > limits.calibration.powi(2) * v;
                     difference.iter().zip(allowed).any(is_far)
                 }
-                StateRole::Nuisance => false,
+                StateRole::Nuisance => {
+                    let Dynamics::GaussMarkov { sigma, .. } = &b.dynamics else {
+                        continue;
+                    };
+                    let mut both = belief.x[b.storage_range()].iter().zip(sigma);
+                    both.any(|(x, sigma)| *sigma > 0.0 && x.abs() > limits.calibration * sigma)
+                }
             };
             held.hear(belief.time, holds);
         }

@@ -1,5 +1,6 @@
 //! What one sensor says for or against the belief.
 
+use super::aid::{Aid, Axes};
 use super::pulse::{Held, Pulse};
 use super::{Limits, Reason, Watched};
 use crate::consistency::chi_square_quantile;
@@ -15,10 +16,14 @@ const SHARE: f64 = 1.0 / 2.5;
 const MOST: f64 = 1.5;
 /// Rejections in a row that count.
 const STREAK: u32 = 3;
+/// Rejections in a row of each of two sensors that count: one of each comes by chance, at high rates.
+const PAIR: u32 = 2;
 /// Measurements used after a re-acquisition before the sensor is trusted as before.
 const PROVEN: u32 = 5;
 /// A pause of so many periods ends a streak of rejections, and what innovations said is old.
 const PAUSE: f64 = 10.0;
+/// What a sensor measures is looked at no more often than this \[s\].
+const LOOK: f64 = 1.0;
 /// What a consistent filter would see: beyond it a rejected residual contradicts the estimate's σ.
 const EXPECTED: f64 = 0.999;
 
@@ -62,10 +67,10 @@ struct Streak {
 crate::memory!(Streak { first, latest, count });
 
 /// What the sensors from outside say together.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Others {
-    /// When one of them was used last.
-    pub(super) supported: Option<Time>,
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Others<'a> {
+    /// Which axes they have measured.
+    pub(super) aid: &'a Aid,
     /// How many of them are being rejected,
     pub(super) rejected: usize,
     /// and how many have been for so long that the filter may be lost.
@@ -93,9 +98,12 @@ pub(super) struct Evidence {
     streak: Option<Streak>,
     /// When it was re-acquired, and how many have been used since.
     reacquired: Option<(Time, u32)>,
+    /// The axes that it measures, all until that is known, and when they were looked at.
+    axes: Axes,
+    looked: Option<Time>,
     held: [Held; 6],
 }
-crate::memory!(Evidence { pulse, degraded, lost, streak, reacquired, held; is_outside, rows, expected });
+crate::memory!(Evidence { pulse, degraded, lost, streak, reacquired, axes, looked, held; is_outside, rows, expected });
 
 impl Evidence {
     /// Of a sensor.
@@ -109,6 +117,8 @@ impl Evidence {
             lost: Mean::new(limits.innovations_lost),
             streak: None,
             reacquired: None,
+            axes: Axes::ALL,
+            looked: None,
             held: [Held::default(); 6],
         }
     }
@@ -117,21 +127,36 @@ impl Evidence {
     pub(super) fn restart(&mut self, time: Time) {
         self.pulse.restart(time);
         (self.degraded.value, self.lost.value) = (1.0, 1.0);
-        (self.streak, self.reacquired) = (None, None);
+        (self.streak, self.reacquired, self.looked) = (None, None, None);
         self.held = [Held::default(); 6];
     }
 
-    /// Whether it is from outside and being rejected for so long \[s\], or at all.
+    /// Whether it is from outside and being rejected for so long \[s\], or twice in a row.
     pub(super) fn is_rejected(&self, now: Time, time: f64) -> bool {
         let pause = PAUSE * self.pulse.period();
         let is_fresh = |s: &Streak| pause <= 0.0 || now.seconds_since(s.latest) <= pause;
-        let is_rejected = |s: Streak| is_fresh(&s) && (time <= 0.0 || s.lasts(time));
+        let is_rejected = |s: Streak| is_fresh(&s) && if time > 0.0 { s.lasts(time) } else { s.count >= PAIR };
         self.is_outside && self.streak.is_some_and(is_rejected)
     }
 
+    /// The axes that it measures.
+    pub(super) const fn axes(&self) -> Axes {
+        self.axes
+    }
+
+    /// Its mean period \[s\]; 0 until two have come.
+    pub(super) const fn period(&self) -> f64 {
+        self.pulse.period()
+    }
+
     /// Hears what became of a measurement.
-    pub(super) fn hear(&mut self, time: Time, update: &Update<'_>, limits: &Limits) {
+    pub(super) fn hear(&mut self, time: Time, update: &Update<'_>, limits: &Limits, aid: &Aid) {
         self.pulse.beat(time);
+        if let Some(h) = update.jacobian
+            && self.looked.is_none_or(|looked| time.seconds_since(looked) >= LOOK)
+        {
+            (self.axes, self.looked) = (aid.axes(h), Some(time));
+        }
         match update.verdict {
             Verdict::Accepted => {
                 self.streak = None;
@@ -169,10 +194,10 @@ impl Evidence {
     }
 
     /// Puts what is told at `now` of it, sensor number `sensor`, into `reasons`.
-    pub(super) fn judge(&mut self, sensor: usize, now: Time, others: Others, limits: &Limits, reasons: &mut Vec<Reason>) {
+    pub(super) fn judge(&mut self, sensor: usize, now: Time, others: Others<'_>, limits: &Limits, reasons: &mut Vec<Reason>) {
         let lasts = |time| self.streak.is_some_and(|s| s.lasts(time));
         let is_rejected = lasts(limits.rejected) || (others.rejected > 1 && self.is_rejected(now, 0.0));
-        let is_alone = self.streak.is_some_and(|s| others.supported.is_none_or(|used| used < s.first));
+        let is_alone = self.streak.is_some_and(|s| !others.aid.holds(self.axes, s.first));
         let is_lost = self.is_outside && lasts(limits.rejected_lost) && (is_alone || others.rejected_long > 1);
         if let Some((time, used)) = self.reacquired
             && used >= PROVEN
@@ -184,13 +209,17 @@ impl Evidence {
         // stands for less than a lost filter, which nothing has brought back meanwhile.
         let is_fresh = self.pulse.is_fresh(now, limits.window, PAUSE);
         let stands = is_fresh || self.is_outside;
+        let replaced = others.aid.measures(self.axes, now, self.pulse.pause(limits));
         let conditions = [
             (self.lost.is_beyond() && stands, Reason::Innovations { sensor, lost: true }),
             (is_lost, Reason::Rejected { sensor, lost: true }),
             (self.degraded.is_beyond() && is_fresh, Reason::Innovations { sensor, lost: false }),
             (is_rejected && is_fresh, Reason::Rejected { sensor, lost: false }),
             (self.reacquired.is_some(), Reason::Reacquired { sensor }),
-            (self.is_outside && self.pulse.is_silent(now, limits), Reason::Silent { sensor }),
+            (
+                self.is_outside && self.pulse.is_silent(now, limits),
+                Reason::Silent { sensor, replaced },
+            ),
         ];
         let mut told = [false; 6];
         for (k, (held, (holds, _))) in self.held.iter_mut().zip(conditions).enumerate() {

@@ -23,6 +23,8 @@ pub struct Limits {
     pub silent_periods: f64,
     /// and this time at least \[s\].
     pub silent: f64,
+    /// The time for which nothing need measure position or velocity \[s\]: three periods of what did so last at least.
+    pub unaided: f64,
     /// How far a calibration parameter may be from its initial value, in units of its initial σ.
     pub calibration: f64,
     /// How far a parameter may have moved while sensors contradicted the estimate, in units of what
@@ -55,6 +57,7 @@ impl Limits {
     /// | 2 s of rejections | three fixes at 1 Hz; wrong fixes in a row are rarer than single ones |
     /// | 30 s to *lost* | the time after which gates re-acquire |
     /// | 30 periods | a tunnel or a street canyon; what lasts longer is a loss |
+    /// | 30 s unaided | a tunnel; 1 mg, a usual accelerometer bias, moves the position by 4 m |
     /// | 5 σ of calibration | one axis in 2 million of a correct declaration |
     /// | 5 σ of pull | the same; undisturbed recorded logs reach 6 once, in a bias that follows the temperature |
     /// | floors | a hundredth of what the best sensors measure |
@@ -69,6 +72,7 @@ impl Limits {
         reacquired: 10.0,
         silent_periods: 30.0,
         silent: 5.0,
+        unaided: 30.0,
         calibration: 5.0,
         pulled: 5.0,
         floor: Floor {

@@ -12,6 +12,7 @@
 //! Not here: whether the estimate is *right*. An error that no sensor contradicts is not seen: a
 //! slow common error, an axis that nothing observes.
 
+mod aid;
 mod blocks;
 mod evidence;
 mod limits;
@@ -91,7 +92,8 @@ pub enum Reason {
         /// Number of the block in the layout.
         block: usize,
     },
-    /// A calibration parameter is many of its initial 1σ away from its initial value.
+    /// A calibration parameter is many of its initial 1σ away from its initial value, or a slow error many of its
+    /// stationary 1σ.
     Calibration {
         /// Number of the block in the layout.
         block: usize,
@@ -115,7 +117,7 @@ pub enum Reason {
     Rejected {
         /// The sensor's number.
         sensor: usize,
-        /// For long, and no other sensor has been used meanwhile.
+        /// For long, and meanwhile no other sensor has held the motion along most of its axes.
         lost: bool,
     },
     /// A sensor was re-acquired against the estimate a short while ago.
@@ -127,7 +129,11 @@ pub enum Reason {
     Silent {
         /// The sensor's number.
         sensor: usize,
+        /// Others have measured each of its axes since: nothing is lacking.
+        replaced: bool,
     },
+    /// Nothing has measured position or velocity along most directions for long: the belief drifts.
+    Unaided,
     /// A stream that stages read has been silent for many of its own periods.
     StreamSilent {
         /// The stream.
@@ -153,9 +159,10 @@ impl Memory for Reason {
             Self::Innovations { sensor, lost } => (7 + u8::from(lost), sensor),
             Self::Rejected { sensor, lost } => (9 + u8::from(lost), sensor),
             Self::Reacquired { sensor } => (11, sensor),
-            Self::Silent { sensor } => (12, sensor),
+            Self::Silent { sensor, replaced } => (if replaced { 16 } else { 12 }, sensor),
             Self::StreamSilent { stream } => (13, stream),
             Self::Ahead { stream } => (14, stream),
+            Self::Unaided => (15, 0),
         };
         kind.remember(tape);
         of.remember(tape);
@@ -176,9 +183,13 @@ impl Memory for Reason {
                 lost: kind == 10,
             },
             11 => Self::Reacquired { sensor: of },
-            12 => Self::Silent { sensor: of },
             13 => Self::StreamSilent { stream: of },
             14 => Self::Ahead { stream: of },
+            15 => Self::Unaided,
+            12 | 16 => Self::Silent {
+                sensor: of,
+                replaced: kind == 16,
+            },
             _ => return tape.refuse("a reason does not exist"),
         };
     }
@@ -197,6 +208,7 @@ impl Reason {
             Self::InputGap => State::Coasting,
             Self::Stopped | Self::Refused | Self::Unsound => State::Lost,
             Self::Innovations { lost: true, .. } | Self::Rejected { lost: true, .. } => State::Lost,
+            Self::Silent { replaced: true, .. } => State::Good,
             _ => State::Degraded,
         }
     }
@@ -209,7 +221,7 @@ pub struct Health {
     pub state: State,
     /// Since when there is this state for these reasons.
     pub since: Time,
-    /// All reasons that hold; none of *good* and *aligning*.
+    /// All reasons that hold; of *good* and *aligning* none but sensors that others replace.
     pub reasons: Vec<Reason>,
 }
 crate::memory!(Health { state, since, reasons });

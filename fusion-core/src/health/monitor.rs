@@ -1,5 +1,6 @@
 //! The observer that judges a filter's health by its events.
 
+use super::aid::Aid;
 use super::blocks::Blocks;
 use super::evidence::{Evidence, Others};
 use super::pulse::{Held, Pulse};
@@ -30,8 +31,7 @@ pub struct Watched {
 pub struct Monitor {
     limits: Limits,
     sensors: Vec<Evidence>,
-    /// When a sensor from outside was used last.
-    supported: Option<Time>,
+    aid: Aid,
     /// Streams that only stages read.
     streams: Vec<(StreamId, Pulse, Held)>,
     blocks: Blocks,
@@ -47,6 +47,7 @@ pub struct Monitor {
     contradicted: bool,
     refused: Held,
     unsound: Held,
+    unaided: Held,
     health: Health,
     /// Lent to the next judgement.
     reasons: Vec<Reason>,
@@ -55,7 +56,7 @@ pub struct Monitor {
 impl Memory for Monitor {
     fn remember(&mut self, tape: &mut Tape<'_>) {
         self.sensors.as_mut_slice().remember(tape);
-        self.supported.remember(tape);
+        self.aid.remember(tape);
         for (_, pulse, held) in &mut self.streams {
             pulse.remember(tape);
             held.remember(tape);
@@ -69,6 +70,7 @@ impl Memory for Monitor {
         self.contradicted.remember(tape);
         self.refused.remember(tape);
         self.unsound.remember(tape);
+        self.unaided.remember(tape);
         self.health.remember(tape);
     }
 }
@@ -93,12 +95,12 @@ impl Monitor {
     ) -> Self {
         let sensors: Vec<_> = sensors.into_iter().map(|s| Evidence::new(s, &limits)).collect();
         let streams: Vec<_> = streams.into_iter().map(|s| (s, Pulse::default(), Held::default())).collect();
-        // Each reason once at most: six of a sensor, two of a block, five of the filter.
-        let most = 6 * sensors.len() + streams.len() + 2 * layout.blocks().len() + 5;
+        // Each reason once at most: six of a sensor, two of a block, six of the filter.
+        let most = 6 * sensors.len() + streams.len() + 2 * layout.blocks().len() + 6;
         Self {
             limits,
             sensors,
-            supported: None,
+            aid: Aid::new(layout),
             streams,
             blocks: Blocks::new(layout),
             phase: Phase::Waiting,
@@ -109,6 +111,7 @@ impl Monitor {
             contradicted: false,
             refused: Held::default(),
             unsound: Held::default(),
+            unaided: Held::default(),
             health: Health {
                 reasons: Vec::with_capacity(most),
                 ..Health::UNKNOWN
@@ -175,8 +178,9 @@ impl Monitor {
     fn start(&mut self, belief: &Belief) -> Time {
         self.phase = Phase::Aligning;
         self.gap = None;
-        (self.refused, self.unsound) = Default::default();
-        (self.supported, self.contradicted) = (None, false);
+        (self.refused, self.unsound, self.unaided) = Default::default();
+        self.contradicted = false;
+        self.aid.start(belief);
         self.blocks.start(belief);
         self.sensors.iter_mut().for_each(|s| s.restart(belief.time));
         for (_, pulse, held) in &mut self.streams {
@@ -194,15 +198,16 @@ impl Monitor {
         self.phase = if is_aligned { Phase::Aligned } else { Phase::Aligning };
         self.unsound.hear(belief.time, !belief.is_sound());
         self.blocks.hear(belief, &self.limits);
+        self.aid.hear(belief);
         self.blocks.follow(belief, &self.limits, self.contradicted);
         belief.time
     }
 
     fn updated(&mut self, sensor: usize, time: Time, update: &Update<'_>) {
         let Some(evidence) = self.sensors.get_mut(sensor) else { return };
-        evidence.hear(time, update, &self.limits);
-        if evidence.is_outside && matches!(update.verdict, Verdict::Accepted | Verdict::Reacquired) {
-            self.supported = Some(time);
+        evidence.hear(time, update, &self.limits, &self.aid);
+        if matches!(update.verdict, Verdict::Accepted | Verdict::Reacquired) {
+            self.aid.used(time, evidence.axes(), evidence.period(), evidence.is_outside);
         }
     }
 
@@ -216,7 +221,13 @@ impl Monitor {
             if self.gap.is_some_and(|since| now.seconds_since(since) > limits.coasting) {
                 reasons.push(Reason::InputGap);
             }
-            for (held, reason) in [(&self.refused, Reason::Refused), (&self.unsound, Reason::Unsound)] {
+            self.unaided.hear(now, self.aid.is_missing(now, limits.unaided));
+            let own = [
+                (&self.refused, Reason::Refused),
+                (&self.unsound, Reason::Unsound),
+                (&self.unaided, Reason::Unaided),
+            ];
+            for (held, reason) in own {
                 if held.is_told(now, limits) {
                     reasons.push(reason);
                 }
@@ -231,7 +242,7 @@ impl Monitor {
             self.blocks.tell(now, limits, reasons);
             let rejected = |time| self.sensors.iter().filter(|s| s.is_rejected(now, time)).count();
             let others = Others {
-                supported: self.supported,
+                aid: &self.aid,
                 rejected: rejected(0.0),
                 rejected_long: rejected(limits.rejected_lost),
             };

@@ -46,8 +46,13 @@ impl Pulse {
 
     /// Whether nothing has come for too long.
     pub(super) fn is_silent(&self, now: Time, limits: &Limits) -> bool {
-        let allowed = limits.silent.max(limits.silent_periods * self.period);
+        let allowed = self.pause(limits);
         self.period > 0.0 && self.last.is_some_and(|last| now.seconds_since(last) > allowed)
+    }
+
+    /// The longest pause that is no silence \[s\].
+    pub(super) const fn pause(&self, limits: &Limits) -> f64 {
+        limits.silent.max(limits.silent_periods * self.period)
     }
 }
 

@@ -4,8 +4,9 @@ use super::*;
 use crate::covariance::FormKind;
 use crate::filter::{FilterError, Update, Verdict};
 use crate::gate::Mode;
+use crate::linear::Jacobian;
 use crate::runner::{Event, RowId};
-use crate::state::{Attitude, Belief, Declaration, Dynamics, Layout, LayoutBuilder, Manifold, StateRole, Vector, Velocity};
+use crate::state::{Attitude, Belief, Declaration, Dynamics, Layout, LayoutBuilder, Manifold, Scalar, StateRole, Vector, Velocity};
 use nalgebra::{SVector, UnitQuaternion, Vector3};
 
 const POSITION: usize = 0;
@@ -18,6 +19,7 @@ const STREAM: StreamId = 7;
 /// Blocks of the layout.
 const VELOCITY: usize = 1;
 const BIAS: usize = 2;
+const SLOW: usize = 3;
 
 fn layout() -> Layout {
     fn block<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M::Value, sigma: &[f64], role: StateRole, dynamics: Dynamics) {
@@ -41,6 +43,11 @@ fn layout() -> Layout {
     // 0.1 at first; a variance of 0.01 is added in 100 s.
     let walk = Dynamics::RandomWalk { psd: vec![1e-4; 2] };
     block::<Vector<2>>(&mut b, "bias", SVector::zeros(), &[0.1; 2], StateRole::Calibration, walk);
+    let slow = Dynamics::GaussMarkov {
+        sigma: vec![3.2],
+        tau: 600.0,
+    };
+    block::<Scalar>(&mut b, "slow", 0.0, &[3.2], StateRole::Nuisance, slow);
     b.finish()
 }
 
@@ -53,16 +60,31 @@ struct Bench {
     layout: Layout,
     monitor: Monitor,
     belief: Belief,
+    /// By sensor, where it is known.
+    jacobians: [Option<Jacobian>; 3],
 }
 
 impl Bench {
+    /// Where it is no matter whether the motion is measured.
     fn new() -> Self {
+        Self::with(Limits {
+            unaided: f64::INFINITY,
+            ..Limits::DEFAULT
+        })
+    }
+
+    fn with(limits: Limits) -> Self {
         let layout = layout();
         let sensor = |rows, is_outside| Watched { rows, is_outside };
         let sensors = [sensor(3, true), sensor(3, true), sensor(2, false)];
-        let monitor = Monitor::new(Limits::DEFAULT, &layout, sensors, [STREAM]);
+        let monitor = Monitor::new(limits, &layout, sensors, [STREAM]);
         let belief = Belief::initial(&layout, &FormKind::Joseph.form(), at(0.0));
-        let mut bench = Self { layout, monitor, belief };
+        let mut bench = Self {
+            layout,
+            monitor,
+            belief,
+            jacobians: [const { None }; 3],
+        };
         let belief = bench.belief.clone();
         bench.hear(&Event::Started { belief: &belief });
         assert_eq!(bench.monitor.health().state, State::Good);
@@ -80,6 +102,7 @@ impl Bench {
     }
 
     fn update(&mut self, sensor: usize, t: f64, verdict: Verdict, nis: f64) {
+        let jacobian = self.jacobians[sensor].clone();
         let update = Update {
             verdict,
             value: &[],
@@ -93,6 +116,7 @@ impl Bench {
             mode: Mode::Track,
             power: &[],
             weight: 1.0,
+            jacobian: jacobian.as_ref(),
         };
         let row = RowId {
             stream: 0,
@@ -103,6 +127,20 @@ impl Bench {
         };
         let time = at(t);
         self.hear(&Event::Updated { sensor, update, time, row });
+    }
+
+    /// The sensor measures these axes, each alone.
+    fn measures(&mut self, sensor: usize, axes: &[usize]) {
+        let mut h = Jacobian::new(&self.layout, axes.len());
+        h.reset(axes.len());
+        for (row, axis) in axes.iter().enumerate() {
+            h.add_element(row, *axis, 1.0);
+            // A lever arm's attitude: much of the row, but not what it measures.
+            if *axis >= 3 {
+                h.add_element(row, 0, 100.0);
+            }
+        }
+        self.jacobians[sensor] = Some(h);
     }
 
     /// Once a second, from `from` to `to`.
@@ -233,6 +271,22 @@ fn a_calibration_far_from_its_initial_value_degrades_unless_it_may_have_walked_t
 }
 
 #[test]
+fn a_slow_error_many_of_its_stationary_sigmas_away_degrades() {
+    let mut bench = Bench::new();
+    let slow = bench.layout.blocks()[SLOW].storage;
+    // 5 · 3.2.
+    for (value, reasons) in [
+        (-15.9, &[][..]),
+        (-16.1, &[Reason::Calibration { block: SLOW }]),
+        (16.1, &[Reason::Calibration { block: SLOW }]),
+    ] {
+        bench.belief.x[slow] = value;
+        bench.estimate(bench.belief.time.seconds() + 1.0);
+        assert_eq!(bench.reasons(), reasons, "{value}");
+    }
+}
+
+#[test]
 fn innovations_are_too_large_where_their_mean_is_and_not_where_one_is() {
     let mut bench = Bench::new();
     // 2.5² of 3 rows are 18.75.
@@ -339,9 +393,14 @@ fn two_sensors_rejected_at_once_degrade_at_once() {
         bench.updates(sensor, 1, 10, Accepted, 2.0);
     }
     bench.update(POSITION, 11.0, Rejected, 100.0);
+    bench.update(POSITION, 11.1, Rejected, 100.0);
     bench.update(WHEELS, 11.0, Rejected, 100.0);
+    bench.update(WHEELS, 11.1, Rejected, 100.0);
     assert_eq!(bench.reasons(), []);
+    // One of each comes by chance.
     bench.update(SPEED, 11.2, Rejected, 100.0);
+    assert_eq!(bench.reasons(), []);
+    bench.update(SPEED, 11.3, Rejected, 100.0);
     assert_eq!(bench.reasons(), [rejected(POSITION), rejected(SPEED)]);
     // Not by one that was rejected when it was last heard of, long ago.
     let mut bench = Bench::new();
@@ -425,7 +484,10 @@ fn what_a_sensor_said_is_old_when_it_has_been_silent_for_as_long_as_innovations_
         sensor: POSITION,
         lost: true,
     };
-    let silent = Reason::Silent { sensor: POSITION };
+    let silent = Reason::Silent {
+        sensor: POSITION,
+        replaced: false,
+    };
     assert_eq!(bench.reasons(), [lost, silent]);
 }
 
@@ -522,7 +584,7 @@ fn a_sensor_that_falls_silent_degrades_after_thirty_of_its_own_periods() {
             bench.update(sensor, period * f64::from(k), Accepted, 3.0);
         }
     }
-    let silent = |sensor| Reason::Silent { sensor };
+    let silent = |sensor| Reason::Silent { sensor, replaced: false };
     // From 0.4 s on, for 5 s at least. What a stage emits may pause.
     bench.estimate(5.35);
     assert_eq!(bench.reasons(), []);
@@ -562,4 +624,110 @@ fn a_monitor_with_the_memory_of_another_goes_on_as_that_one_would() {
     crate::testing::check_memory(&mut bench.monitor, &mut twin.monitor).unwrap();
     assert_eq!(bench.monitor.health(), twin.monitor.health());
     assert_eq!(twin.monitor.health().state, State::Lost);
+}
+
+/// Axes of the velocity.
+const NORTH: usize = 3;
+const EAST: usize = 4;
+const DOWN: usize = 5;
+
+#[test]
+fn a_filter_is_lost_where_what_is_used_meanwhile_does_not_hold_most_of_the_motion() {
+    let rejected = |lost| Reason::Rejected { sensor: POSITION, lost };
+    for (others, lost) in [
+        (&[0, 1, 2][..], true),
+        (&[DOWN], true),
+        (&[NORTH, EAST], false),
+        (&[NORTH, EAST, DOWN], false),
+    ] {
+        let mut bench = Bench::new();
+        bench.measures(POSITION, &[NORTH, EAST, DOWN]);
+        bench.measures(SPEED, others);
+        for t in 1..=31 {
+            bench.update(SPEED, f64::from(t), Accepted, 3.0);
+            bench.updates(POSITION, t, t, Rejected, 100.0);
+        }
+        assert!(bench.reasons().contains(&rejected(lost)), "{others:?}: {:?}", bench.reasons());
+    }
+    // A compass that alone is rejected is not right against all else.
+    let mut bench = Bench::new();
+    bench.measures(POSITION, &[NORTH, EAST, DOWN]);
+    bench.measures(SPEED, &[2]);
+    for t in 1..=60 {
+        bench.update(POSITION, f64::from(t), Accepted, 3.0);
+        bench.updates(SPEED, t, t, Rejected, 100.0);
+    }
+    assert_eq!(
+        bench.reasons(),
+        [Reason::Rejected {
+            sensor: SPEED,
+            lost: false
+        }]
+    );
+}
+
+#[test]
+fn a_silent_sensor_degrades_unless_others_measure_what_it_does() {
+    let silent = |replaced| Reason::Silent { sensor: SPEED, replaced };
+    for (axes, replaced) in [
+        (&[NORTH, EAST, DOWN][..], true),
+        (&[NORTH], true),
+        (&[2], false),
+        (&[NORTH, 2], false),
+    ] {
+        let mut bench = Bench::new();
+        bench.measures(POSITION, &[NORTH, EAST, DOWN]);
+        bench.measures(SPEED, axes);
+        bench.updates(SPEED, 1, 5, Accepted, 3.0);
+        bench.updates(POSITION, 6, 34, Accepted, 3.0);
+        assert_eq!(bench.reasons(), []);
+        bench.updates(POSITION, 35, 36, Accepted, 3.0);
+        assert_eq!(bench.reasons(), [silent(replaced)], "{axes:?}");
+        let state = if replaced { State::Good } else { State::Degraded };
+        assert_eq!(bench.monitor.health().state, state);
+        // The other one away as well, for 30 of the periods of the first.
+        if replaced {
+            bench.estimate(66.1);
+            assert!(bench.reasons().contains(&silent(false)), "{:?}", bench.reasons());
+        }
+    }
+}
+
+#[test]
+fn nothing_that_measures_position_or_velocity_for_half_a_minute_degrades() {
+    let never_silent = Limits {
+        silent: f64::INFINITY,
+        ..Limits::DEFAULT
+    };
+    // From the start.
+    let mut bench = Bench::with(never_silent);
+    bench.estimate(29.9);
+    assert_eq!(bench.reasons(), []);
+    bench.estimate(30.1);
+    assert_eq!(bench.reasons(), [Reason::Unaided]);
+    // By what a stage says as by what comes from outside; one direction of three is not enough.
+    for (sensor, axes, is_aided) in [
+        (SPEED, &[NORTH, EAST, DOWN][..], true),
+        (WHEELS, &[EAST, DOWN], true),
+        (WHEELS, &[DOWN], false),
+        (SPEED, &[0, 1, 2], false),
+    ] {
+        let mut bench = Bench::with(never_silent);
+        bench.measures(sensor, axes);
+        bench.updates(sensor, 1, 40, Accepted, 3.0);
+        let expected = if is_aided { &[][..] } else { &[Reason::Unaided] };
+        assert_eq!(bench.reasons(), expected, "{axes:?}");
+        bench.estimate(70.1);
+        assert_eq!(bench.reasons(), [Reason::Unaided]);
+    }
+    // Three of its own periods are no matter.
+    let mut bench = Bench::with(never_silent);
+    bench.measures(SPEED, &[NORTH, EAST, DOWN]);
+    for t in [20.0, 40.0, 60.0, 80.0] {
+        bench.update(SPEED, t, Accepted, 3.0);
+    }
+    bench.estimate(139.9);
+    assert_eq!(bench.reasons(), []);
+    bench.estimate(140.1);
+    assert_eq!(bench.reasons(), [Reason::Unaided]);
 }

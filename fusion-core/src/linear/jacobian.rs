@@ -2,10 +2,10 @@
 
 use super::{BlockMatrix, padded};
 use crate::state::{Layout, Manifold, Quantity, Signal, Slot, Tangent};
+use core::fmt;
 use nalgebra::SMatrix;
 
 /// The Jacobian of a measurement (or of the process's signals), written in blocks.
-#[derive(Debug)]
 pub struct Jacobian {
     rows: usize,
     ld: usize,
@@ -14,6 +14,13 @@ pub struct Jacobian {
     by_signal: Vec<f64>,
     columns: Vec<(usize, usize)>,
     signals_used: bool,
+}
+
+impl fmt::Debug for Jacobian {
+    /// Its rows: what lies behind them is from earlier models.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_list().entries((0..self.rows).map(|i| self.row(i))).finish()
+    }
 }
 
 impl Clone for Jacobian {

@@ -33,6 +33,10 @@ window = { from = "200 s", to = "201 s" }
 
 #[typetag::deserialize(name = "clock_jump")]
 impl FaultSpec for ClockJumpSpec {
+    fn windows(&self) -> Windows {
+        self.window.clone()
+    }
+
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
         let by = nanos(self.by.si());
         if by == 0 {

@@ -36,6 +36,10 @@ rate = "10 %"
 
 #[typetag::deserialize(name = "duplicate")]
 impl FaultSpec for DuplicateSpec {
+    fn windows(&self) -> Windows {
+        self.window.clone()
+    }
+
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
         Ok(Box::new(Duplicate {
             copies: self.copies.map_or(1, NonZeroU32::get),

@@ -29,6 +29,10 @@ window = { from = "200 s", to = "210 s" }
 
 #[typetag::deserialize(name = "frozen")]
 impl FaultSpec for FrozenSpec {
+    fn windows(&self) -> Windows {
+        self.window.clone()
+    }
+
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
         Ok(Box::new(Frozen {
             columns: Target::columns_of(context, self.channel.as_deref())?,

@@ -38,6 +38,10 @@ rate = "30 %"
 
 #[typetag::deserialize(name = "late")]
 impl FaultSpec for LateSpec {
+    fn windows(&self) -> Windows {
+        self.window.clone()
+    }
+
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
         Ok(Box::new(Late {
             by: nanos(self.by.si()).max(1),

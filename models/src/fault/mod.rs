@@ -114,6 +114,9 @@ pub struct FaultContext<'a> {
 /// A fault as declared.
 #[typetag::deserialize]
 pub trait FaultSpec: Debug + Send + Sync {
+    /// When it may be at work.
+    fn windows(&self) -> Windows;
+
     /// When the source is silent because of it, for the drift per outage; `None` for a fault that
     /// is no outage.
     fn outage(&self) -> Option<&Windows> {

@@ -37,6 +37,10 @@ sigma = ["1 m", "1 m", "2 m"]
 
 #[typetag::deserialize(name = "noise")]
 impl FaultSpec for NoiseSpec {
+    fn windows(&self) -> Windows {
+        self.window.clone()
+    }
+
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
         let target = Target::find(context, self.channel.as_deref())?;
         let axes = vec![target.dimension(); target.degrees()];

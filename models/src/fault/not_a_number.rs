@@ -29,6 +29,10 @@ window = { from = "200 s", to = "201 s" }
 
 #[typetag::deserialize(name = "not_a_number")]
 impl FaultSpec for NotANumberSpec {
+    fn windows(&self) -> Windows {
+        self.window.clone()
+    }
+
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
         Ok(Box::new(NotANumber {
             columns: Target::columns_of(context, self.channel.as_deref())?,

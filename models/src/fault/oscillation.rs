@@ -42,6 +42,10 @@ band = ["8 Hz", "11 Hz"]
 
 #[typetag::deserialize(name = "oscillation")]
 impl FaultSpec for OscillationSpec {
+    fn windows(&self) -> Windows {
+        self.window.clone()
+    }
+
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
         let target = Target::find(context, self.channel.as_deref())?;
         let axes = vec![target.dimension(); target.degrees()];

@@ -28,6 +28,10 @@ window = { from = "300 s", duration = "60 s", every = "180 s" }
 
 #[typetag::deserialize(name = "outage")]
 impl FaultSpec for OutageSpec {
+    fn windows(&self) -> Windows {
+        self.window.clone()
+    }
+
     fn outage(&self) -> Option<&Windows> {
         Some(&self.window)
     }
@@ -80,6 +84,10 @@ rate = "5 %"
 
 #[typetag::deserialize(name = "drop")]
 impl FaultSpec for DropSpec {
+    fn windows(&self) -> Windows {
+        self.window.clone()
+    }
+
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
         Ok(Box::new(Drop {
             rate: self.rate.si(),

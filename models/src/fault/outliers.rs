@@ -44,6 +44,10 @@ size = ["20 m", "100 m"]
 
 #[typetag::deserialize(name = "outliers")]
 impl FaultSpec for OutliersSpec {
+    fn windows(&self) -> Windows {
+        self.window.clone()
+    }
+
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
         let target = Target::find(context, self.channel.as_deref())?;
         let size = PerAxis::Each(self.size.to_vec()).si::<range::NonNegative>(&[target.dimension(); 2]);

@@ -38,6 +38,10 @@ rate = ["0.5 m/s", 0, 0]
 
 #[typetag::deserialize(name = "ramp")]
 impl FaultSpec for RampSpec {
+    fn windows(&self) -> Windows {
+        self.window.clone()
+    }
+
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
         let target = Target::find(context, self.channel.as_deref())?;
         let degrees = target.degrees();

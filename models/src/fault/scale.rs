@@ -36,6 +36,10 @@ factor = [1.1, 1.1, -1]
 
 #[typetag::deserialize(name = "scale")]
 impl FaultSpec for ScaleSpec {
+    fn windows(&self) -> Windows {
+        self.window.clone()
+    }
+
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
         let target = Target::find(context, self.channel.as_deref())?;
         if !target.has_scale() {

@@ -34,12 +34,16 @@ value = ["5 m", 0, 0]
 
 #[typetag::deserialize(name = "bias_step")]
 impl FaultSpec for BiasStepSpec {
+    fn windows(&self) -> Windows {
+        Windows::since(Time::from_seconds(self.at.si()))
+    }
+
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
         let (target, by) = offset(context, self.channel.as_deref(), &self.value)?;
         Ok(Box::new(Shift {
             target,
             by,
-            when: When::From(Time::from_seconds(self.at.si())),
+            window: self.windows(),
         }))
     }
 }
@@ -69,12 +73,16 @@ value = ["30 m", "-20 m", 0]
 
 #[typetag::deserialize(name = "spike")]
 impl FaultSpec for SpikeSpec {
+    fn windows(&self) -> Windows {
+        self.window.clone()
+    }
+
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
         let (target, by) = offset(context, self.channel.as_deref(), &self.value)?;
         Ok(Box::new(Shift {
             target,
             by,
-            when: When::During(self.window.clone()),
+            window: self.windows(),
         }))
     }
 }
@@ -88,16 +96,10 @@ fn offset(context: &FaultContext<'_>, channel: Option<&str>, value: &PerAxis) ->
 }
 
 #[derive(Debug)]
-enum When {
-    From(Time),
-    During(Windows),
-}
-
-#[derive(Debug)]
 struct Shift {
     target: Target,
     by: Vec<f64>,
-    when: When,
+    window: Windows,
 }
 
 impl Fault for Shift {
@@ -106,11 +108,7 @@ impl Fault for Shift {
     }
 
     fn apply(&mut self, time: Time, row: &mut [f64]) -> Outcome {
-        let is_at_work = match &self.when {
-            When::From(start) => time >= *start,
-            When::During(windows) => windows.contains(time),
-        };
-        if !is_at_work {
+        if !self.window.contains(time) {
             return Outcome::Untouched;
         }
         self.target.displace(row, &self.by);

@@ -43,6 +43,10 @@ correlation_time = "20 s"
 
 #[typetag::deserialize(name = "wander")]
 impl FaultSpec for WanderSpec {
+    fn windows(&self) -> Windows {
+        self.window.clone()
+    }
+
     fn build(&self, context: &FaultContext<'_>) -> Result<Box<dyn Fault>, BuildError> {
         let target = Target::find(context, self.channel.as_deref())?;
         let axes = vec![target.dimension(); target.degrees()];

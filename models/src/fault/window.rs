@@ -45,6 +45,23 @@ impl Default for Windows {
 }
 
 impl Windows {
+    /// From `from` on.
+    #[must_use]
+    pub fn since(from: Time) -> Self {
+        let first = Window { from, to: Time::MAX };
+        Self(vec![Repeated {
+            first,
+            every: None,
+            until: Time::MAX,
+        }])
+    }
+
+    /// Those that overlap `span`, each from its beginning to its end, in order within each declaration; none that lasts for ever
+    /// in both directions.
+    pub fn within(&self, span: Window) -> impl Iterator<Item = Window> {
+        self.0.iter().flat_map(move |repeated| repeated.within(span))
+    }
+
     /// Whether `time` lies in one of them.
     #[must_use]
     pub fn contains(&self, time: Time) -> bool {
@@ -77,6 +94,25 @@ impl Repeated {
     #[must_use]
     pub fn contains(&self, time: Time) -> bool {
         self.at(time).is_some()
+    }
+
+    /// Its windows that overlap `span`; none where it lasts for ever in both directions.
+    fn within(self, span: Window) -> impl Iterator<Item = Window> {
+        let Window { from, to } = self.first;
+        let is_bounded = from != Time::MIN || to != Time::MAX;
+        // The first that may overlap: the one at the beginning of the span, or the next.
+        let since = span.from.nanos().saturating_sub(from.nanos()).max(0);
+        let passed = self.every.map_or(0, |every| since / every);
+        let begins = move |number: i64| match self.every {
+            Some(every) => Some(from.nanos().checked_add(number.checked_mul(every)?)?),
+            None => (number == 0).then(|| from.nanos()),
+        };
+        (passed..)
+            .map_while(begins)
+            .map(Time::from_nanos)
+            .take_while(move |begin| is_bounded && *begin < span.to.min(self.until))
+            .filter_map(move |begin| self.at(begin))
+            .filter(move |window| window.to > span.from)
     }
 
     /// The window that `time` lies in. An end that was left open is [`Time::MIN`] or [`Time::MAX`].
@@ -224,6 +260,25 @@ mod tests {
 
     fn t(seconds: f64) -> Time {
         Time::from_seconds(seconds)
+    }
+
+    #[test]
+    fn the_windows_within_a_span_are_those_that_overlap_it() {
+        let within = |value: &str, from: f64, to: f64| {
+            let span = Window { from: t(from), to: t(to) };
+            let seconds = |w: Window| [w.from, w.to].map(|t| (t.nanos() as f64 * 1e-9).round());
+            read(value).unwrap().within(span).map(seconds).collect::<Vec<_>>()
+        };
+        let every = "{ from = 10, duration = 5, every = 20, until = 72 }";
+        assert_eq!(within(every, 0.0, 100.0), [[10.0, 15.0], [30.0, 35.0], [50.0, 55.0], [70.0, 72.0]]);
+        assert_eq!(within(every, 34.0, 50.5), [[30.0, 35.0], [50.0, 55.0]]);
+        assert_eq!(within(every, 35.0, 50.0), [] as [[f64; 2]; 0]);
+        assert_eq!(within("{ from = -1e9, duration = 5, every = 20 }", 41.0, 42.0), [[40.0, 45.0]]);
+        assert_eq!(within("[{ to = 10 }, { from = 90 }]", 0.0, 100.0).len(), 2);
+        assert_eq!(within("[{ to = 10 }, { from = 90 }]", 20.0, 80.0).len(), 0);
+        // What is always at work is no window.
+        assert_eq!(Windows::default().within(Window { from: t(0.0), to: t(1.0) }).count(), 0);
+        assert_eq!(Windows::since(t(3.0)).within(Window { from: t(0.0), to: t(9.0) }).count(), 1);
     }
 
     #[test]

@@ -27,6 +27,9 @@ const nearest = (ts, t) => {
   return t - ts[a] <= ts[b] - t ? a : b;
 };
 const outages = runs[0] ? runs[0].outages.map(w => w.map(t => t - zero)) : [];
+/** From, to and name of each declared fault. */
+const faults = runs[0] ? runs[0].faults.map(([a, b, name]) => [a - zero, b - zero, name]) : [];
+const faultsAt = t => faults.filter(f => t >= f[0] && t <= f[1]).map(f => `fault ${f[2]}`);
 /** Colours of health, from good to bad. */
 const states = { good: "track", aligning: "soft", coasting: "run3", degraded: "denied", lost: "bad" };
 const health = runs[0] ? runs[0].health.map(([a, b, state]) => [a - zero, b - zero, state]) : [];

@@ -161,7 +161,7 @@ function makeMap({ canvas, host, out, part, follow, title, hidden }, true_path, 
   const describe = (n, east, t) => {
     const lines_ = [title, `north ${show(n)} m   east ${show(east)} m`];
     if (t == null) return lines_;
-    lines_.push([`${show(t)} s`, healthAt(t)].filter(Boolean).join("   "));
+    lines_.push([`${show(t)} s`, healthAt(t), ...faultsAt(t)].filter(Boolean).join("   "));
     const named = lines.map(l => [l.name, l]).concat(true_path ? [["truth", true_path]] : []);
     for (const [name, d] of named) {
       const i = nearest(d.t, t);

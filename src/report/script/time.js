@@ -70,7 +70,7 @@ const hover = (p, u) => {
   const { left, top } = u.cursor;
   if (!(left >= 0)) { tell(null); return; }
   const x = u.posToVal(left, "x"), box = u.over.getBoundingClientRect();
-  const of = p.spec.own ? `${show(p.spec.own.shown ? p.spec.own.shown(x) : x)} ${p.spec.own.unit}` : [`${show(x)} s`, healthAt(x)].filter(Boolean).join("   ");
+  const of = p.spec.own ? `${show(p.spec.own.shown ? p.spec.own.shown(x) : x)} ${p.spec.own.unit}` : [`${show(x)} s`, healthAt(x), ...faultsAt(x)].filter(Boolean).join("   ");
   if (p.spec.own) p.out.value = [of, ...read(p.spec, x)].join("   ");
   tell([p.spec.title, of, ...read(p.spec, x)], box.left + left, box.top + top);
 };
@@ -176,6 +176,15 @@ const shades = u => clip(u, ctx => {
     ctx.fillRect(x, u.bbox.top, u.valToPos(b, "x", true) - x, u.bbox.height);
   }
 });
+/** When declared faults were at work, as bars along the top. */
+const faultBars = u => {
+  const { ctx, bbox } = u, px = uPlot.pxRatio;
+  ctx.fillStyle = color("fault");
+  for (const [a, b] of faults) {
+    const from = Math.max(u.valToPos(a, "x", true), bbox.left), to = Math.min(u.valToPos(b, "x", true), bbox.left + bbox.width);
+    if (to >= bbox.left && from <= bbox.left + bbox.width) ctx.fillRect(from, bbox.top, Math.max(to - from, 2 * px), 5 * px);
+  }
+};
 /** The health of the filter as a strip along the axis of time. */
 const healthStrip = u => {
   const { ctx, bbox } = u, px = uPlot.pxRatio, worst = Object.keys(states);
@@ -260,7 +269,7 @@ const build = (p, width) => {
       drawAxes: [u => { for (const s of spec.series) if (s.kind === "dot" && !isHidden(spec, s)) marks(u, s); }],
       draw: [u => {
         for (const s of spec.series) if (s.kind === "cross" && !isHidden(spec, s)) marks(u, s);
-        if (!spec.own) healthStrip(u);
+        if (!spec.own) { faultBars(u); healthStrip(u); }
         if (spec.strips) strips(u, spec);
       }],
       setSelect: [u => {
