@@ -46,3 +46,4 @@ pub use reference::{
 };
 pub use run::{MapDetailSpec, OrderSpec, RewindSpec, RunSpec, SmoothSpec};
 pub use truth::Truth;
+pub(crate) use truth::parameters;

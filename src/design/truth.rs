@@ -7,8 +7,11 @@
 
 use super::{Design, Draft};
 use crate::config::{Diagnostic, Diagnostics, Document, Entry, Node, Value};
+use fusion_models::param::ScalarParam;
 use fusion_models::registry::{self, Role};
+use fusion_models::units::dim;
 use fusion_models::vocabulary::parameter;
+use schemars::schema_for;
 use serde_json::Value as Json;
 
 /// The table of a simulated sensor, and the keys of a parameter that is a state, its own or that of another block.
@@ -89,7 +92,7 @@ fn is_estimated(declared: &Node) -> bool {
 /// Lays what is true over a sensor; the mistakes.
 fn lay(name: &str, truth: &Node, sensor: &mut Node, given: &mut Vec<String>) -> Vec<Diagnostic> {
     let parameters = parameters(sensor);
-    let known: Vec<&str> = parameters.iter().map(String::as_str).collect();
+    let known: Vec<&str> = parameters.iter().map(|(key, _)| key.as_str()).collect();
     let mut mistakes = Vec::new();
     if !matches!(truth.value(), Value::Table { .. }) {
         let help = "such as `truth = { lever_arm = [0.5, 0, \"-1 m\"] }`";
@@ -116,14 +119,16 @@ fn lay(name: &str, truth: &Node, sensor: &mut Node, given: &mut Vec<String>) -> 
     mistakes
 }
 
-/// The parameters of a sensor: what a design may declare as fixed or as estimated.
-fn parameters(sensor: &Node) -> Vec<String> {
+/// The parameters of a sensor with their schemas: what a design may declare as fixed or as estimated.
+pub(crate) fn parameters(sensor: &Node) -> Vec<(String, Json)> {
     let kind = sensor.get("type").and_then(Node::as_str).unwrap_or_default();
     let block = registry::all().into_iter().find(|r| r.role == Role::Sensor && r.name == kind);
     let schema = block.map(|block| (block.schema)().to_value()).unwrap_or_default();
     let fields = schema["properties"].as_object().into_iter().flatten();
-    let own = fields.filter(|(_, schema)| is_parameter(schema)).map(|(key, _)| key.clone());
-    own.chain([TIME_OFFSET.to_owned()]).collect()
+    let own = fields.filter(|(_, schema)| is_parameter(schema));
+    let own = own.map(|(key, schema)| (key.clone(), schema.clone()));
+    let time_offset = schema_for!(ScalarParam<dim::Duration>).to_value();
+    own.chain([(TIME_OFFSET.to_owned(), time_offset)]).collect()
 }
 
 /// Whether a field has a form with `estimate`.
@@ -144,7 +149,7 @@ pub(crate) fn shared(document: &Document) -> Diagnostics {
         let (Some(sensor), Some(base)) = (table(root), table(before.root())) else {
             continue;
         };
-        for key in parameters(&sensor) {
+        for (key, _) in parameters(&sensor) {
             let is_told = node.at(&format!("{TRUTH}.{key}")).is_some() || is_wet && key == parameter::CURRENT;
             let Some(value) = sensor.get(&key).filter(|value| !is_told && !is_estimated(value)) else {
                 continue;

@@ -62,6 +62,9 @@ const TINY: f64 = 0.25;
 const FOLLOWED: f64 = 0.3;
 /// The 1σ of a parameter over that at its start from which on the data told nothing of it.
 const LEARNT: f64 = 0.9;
+/// A mean error of the heading that is worth a word \[deg\], and its share of the mean square.
+const LEAST_HEADING: f64 = 1.0;
+const MOST_OF_HEADING: f64 = 0.8;
 /// How often a consistent filter may be found too sure in its outages.
 const CHANCE: f64 = 0.02;
 /// So much of the errors a constant offset has to explain, being so many of its 1σ; from that 1σ on \[m\] it is not known.
@@ -108,15 +111,39 @@ impl Judged<'_> {
         let gaps = self.gaps();
         let score = self.summary.score.iter();
         let arm = score.clone().filter_map(|score| wrong_arm(score.offset.as_ref()?, self.point));
-        let outages = score.filter_map(|score| bold_outages(&score.drift));
-        let errors = arm.chain(errors).chain(outages);
-        rejected
+        let outages = score.clone().filter_map(|score| bold_outages(&score.drift));
+        let constant = score.filter_map(constant_heading);
+        let errors = constant.chain(arm).chain(alike(errors.collect())).chain(outages);
+        self.all_disagree()
+            .into_iter()
+            .chain(rejected)
             .chain(errors)
             .chain(large)
             .chain(small)
             .chain(self.unlearnt())
             .chain(gaps)
             .collect()
+    }
+
+    /// Where no sensor agrees by far, it is what they all are compared with.
+    fn all_disagree(&self) -> Option<Finding> {
+        let judged = Measures::ALL.into_iter().flat_map(|what| self.measuring(what));
+        let judged: Vec<(&Instrument, &Consistency)> = judged.collect();
+        let is_far = |(_, nis): &(&Instrument, &Consistency)| is_large(nis) && ratio(nis) > FAR;
+        if judged.len() < 2 || !judged.iter().all(is_far) {
+            return None;
+        }
+        let each: Vec<String> = judged
+            .iter()
+            .map(|(i, nis)| format!("`{}` {} of {}", i.name, short(nis.mean), nis.dof))
+            .collect();
+        Some(Finding {
+            about: "process".to_owned(),
+            evidence: format!("no sensor agrees with the estimate: NIS of {}", each.join(", ")),
+            advice: "they all are compared with what drives the process: look first at the axes, signs and units of its input \
+                     (`fusion check DESIGN --data DIR` compares it with the others), then at the start"
+                .to_owned(),
+        })
     }
 
     /// The mean NEES of what a sensor measures.
@@ -154,8 +181,9 @@ impl Judged<'_> {
         let followed = self.measuring(what).filter(|(_, nis)| nis.verdict() == Some(Verdict::Conservative));
         let Some((sensor, nis)) = followed.min_by(|a, b| ratio(a.1).total_cmp(&ratio(b.1))) else {
             return format!(
-                "{times}; a noise of the process is too small, an error of a sensor has no state, or the start was far off \
-                 (`[reference] from` judges from later on)"
+                "{times}; a noise of the process is too small, an error of a sensor has no state (of a log, `fusion check DESIGN --data \
+                 DIR` tries latencies, arms, scales and angles as states), or the start was far off (`[reference] from` judges from \
+                 later on)"
             );
         };
         let name = &sensor.name;
@@ -254,6 +282,38 @@ fn nees_of(score: &Score, what: Measures) -> Option<&Consistency> {
         Measures::Velocity => score.nees_velocity.as_ref(),
         Measures::Attitude => score.nees_attitude.as_ref(),
     }
+}
+
+/// Findings of which only the size differs, as one.
+fn alike(all: Vec<Finding>) -> Vec<Finding> {
+    fn what(finding: &Finding) -> Option<&str> {
+        let (size, what) = finding.advice.split_once("; ")?;
+        size.ends_with("times the 1σ of the filter").then_some(what)
+    }
+    let mut kept: Vec<Finding> = Vec::new();
+    for finding in all {
+        let same = what(&finding);
+        match kept.iter_mut().find(|before| same.is_some() && what(before) == same) {
+            Some(before) => before.evidence += &format!(", {}", finding.evidence),
+            None => kept.push(finding),
+        }
+    }
+    kept
+}
+
+/// A heading that is wrong by a constant.
+fn constant_heading(score: &Score) -> Option<Finding> {
+    let errors = score.attitude_deg.as_ref()?;
+    let (mean, rms) = (errors.mean[2], errors.rms[2]);
+    let is_told = mean.abs() > LEAST_HEADING && mean * mean > MOST_OF_HEADING * rms * rms;
+    let is_too_much = score.nees_attitude.as_ref().is_some_and(is_large);
+    (is_told && is_too_much).then(|| Finding {
+        about: "heading".to_owned(),
+        evidence: format!("the heading error is nearly constant, {mean:.1}° on average and {rms:.1}° RMS"),
+        advice: "look at what tells the heading: the `declination` or `bias` of a compass, the `mounting` of the inertial unit or of an \
+                 odometer, or whether the reference has an axis of its own (`[reference] remove_mean_mounting`)"
+            .to_owned(),
+    })
 }
 
 /// Whether the 1σ of a parameter fell on no axis.

@@ -225,3 +225,98 @@ fn innovations_of_hundreds_are_no_matter_of_noise() {
         "{near:?}"
     );
 }
+
+#[test]
+fn sensors_that_all_disagree_by_far_are_compared_with_a_wrong_input() {
+    let compass = |nis: f64| SensorStatistics {
+        name: "compass".to_owned(),
+        nis: Some(consistency(nis)),
+        ..SensorStatistics::default()
+    };
+    let instruments = [
+        instrument(Some(false)),
+        Instrument {
+            name: "compass".to_owned(),
+            source: "compass".to_owned(),
+            measures: Some(Measures::Attitude),
+            ..instrument(Some(false))
+        },
+    ];
+    let first = |sensors: Vec<SensorStatistics>| {
+        let summary = Summary {
+            sensors,
+            ..Summary::default()
+        };
+        let judged = Judged {
+            instruments: &instruments,
+            summary: &summary,
+            point: [0.0; 3],
+        };
+        judged.findings().first().map(ToString::to_string).unwrap_or_default()
+    };
+    let told = first(vec![sensor(400.0), compass(900.0)]);
+    assert!(
+        told.starts_with("no sensor agrees") && told.contains("`gnss` 400 of 3, `compass` 900 of 3"),
+        "{told}"
+    );
+    assert!(told.contains("axes, signs and units of its input"), "{told}");
+    // One that agrees is compared with the same input.
+    let told = first(vec![sensor(400.0), compass(3.0)]);
+    assert!(told.starts_with("NIS of `gnss`"), "{told}");
+}
+
+#[test]
+fn a_heading_that_is_wrong_by_a_constant_is_told_before_what_follows_from_it() {
+    let told = |mean: f64, rms: f64, nees: f64| {
+        let summary = Summary {
+            score: Some(Score {
+                nees_attitude: Some(consistency(nees)),
+                attitude_deg: Some(crate::score::Axes {
+                    mean: [0.0, 0.0, mean],
+                    rms: [0.1, 0.1, rms],
+                    ..crate::score::Axes::default()
+                }),
+                ..Score::default()
+            }),
+            ..Summary::default()
+        };
+        let judged = Judged {
+            instruments: &[],
+            summary: &summary,
+            point: [0.0; 3],
+        };
+        judged.findings().iter().map(ToString::to_string).collect::<Vec<_>>()
+    };
+    let all = told(-3.3, 3.4, 3000.0);
+    assert!(
+        all[0].starts_with("the heading error is nearly constant, -3.3°") && all[0].contains("`declination`"),
+        "{all:?}"
+    );
+    for (mean, rms, nees) in [(-0.9, 0.9, 3000.0), (-3.3, 5.0, 3000.0), (-3.3, 3.4, 3.0)] {
+        let all = told(mean, rms, nees);
+        assert!(!all.iter().any(|t| t.contains("nearly constant")), "{all:?}");
+    }
+}
+
+#[test]
+fn what_is_to_be_done_about_several_errors_is_told_once() {
+    let summary = Summary {
+        score: Some(Score {
+            nees_position: Some(consistency(30.0)),
+            nees_velocity: Some(consistency(20.0)),
+            ..Score::default()
+        }),
+        ..Summary::default()
+    };
+    let judged = Judged {
+        instruments: &[],
+        summary: &summary,
+        point: [0.0; 3],
+    };
+    let all: Vec<String> = judged.findings().iter().map(ToString::to_string).collect();
+    assert_eq!(all.len(), 1, "{all:?}");
+    assert!(
+        all[0].starts_with("NEES position is 30 of 3, NEES velocity is 20 of 3: errors are 3.1"),
+        "{all:?}"
+    );
+}

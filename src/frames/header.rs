@@ -22,8 +22,9 @@ pub fn units(design: &Design) -> Diagnostics {
 fn contradiction(table: &Node) -> Option<Diagnostic> {
     let unit = table.get("unit")?;
     let declared = unit.as_str()?;
-    let is_height = |key: &str| matches!(key, "height" | "height_unit" | "unit");
-    let fields = table.entries().iter().filter(|e| !is_height(&e.key));
+    // An offset is a quantity, no column.
+    let is_other = |key: &str| matches!(key, "height" | "height_unit" | "unit" | "offset");
+    let fields = table.entries().iter().filter(|e| !is_other(&e.key));
     let columns = fields.flat_map(|e| match e.node.value() {
         Value::Array(nodes) => nodes.iter().filter_map(Node::as_str).collect(),
         _ => e.node.as_str().into_iter().collect::<Vec<_>>(),
@@ -83,6 +84,7 @@ mod tests {
             r#"{ columns = ["gx [deg/s]", "gy_dps"], unit = "deg/s" }"#,
             r#"{ column = "speed [m/s]" }"#,
             r#"{ column = "speed_kmh", unit = "km/h" }"#,
+            r#"{ rpy = ["roll", "pitch", "yaw"], unit = "rad", offset = [0, 0, "90 deg"] }"#,
             // Gauss, by a letter that is grams-force elsewhere.
             r#"{ column = "mag_g", unit = "gauss" }"#,
             r#"{ latitude = "lat", longitude = "lon", height = "h_m", unit = "deg" }"#,

@@ -1,6 +1,6 @@
 //! The comparisons, one after the other: what was found wrong before is put right for those that follow.
 
-use super::arm;
+use super::free;
 use super::log::{self, Track};
 use super::mistake::{self, Axes, at, complete, differing, names, remedy, unit};
 use super::motion::{Attitudes, GRAVITY, MIN_SPEED, Velocities, course, headings};
@@ -37,7 +37,7 @@ pub struct Judged {
     pub mistakes: Diagnostics,
 }
 
-/// Compares the recorded channels of a design with one another, and its lever arms with what its filter estimates.
+/// Compares the recorded channels of a design with one another, and its fixed parameters with what its filter estimates.
 ///
 /// # Errors
 /// What is wrong with the data.
@@ -54,18 +54,11 @@ pub fn judge(design: &Design, options: &Options) -> Result<Judged, Diagnostics> 
     let attitude = judge.attitude(&velocities);
     judge.instruments(&velocities, attitude.as_ref());
     let mut found = judge.found;
-    // An arm is told only by what is right otherwise.
+    // A parameter is told only by what is right otherwise.
     if found.mistakes.is_empty() {
-        arm::judge(design, options, &mut found)?;
+        free::judge(design, options, &mut found)?;
     } else {
-        found.comparisons.push(Comparison {
-            what: "lever arms".to_owned(),
-            with: "the estimate of this filter".to_owned(),
-            samples: 0,
-            correlation: Vec::new(),
-            margin: 0.0,
-            verdict: "not judged while something else is wrong".to_owned(),
-        });
+        found.comparisons.push(free::untried("not judged while something else is wrong"));
     }
     Ok(found)
 }
@@ -448,15 +441,22 @@ const WAVES: &str = "not decided: waves, or other fast motion, say something els
 fn doubt(fast: &mut [Option<Fit>; 3], slow: &[Option<Fit>; 3]) -> bool {
     let mut is_doubtful = false;
     for (fast, slow) in fast.iter_mut().zip(slow) {
-        let (Some(told), Some(slow)) = (&fast, slow) else { continue };
-        let is_same = (told.axis, told.negative) == (slow.axis, slow.negative);
-        if told.is_other() && !(is_same && slow.certainty >= SLIGHT) {
-            (*fast, is_doubtful) = (Some(*slow).filter(|s| !s.is_other()), true);
+        let Some(told) = fast.as_ref().filter(|fit| fit.is_other()) else {
+            continue;
+        };
+        let is_confirmed = slow.as_ref().map_or(told.correlation >= PLAIN, |slow| {
+            (told.axis, told.negative) == (slow.axis, slow.negative) && slow.certainty >= SLIGHT
+        });
+        if !is_confirmed {
+            (*fast, is_doubtful) = (slow.filter(|s| !s.is_other()), true);
         }
     }
     is_doubtful
 }
 
+/// Where slow motion is too short to tell, the correlation from which on fast motion alone is believed: waves and the motion that
+/// they cover share an axis in part, a mistake has it whole.
+const PLAIN: f64 = 0.8;
 /// Standard errors from which on slow motion confirms what fast motion is certain of.
 const SLIGHT: f64 = 2.0;
 

@@ -7,7 +7,7 @@
 //! | attitude, heading | the course |
 //! | specific force | gravity; the slope of the velocity, ahead and to the right of the course |
 //! | angular rate | the turn of the attitude, or of the course and of the direction of gravity |
-//! | lever arm of a sensor | what the filter of the design estimates in its place |
+//! | fixed lever arms, mountings, scales, declinations, latencies of sensors | what the filter of the design estimates in their place |
 //!
 //! A comparison is a regression of what is expected along one axis on each measured axis (`regression.rs`). A mistake
 //! is told only where another signed axis, or a factor such as 57.3, explains the data clearly better than what is
@@ -17,7 +17,7 @@
 //!
 //! Without data, the units that the names of columns state are compared with those that are declared (`header.rs`).
 
-mod arm;
+mod free;
 mod header;
 mod judge;
 mod log;
