@@ -100,9 +100,34 @@ impl Study {
                     short(study.span)
                 ));
             }
+            page.warnings.extend(study.motion());
             page.sections.push(study.section());
         }
         page
+    }
+
+    /// What is said of a unit that moves: from one second to the next it changes by more than any instrument at rest.
+    fn motion(&self) -> Option<String> {
+        // The cheapest units in use have 0.05 deg/s/√Hz and 0.02 m/s²/√Hz.
+        let most = match self.instrument {
+            Instrument::Gyro => 0.5_f64.to_radians(),
+            Instrument::Accelerometer => 0.3,
+        };
+        let second = |axis: &Axis| {
+            let apart = |tau: f64| tau.ln().abs();
+            let nearest = axis.curve.iter().min_by(|a, b| apart(a.tau).total_cmp(&apart(b.tau)));
+            nearest.map_or(0.0, |p| p.sigma)
+        };
+        let largest = self.axes.iter().map(second).fold(0.0, f64::max);
+        let (unit, si) = self.instrument.unit();
+        (largest > most).then(|| {
+            format!(
+                "`{}` moves: from one second to the next it changes by {} {unit}. The figures are those of the motion, not of the \
+                 instrument: take a log at rest, or a part that is at rest, by `--from` and `--to`",
+                self.name,
+                short(largest / si)
+            )
+        })
     }
 
     fn section(&self) -> Section {

@@ -76,7 +76,7 @@ pub struct Clock {
 impl Clock {
     /// That of a table; `None` where no column looks like time.
     pub(super) fn of(table: &Table) -> Option<Self> {
-        Self::named(table).or_else(|| rising(table).map(|column| Self::at(table, column, &Words::default())))
+        Self::named(table).or_else(|| rising(table).map(|column| Self::at(table, column, &Words::of(table.columns[column].called()))))
     }
 
     /// That of a column which is called time.
@@ -283,6 +283,10 @@ fn unit(words: &Words, values: &[f64], step: f64) -> (&'static str, String) {
     if let Some(unit) = words.unit.filter(|u| matches!(*u, "s" | "ms" | "us" | "ns")) {
         return (unit, "by its name".to_owned());
     }
+    // The name may be a unit alone.
+    if let Some(unit) = ["ms", "us", "ns"].into_iter().find(|unit| *unit == words.stem) {
+        return (unit, "by its name".to_owned());
+    }
     // A date of this century in each unit, or the interval of a counter since power-up.
     let first = values.iter().copied().find(|v| v.is_finite()).unwrap_or_default().abs();
     let unit = match (first, step) {
@@ -329,6 +333,7 @@ mod tests {
     fn units_of_stamps_are_told_by_name_and_by_size() {
         let unit = |name, first: f64, step: f64| of(name, (0..20).map(|k| first + step * f64::from(k)).collect()).unwrap().unit;
         assert_eq!(unit("t_ms", 0.0, 0.01), "ms");
+        assert_eq!(unit("ms", 0.0, 1000.0), "ms");
         assert_eq!(unit("#timestamp [ns]", 1.52e18, 5e6), "ns");
         assert_eq!(unit("Timestamp", 1.586e9, 0.26), "s");
         assert_eq!(unit("1", 261_906.0, 10.0), "ms");

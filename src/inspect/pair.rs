@@ -91,6 +91,11 @@ pub(super) fn apart(t: &[f64], rate: &[Vec3], gravity: Vec3, track: &Track) -> O
     const COARSE: f64 = 0.25;
     /// Chance does not correlate so over half of the intervals of a drive.
     const CERTAIN: f64 = 0.8;
+    /// A turn lasts no longer \[s\]; offsets further apart are others.
+    const TURN: f64 = 15.0;
+    /// Another offset that leaves no more than so many times as much unexplained may as well be it; so little is nothing.
+    const ALIKE: f64 = 2.0;
+    const NOTHING: f64 = 1e-3;
     let intervals = intervals(track);
     let (first, last) = (t.iter().copied().reduce(f64::min)?, t.iter().copied().reduce(f64::max)?);
     let (begin, end) = (intervals.first()?.from, intervals.last()?.to);
@@ -106,8 +111,12 @@ pub(super) fn apart(t: &[f64], rate: &[Vec3], gravity: Vec3, track: &Track) -> O
     let steps = ((last - first + end - begin) / COARSE) as usize;
     let tried = (0..=steps).map(|k| begin - last + COARSE * k as f64);
     let tried = tried.filter_map(|lag| Some((lag, at(lag).filter(|c| c.is_finite())?)));
-    let (lag, correlation) = tried.max_by(|a, b| a.1.total_cmp(&b.1))?;
-    (correlation > CERTAIN).then_some(lag)
+    let tried: Vec<(f64, f64)> = tried.collect();
+    let (lag, correlation) = *tried.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    // A way that repeats itself, round a block or up and down, agrees nearly as well a leg later.
+    let left = |c: f64| 1.0 - c * c;
+    let is_other = |(other, c): &(f64, f64)| (other - lag).abs() > TURN && left(*c) < ALIKE * left(correlation) + NOTHING;
+    (correlation > CERTAIN && !tried.iter().any(is_other)).then_some(lag)
 }
 
 fn intervals(track: &Track) -> Vec<Interval> {
@@ -247,6 +256,32 @@ mod tests {
         assert!((lag + 261.9).abs() <= 0.125, "{lag}");
         let other: Vec<Vec3> = t.iter().map(|t| [0.0, 0.0, (1.7 * t).sin()]).collect();
         assert_eq!(apart(&begun, &other, [0.0, 0.0, 9.8], &track), None);
+    }
+
+    #[test]
+    fn a_way_that_repeats_itself_tells_no_beginning() {
+        // Round a block: a turn of 90 degrees in 5 s, once in 40 s.
+        let turn = |t: f64| {
+            if t.rem_euclid(40.0) < 5.0 {
+                core::f64::consts::FRAC_PI_2 / 5.0
+            } else {
+                0.0
+            }
+        };
+        let course = |t: f64| core::f64::consts::FRAC_PI_2 * ((t / 40.0).floor() + (t.rem_euclid(40.0) / 5.0).min(1.0));
+        let t: Vec<f64> = (0..30_000).map(|k| 0.01 * f64::from(k)).collect();
+        let rate: Vec<Vec3> = t.iter().map(|&t| [0.0, 0.0, -turn(t)]).collect();
+        let stamps: Vec<f64> = (2..295).map(f64::from).collect();
+        let track = Track {
+            velocity: stamps
+                .iter()
+                .map(|&t| [5.0 * course(t).cos(), 5.0 * course(t).sin(), 0.0])
+                .collect(),
+            position: vec![[0.0; 3]; stamps.len()],
+            t: stamps,
+            ..Track::default()
+        };
+        assert_eq!(apart(&t, &rate, [0.0, 0.0, 9.8], &track), None);
     }
 
     #[test]

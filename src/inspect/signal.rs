@@ -139,7 +139,9 @@ pub(super) fn factor(unit: &str) -> f64 {
         "km/h" => 1.0 / 3.6,
         "ms" => 1e-3,
         "us" | "uT" => 1e-6,
-        "ns" => 1e-9,
+        "ns" | "nT" => 1e-9,
+        "gauss" => 1e-4,
+        "mgauss" => 1e-7,
         "hPa" => 100.0,
         "kPa" => 1e3,
         _ => 1.0,
@@ -217,7 +219,7 @@ impl Finder<'_> {
     }
 
     /// The column whose stem is `prefix` and an axis, joined as in the first one.
-    fn sibling(&self, first: usize, from: char, to: char) -> Option<usize> {
+    fn sibling(&self, first: usize, from: &str, to: &str) -> Option<usize> {
         let stem = self.words[first].stem.strip_suffix(from)?;
         let wanted = format!("{stem}{to}");
         self.words.iter().position(|w| w.stem == wanted)
@@ -229,25 +231,27 @@ impl Finder<'_> {
             if contains(&stem, &DERIVED) {
                 continue;
             }
-            if let (Some(prefix), Some(y), Some(z)) = (self.words[k].before('x'), self.sibling(k, 'x', 'y'), self.sibling(k, 'x', 'z')) {
+            if let (Some(prefix), Some(y), Some(z)) = (self.words[k].before("x"), self.sibling(k, "x", "y"), self.sibling(k, "x", "z")) {
                 let prefix = prefix.to_owned();
                 self.axes_xyz(&prefix, unit, [k, y, z]);
             }
-            if let (Some(prefix), Some(e)) = (self.words[k].before('n'), self.sibling(k, 'n', 'e')) {
-                let prefix = prefix.to_owned();
-                let down = self.sibling(k, 'n', 'd').map(|d| (d, false));
-                let down = down.or_else(|| self.sibling(k, 'n', 'u').map(|u| (u, true)));
-                self.axes_ned(&prefix, k, e, down);
+            for [n, e, d, u] in [["n", "e", "d", "u"], ["north", "east", "down", "up"]] {
+                if let (Some(prefix), Some(east)) = (self.words[k].before(n), self.sibling(k, n, e)) {
+                    let prefix = prefix.to_owned();
+                    let down = self.sibling(k, n, d).map(|d| (d, false));
+                    let down = down.or_else(|| self.sibling(k, n, u).map(|u| (u, true)));
+                    self.axes_ned(&prefix, k, east, down);
+                }
             }
-            if let (Some("v"), Some(l)) = (self.words[k].before('f'), self.sibling(k, 'f', 'l')) {
-                let up = self.sibling(k, 'f', 'u').map(|u| (u, true));
+            if let (Some("v"), Some(l)) = (self.words[k].before("f"), self.sibling(k, "f", "l")) {
+                let up = self.sibling(k, "f", "u").map(|u| (u, true));
                 self.add(
                     Kind::BodyVelocity,
                     [Some((k, false)), Some((l, true)), up].into_iter().flatten().collect(),
                 );
             }
-            if let (Some("w" | "wheel" | "v" | "track"), Some(r)) = (self.words[k].before('l'), self.sibling(k, 'l', 'r'))
-                && self.sibling(k, 'l', 'f').is_none()
+            if let (Some("w" | "wheel" | "v" | "track"), Some(r)) = (self.words[k].before("l"), self.sibling(k, "l", "r"))
+                && self.sibling(k, "l", "f").is_none()
             {
                 self.add(Kind::Wheels, vec![(k, false), (r, false)]);
             }
@@ -257,16 +261,24 @@ impl Finder<'_> {
     fn axes_xyz(&mut self, prefix: &str, unit: Option<&str>, [x, y, z]: [usize; 3]) {
         let plain = vec![(x, false), (y, false), (z, false)];
         if let Some(w) = self
-            .sibling(x, 'x', 'w')
-            .filter(|_| is_called(prefix, &["q", "quat", "quaternion", "orientation"]))
+            .sibling(x, "x", "w")
+            .filter(|_| is_called(prefix, &["q", "quat", "quaternion", "orientation", "attitude"]))
         {
             return self.add(Kind::Quaternion, vec![(w, false), (x, false), (y, false), (z, false)]);
         }
+        const FIELD: [&str; 4] = ["m", "mag", "magnetometer", "magnetic"];
+        // A G may be a gauss.
+        let gauss = match unit {
+            Some("g") if is_called(prefix, &FIELD) => Some("gauss"),
+            Some("mg") if is_called(prefix, &FIELD) => Some("mgauss"),
+            _ => None,
+        };
         let kind = match unit {
+            _ if gauss.is_some() => Some(Kind::MagneticField),
             Some("m/s^2" | "g" | "mg") => Some(Kind::SpecificForce),
-            Some("uT") => Some(Kind::MagneticField),
+            Some("uT" | "nT" | "T") => Some(Kind::MagneticField),
             Some("m/s") if is_called(prefix, &["dv", "dvel", "deltav"]) => Some(Kind::SpecificForce),
-            Some("m/s") if is_called(prefix, &["v", "vel"]) => Some(Kind::BodyVelocity),
+            Some("m/s") if is_called(prefix, &["v", "vel", "body_velocity"]) => Some(Kind::BodyVelocity),
             Some("rad" | "deg") if is_called(prefix, &["dth", "dtheta", "dang", "da"]) => Some(Kind::AngularRate),
             Some("rad/s" | "deg/s") => Some(Kind::AngularRate),
             Some("m") if prefix.is_empty() || is_called(prefix, &["p", "pos", "position"]) => Some(Kind::Local),
@@ -274,7 +286,7 @@ impl Finder<'_> {
                 Some(Kind::SpecificForce)
             }
             Some("counts") | None if is_called(prefix, &["w", "g", "gyr", "gyro", "gyroscope", "omega"]) => Some(Kind::AngularRate),
-            None if is_called(prefix, &["m", "mag", "magnetometer"]) => Some(Kind::MagneticField),
+            None if is_called(prefix, &FIELD) => Some(Kind::MagneticField),
             _ => None,
         };
         match kind {
@@ -284,6 +296,9 @@ impl Finder<'_> {
             None => {}
         }
         if let Some(found) = self.found.last_mut().filter(|s| s.columns[0].0 == x) {
+            if let Some(gauss) = gauss {
+                found.unit = gauss.to_owned();
+            }
             found.increment = matches!(
                 (found.kind, unit),
                 (Kind::SpecificForce, Some("m/s")) | (Kind::AngularRate, Some("rad" | "deg"))
@@ -317,7 +332,7 @@ impl Finder<'_> {
             self.add(Kind::Euler, vec![(r, false), (p, false), (y, false)]);
         }
         let singles: [(Kind, &[&str]); 4] = [
-            (Kind::Speed, &["v", "speed"]),
+            (Kind::Speed, &["v", "speed", "stw"]),
             (Kind::YawRate, &["yawrate", "yaw_rate"]),
             (Kind::Depth, &["depth"]),
             (Kind::Pressure, &["pressure", "press", "baro", "p_baro"]),
@@ -335,8 +350,8 @@ impl Finder<'_> {
             return;
         };
         let is_fix = |w: &Words| !contains(&w.stem, &DERIVED) && contains(&w.stem, &["usbl", "pos", "p", "fix"]);
-        let x = (0..self.words.len()).find(|k| is_fix(&self.words[*k]) && self.words[*k].before('x').is_some());
-        if let Some((x, y)) = x.and_then(|x| Some((x, self.sibling(x, 'x', 'y')?))) {
+        let x = (0..self.words.len()).find(|k| is_fix(&self.words[*k]) && self.words[*k].before("x").is_some());
+        if let Some((x, y)) = x.and_then(|x| Some((x, self.sibling(x, "x", "y")?))) {
             self.add(Kind::Local, vec![(y, false), (x, false), (depth, false)]);
         }
     }

@@ -124,11 +124,16 @@ impl Track {
         middle.collect()
     }
 
-    /// The horizontal speed at a time: of the row before it, if it is recent \[m/s\].
+    /// The speed at a time: of the row before it, if it is recent \[m/s\]. The vertical one counts where it is more than its noise,
+    /// as in a lift or a climb.
     pub(super) fn speed(&self, t: f64) -> Option<f64> {
         let k = self.t.partition_point(|s| *s <= t).checked_sub(1)?;
         let v = self.velocity[k];
-        (t - self.t[k] < 2.0).then(|| v[0].hypot(v[1])).filter(|s| s.is_finite())
+        let noise = 5.0 * self.velocity_scatter;
+        let vertical = if v[2].abs() > noise.max(0.5) { v[2] } else { 0.0 };
+        (t - self.t[k] < 2.0)
+            .then(|| v[0].hypot(v[1]).hypot(vertical))
+            .filter(|s| s.is_finite())
     }
 
     /// The horizontal speed that 95 % of the rows stay below \[m/s\].

@@ -10,7 +10,7 @@ pub(super) struct Words {
 }
 
 /// Units as headers write them, without blanks and brackets, and as designs do.
-const UNITS: [(&str, &str); 40] = [
+const UNITS: [(&str, &str); 43] = [
     ("mps2", "m/s^2"),
     ("ms2", "m/s^2"),
     ("m/s2", "m/s^2"),
@@ -43,6 +43,9 @@ const UNITS: [(&str, &str); 40] = [
     ("us", "us"),
     ("ns", "ns"),
     ("ut", "uT"),
+    ("nt", "nT"),
+    ("tesla", "T"),
+    ("µt", "uT"),
     ("pa", "Pa"),
     ("hpa", "hPa"),
     ("mbar", "hPa"),
@@ -70,7 +73,8 @@ impl Words {
             .find(['[', '('])
             .map(|at| (&name[..at], name[at + 1..].trim_end_matches([']', ')'])));
         let (plain, mut found) = match bracket {
-            Some((plain, inside)) => (plain, unit(inside)),
+            // Alone a t may be a time.
+            Some((plain, inside)) => (plain, unit(inside).or_else(|| (inside.trim() == "T").then_some("T"))),
             None => (name, None),
         };
         let words = plain.split(|c: char| !c.is_alphanumeric() && !matches!(c, '/' | '^'));
@@ -87,8 +91,8 @@ impl Words {
         }
     }
 
-    /// The words before an axis that the stem ends with: `acc` of `acc_x`, `a` of `ax`.
-    pub(super) fn before(&self, axis: char) -> Option<&str> {
+    /// The words before an axis that the stem ends with: `acc` of `acc_x`, `a` of `ax`, `v` of `vnorth`.
+    pub(super) fn before(&self, axis: &str) -> Option<&str> {
         Some(self.stem.strip_suffix(axis)?.trim_end_matches('_'))
     }
 
@@ -130,7 +134,7 @@ mod tests {
         assert_eq!(of("#timestamp [ns]"), ("timestamp".to_owned(), Some("ns")));
         // A letter alone is a name, not a unit.
         assert_eq!(of("g"), ("g".to_owned(), None));
-        assert_eq!(Words::of("Acc_X").before('x'), Some("acc"));
-        assert_eq!(Words::of("vn_mps").before('n'), Some("v"));
+        assert_eq!(Words::of("Acc_X").before("x"), Some("acc"));
+        assert_eq!(Words::of("vn_mps").before("n"), Some("v"));
     }
 }

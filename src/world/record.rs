@@ -14,6 +14,7 @@ use crate::output::Unwritable;
 use crate::rows::Nobody;
 use fusion_core::time::Time;
 use fusion_models::block::{Listen, Shape};
+use fusion_models::vocabulary::channel as known;
 use std::fmt::Write as _;
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -158,6 +159,7 @@ fn columns(channel: &StreamChannel) -> Vec<String> {
             .into(),
         (Shape::Quaternion, _) => ["w", "x", "y", "z"].map(|part| format!("{name}_{part}")).into(),
         (_, 1) => vec![format!("{name} [{unit}]")],
+        (_, 3) if *name == known::VELOCITY.name => parts(&["north", "east", "down"]),
         (_, 3) => parts(&["x", "y", "z"]),
         (_, width) => (1..=width).map(|i| format!("{name}_{i} [{unit}]")).collect(),
     }

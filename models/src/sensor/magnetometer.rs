@@ -84,13 +84,16 @@ impl SensorSpec for MagnetometerSpec {
         let distortion = soft_iron
             .try_inverse()
             .ok_or_else(|| BuildError::at("soft_iron", "this matrix has no inverse: it maps some field to none"))?;
-        let strength = declared("strength", &self.strength, model.map(|m| Unit::from_si(m.strength)))?;
+        let strength = declared(&self.strength, model.map(|m| Unit::from_si(m.strength)));
+        let inclination = declared(&self.inclination, model.map(|m| Angle::from_si(m.inclination)));
+        let declination = declared(&self.declination, model.map(|m| Angle::from_si(m.declination)));
+        let (Some(strength), Some(inclination), Some(declination)) = (strength, inclination, declination) else {
+            return Err(self.missing());
+        };
         if strength.initial().is_some_and(|f| f <= 0.0) {
             return Err(BuildError::at("strength", "the strength of the field must be greater than 0")
                 .help("write e.g. \"48 uT\", the total intensity where you are"));
         }
-        let inclination = declared("inclination", &self.inclination, model.map(|m| Angle::from_si(m.inclination)))?;
-        let declination = declared("declination", &self.declination, model.map(|m| Angle::from_si(m.declination)))?;
         Ok(Box::new(Magnetometer {
             attitude: b.quantity(state::ATTITUDE)?,
             strength: b.param("strength", &strength)?,
@@ -102,19 +105,25 @@ impl SensorSpec for MagnetometerSpec {
     }
 }
 
-/// What is declared of `field`, or the value of the World Magnetic Model.
-fn declared<D: Dimensional + core::fmt::Debug>(
-    field: &str,
-    param: &Option<ScalarParam<D>>,
-    model: Option<Unit<D>>,
-) -> Result<ScalarParam<D>, BuildError> {
-    match (param, model) {
-        (Some(param), _) => Ok(param.clone()),
-        (None, Some(value)) => Ok(ParamSpec::Fixed(value)),
-        (None, None) => {
-            Err(BuildError::new(format!("missing `{field}`")).help("declare it, or a `date` for which the World Magnetic Model gives it"))
-        }
+impl MagnetometerSpec {
+    /// What is neither declared nor known.
+    fn missing(&self) -> BuildError {
+        let all = [
+            ("`strength`", self.strength.is_none()),
+            ("`inclination`", self.inclination.is_none()),
+            ("`declination`", self.declination.is_none()),
+        ];
+        let missing: Vec<&str> = all.iter().filter(|(_, is_missing)| *is_missing).map(|(field, _)| *field).collect();
+        BuildError::new(format!("missing {} of the Earth's field", missing.join(", "))).help(
+            "declare them as calculators of the World Magnetic Model give them for your place and year, such as NOAA's; or a `date`, \
+             in a program that was built with `--features wmm`",
+        )
     }
+}
+
+/// What is declared, or the value of the World Magnetic Model.
+fn declared<D: Dimensional + core::fmt::Debug>(param: &Option<ScalarParam<D>>, model: Option<Unit<D>>) -> Option<ScalarParam<D>> {
+    param.clone().or_else(|| model.map(ParamSpec::Fixed))
 }
 
 /// The runtime model.
