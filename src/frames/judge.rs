@@ -1,5 +1,6 @@
 //! The comparisons, one after the other: what was found wrong before is put right for those that follow.
 
+use super::field::{self, Told};
 use super::free;
 use super::log::{self, Track};
 use super::mistake::{self, Axes, at, complete, differing, names, remedy, unit};
@@ -53,6 +54,7 @@ pub fn judge(design: &Design, options: &Options) -> Result<Judged, Diagnostics> 
     let velocities = judge.velocities();
     let attitude = judge.attitude(&velocities);
     judge.instruments(&velocities, attitude.as_ref());
+    judge.fields();
     let mut found = judge.found;
     // A parameter is told only by what is right otherwise.
     if found.mistakes.is_empty() {
@@ -334,6 +336,42 @@ impl Judge<'_> {
         }
     }
 
+    /// Compares every magnetic field with the turns of the inertial unit, where nothing speaks against that.
+    fn fields(&mut self) {
+        let mut units = self.all("angular_rate").into_iter().filter(|rates| !self.is_reference(rates));
+        let Some((rates, forces)) = units.find_map(|rates| self.beside(&rates, "specific_force").map(|forces| (rates, forces))) else {
+            return;
+        };
+        let origin = self.design.run.origin.map(|place| place.latitude.si());
+        let fix = || self.all("position").first().map(|track| track.values[0][0]);
+        let is_north = origin.or_else(fix).map(|latitude| latitude > 0.0);
+        for track in self.all("magnetic_field") {
+            let with = format!("the turns of {}", self.name(&rates));
+            if !self.found.mistakes.is_empty() {
+                self.untold(&track, &with, "not judged while something else is wrong");
+                continue;
+            }
+            let (told, samples) = field::judge(&track, &rates, &forces, is_north);
+            let verdict = match &told {
+                Told::AsDeclared => "as declared, or turned about the axis of the turns".to_owned(),
+                Told::Untold => "not judged: a minute of turns about several axes, far from iron, would tell".to_owned(),
+                Told::Other(axes) => differing(&axes.map(Some), false),
+            };
+            self.found.comparisons.push(Comparison {
+                what: self.name(&track),
+                with: with.clone(),
+                samples,
+                correlation: Vec::new(),
+                margin: 0.0,
+                verdict,
+            });
+            if let Told::Other(axes) = told {
+                let mistake = self.axes(&track, &with, &axes.map(Some), Some(axes), false);
+                self.found.mistakes.push(mistake);
+            }
+        }
+    }
+
     /// Compares a specific force with gravity and with the motion; what puts it right.
     fn force(&mut self, track: &Track, moved: Option<&Moved>, attitude: Option<&(String, Attitudes)>) -> Force {
         let upright = Upright::of(track);
@@ -490,7 +528,7 @@ fn tilts(rates: &Track, forces: &Track, (known, factor): Force, lag: f64, veloci
 }
 
 /// Axes as they should have been declared.
-fn turned(v: &Vector3<f64>, axes: &Axes) -> Vector3<f64> {
+pub(super) fn turned(v: &Vector3<f64>, axes: &Axes) -> Vector3<f64> {
     Vector3::from_fn(|row, _| if axes[row].1 { -v[axes[row].0] } else { v[axes[row].0] })
 }
 

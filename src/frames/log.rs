@@ -12,15 +12,16 @@ use fusion_models::vocabulary::channel;
 /// Samples of positions, velocities and attitudes are at least this far apart \[s\]: below it the slope of a
 /// position is mostly its noise.
 const APART: f64 = 0.5;
-/// Integrals of rates and forces are kept this often \[s\], and interpolated between.
+/// Integrals of rates, forces and fields are kept this often \[s\], and interpolated between.
 const GRID: f64 = 0.1;
 /// What is silent for longer has no mean over the silence \[s\].
 const LONGEST: f64 = 1.0;
 
-/// The channels that are compared; of the first two the means over intervals are wanted, of the others the values.
-pub(super) const COMPARED: [Channel; 6] = [
+/// The channels that are compared; of the first three the means over intervals are wanted, of the others the values.
+pub(super) const COMPARED: [Channel; 7] = [
     channel::ANGULAR_RATE,
     channel::SPECIFIC_FORCE,
+    channel::MAGNETIC_FIELD,
     channel::POSITION,
     channel::VELOCITY,
     channel::ATTITUDE,
@@ -36,11 +37,11 @@ pub(super) struct Track {
     pub(super) channel: &'static str,
     /// Of each kept sample \[s\].
     pub(super) times: Vec<f64>,
-    /// The numbers; of rates and forces their integral up to then. Those beyond its width are zero.
+    /// The numbers; of rates, forces and fields their integral up to then. Those beyond its width are zero.
     pub(super) values: Vec<[f64; 4]>,
     /// Rows per second.
     pub(super) rate: f64,
-    integrates: bool,
+    pub(super) integrates: bool,
 }
 
 impl Track {
@@ -153,7 +154,7 @@ fn keepers(source: usize, rows: &dyn RowStream) -> Vec<Keeper> {
             times: Vec::new(),
             values: Vec::new(),
             rate: 0.0,
-            integrates: number < 2,
+            integrates: number < 3,
         },
         offset: p.offset,
         width: p.channel.width,
@@ -167,7 +168,15 @@ fn keepers(source: usize, rows: &dyn RowStream) -> Vec<Keeper> {
 }
 
 /// The names of [`COMPARED`].
-pub(super) const NAMES: [&str; 6] = ["angular_rate", "specific_force", "position", "velocity", "attitude", "heading"];
+pub(super) const NAMES: [&str; 7] = [
+    "angular_rate",
+    "specific_force",
+    "magnetic_field",
+    "position",
+    "velocity",
+    "attitude",
+    "heading",
+];
 
 fn feed(design: &Design, rows: &mut dyn RowStream, keepers: &mut [Keeper]) -> Result<(), crate::rows::SourceError> {
     if keepers.is_empty() {

@@ -7,6 +7,7 @@
 //! | attitude, heading | the course |
 //! | specific force | gravity; the slope of the velocity, ahead and to the right of the course |
 //! | angular rate | the turn of the attitude, or of the course and of the direction of gravity |
+//! | magnetic field | how the field turns in an inertial unit (`field.rs`) |
 //! | fixed lever arms, mountings, scales, declinations, latencies of sensors | what the filter of the design estimates in their place |
 //!
 //! A comparison is a regression of what is expected along one axis on each measured axis (`regression.rs`). A mistake
@@ -17,6 +18,7 @@
 //!
 //! Without data, the units that the names of columns state are compared with those that are declared (`header.rs`).
 
+mod field;
 mod free;
 mod header;
 mod judge;

@@ -190,6 +190,33 @@ fn a_headings_frame_is_named_by_the_course() {
 }
 
 #[test]
+fn wrong_axes_of_a_magnetometer_are_named_by_how_the_field_turns() {
+    let columns = "source.imu.channels.magnetic_field.columns";
+    for (set, expected) in [
+        (
+            format!("{columns}=[\"mag_y\", \"mag_x\", \"mag_z\"]"),
+            "forward is minus the declared y, right is minus the declared x",
+        ),
+        (format!("{columns}.2=\"-mag_z\""), "down is minus the declared z"),
+    ] {
+        let Some((design, options)) = real_design("broad", &[], &[&set]) else {
+            return;
+        };
+        let (warnings, found) = told(&design, &options);
+        assert!(
+            warnings.contains("the axes of `imu.magnetic_field` are not"),
+            "{set}: {:?}",
+            found.comparisons
+        );
+        assert!(warnings.contains(expected), "{set}:\n{warnings}");
+        assert!(
+            warnings.contains("write `columns = [\"mag_x\", \"mag_y\", \"mag_z\"]`"),
+            "{set}:\n{warnings}"
+        );
+    }
+}
+
+#[test]
 fn a_lever_arm_with_the_wrong_sign_is_named_on_the_car() {
     // The reference's own point lies 1.2 m ahead of the inertial unit: fused, its velocity has that arm.
     let fused = |arm: &str| {
