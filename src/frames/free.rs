@@ -11,6 +11,7 @@ use crate::run::{Options, Run, Smoothing, examine};
 use fusion_core::runner::Halt;
 use fusion_core::state::{Belief, Block, Kind};
 use fusion_core::time::Time;
+use fusion_models::units::{Vec3Of, dim};
 use serde_json::Value as Json;
 
 /// An arm that is so many σ on the other side of zero points there. Latencies that are not declared, and errors that are
@@ -117,7 +118,7 @@ pub(super) fn judge(design: &Design, options: &Options, found: &mut Judged) -> R
     let sources: Vec<&str> = design.sources.iter().map(|source| source.name.as_str()).collect();
     let all: Vec<Tried<'_>> = design.sensors.iter().flat_map(|sensor| of_sensor(sensor, &sources)).collect();
     // Where some together are no design, or lead the filter astray, the arms alone are tried.
-    let (arms, _): (Vec<&Tried<'_>>, Vec<&Tried<'_>>) = all.iter().partition(|tried| tried.is_arm());
+    let arms: Vec<&Tried<'_>> = all.iter().filter(|tried| tried.is_arm()).collect();
     let all: Vec<&Tried<'_>> = all.iter().collect();
     let options = Options {
         data: options.data.clone(),
@@ -211,7 +212,7 @@ fn is_state(node: &Node) -> bool {
 
 /// The length of a declared arm \[m\].
 fn length(arm: Option<&Node>) -> f64 {
-    let arm: Option<fusion_models::units::Vec3Of<fusion_models::units::dim::Length>> = arm.and_then(|n| n.read(&mut Diagnostics::new()));
+    let arm: Option<Vec3Of<dim::Length>> = arm.and_then(|n| n.read(&mut Diagnostics::new()));
     arm.map_or(0.0, |arm| arm.si().iter().map(|l| l * l).sum::<f64>().sqrt())
 }
 

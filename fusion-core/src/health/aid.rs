@@ -36,7 +36,12 @@ impl Axes {
     pub(super) const ALL: Self = Self(u64::MAX);
 
     fn list(self) -> impl Iterator<Item = usize> {
-        (0..ROOM).filter(move |axis| self.0 >> axis & 1 == 1)
+        let mut rest = self.0;
+        core::iter::from_fn(move || {
+            let axis = (rest != 0).then(|| rest.trailing_zeros() as usize)?;
+            rest &= rest - 1;
+            Some(axis)
+        })
     }
 }
 

@@ -209,17 +209,16 @@ impl Evidence {
         // stands for less than a lost filter, which nothing has brought back meanwhile.
         let is_fresh = self.pulse.is_fresh(now, limits.window, PAUSE);
         let stands = is_fresh || self.is_outside;
-        let replaced = others.aid.measures(self.axes, now, self.pulse.pause(limits));
+        let is_silent = self.is_outside && self.pulse.is_silent(now, limits);
+        // It is told for a while after the silence too.
+        let replaced = self.is_outside && others.aid.measures(self.axes, now, self.pulse.pause(limits));
         let conditions = [
             (self.lost.is_beyond() && stands, Reason::Innovations { sensor, lost: true }),
             (is_lost, Reason::Rejected { sensor, lost: true }),
             (self.degraded.is_beyond() && is_fresh, Reason::Innovations { sensor, lost: false }),
             (is_rejected && is_fresh, Reason::Rejected { sensor, lost: false }),
             (self.reacquired.is_some(), Reason::Reacquired { sensor }),
-            (
-                self.is_outside && self.pulse.is_silent(now, limits),
-                Reason::Silent { sensor, replaced },
-            ),
+            (is_silent, Reason::Silent { sensor, replaced }),
         ];
         let mut told = [false; 6];
         for (k, (held, (holds, _))) in self.held.iter_mut().zip(conditions).enumerate() {
