@@ -462,7 +462,7 @@ impl Navigator {
     ///     }
     /// }
     /// let reasons: Vec<String> = nav.health_reasons().iter().map(ToString::to_string).collect();
-    /// assert_eq!(reasons, ["`position` silent"]);
+    /// assert_eq!(reasons, ["nothing measures position or velocity", "`position` silent"]);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     #[must_use]
