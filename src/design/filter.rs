@@ -185,6 +185,12 @@ pub enum ResetSpec {
 struct Mistake(&'static str, String, &'static str);
 
 impl FilterSpec {
+    /// Whether there is one estimate, at which alone each measurement is linearised.
+    #[must_use]
+    pub fn linearises_once(&self) -> bool {
+        matches!(self.backend().update, UpdateKind::Single) && self.bank.is_none_or(|bank| bank.headings <= 1)
+    }
+
     /// The backend declared: the preset, with each axis that is named put in its place.
     #[must_use]
     pub fn backend(&self) -> Backend {

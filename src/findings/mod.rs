@@ -60,11 +60,19 @@ const SMALL: f64 = 0.5;
 const TINY: f64 = 0.25;
 /// The mean over its degrees of freedom of a NIS below which a larger noise changes nothing: the estimate hardly listens.
 const FOLLOWED: f64 = 0.3;
+/// The autocorrelation at lag 1 from which on innovations are no noise: half of the error of one is left in the next. Below the
+/// other they are.
+const LASTING: f64 = 0.5;
+const WHITE: f64 = 0.2;
+/// Fewer innovations do not tell one from the other: 2/√n is then more than what lies between.
+const ENOUGH: u64 = 50;
 /// The 1σ of a parameter over that at its start from which on the data told nothing of it.
 const LEARNT: f64 = 0.9;
 /// A mean error of the heading that is worth a word \[deg\], and its share of the mean square.
 const LEAST_HEADING: f64 = 1.0;
 const MOST_OF_HEADING: f64 = 0.8;
+/// A 1σ of an angle from which on its sine and cosine are no straight lines within it \[rad\].
+const POOR: f64 = 1.0;
 /// How often a consistent filter may be found too sure in its outages.
 const CHANCE: f64 = 0.02;
 /// So much of the errors a constant offset has to explain, being so many of its 1σ; from that 1σ on \[m\] it is not known.
@@ -85,6 +93,7 @@ pub fn findings(design: &Design, summary: &Summary) -> Vec<Finding> {
         instruments: &instruments,
         summary,
         point: design.reference.as_ref().map_or([0.0; 3], |r| r.block.point()),
+        linearises_once: design.filter.linearises_once(),
     };
     judged.findings()
 }
@@ -96,6 +105,8 @@ struct Judged<'a> {
     summary: &'a Summary,
     /// The point of the reference as it is declared \[m\].
     point: [f64; 3],
+    /// Whether the filter has one estimate, and linearises each measurement there alone.
+    linearises_once: bool,
 }
 
 impl Judged<'_> {
@@ -107,7 +118,8 @@ impl Judged<'_> {
         let rejected = sensors().filter(|(i, _)| i.has_gate).filter_map(|(_, s)| rejected(s));
         let errors = Measures::ALL.into_iter().filter_map(|what| self.errors(what));
         let large = sensors().filter_map(|(i, s)| large(i, s));
-        let small = sensors().filter_map(|(i, s)| self.small(i, s.nis.as_ref()?));
+        let small = sensors().filter_map(|(i, s)| self.small(i, s));
+        let lasting = sensors().filter_map(|(i, s)| self.lasting(i, s));
         let gaps = self.gaps();
         let score = self.summary.score.iter();
         let arm = score.clone().filter_map(|score| wrong_arm(score.offset.as_ref()?, self.point));
@@ -116,10 +128,12 @@ impl Judged<'_> {
         let errors = constant.chain(arm).chain(alike(errors.collect())).chain(outages);
         self.all_disagree()
             .into_iter()
+            .chain(self.poor_start())
             .chain(rejected)
             .chain(errors)
             .chain(large)
             .chain(small)
+            .chain(lasting)
             .chain(self.unlearnt())
             .chain(gaps)
             .collect()
@@ -143,6 +157,20 @@ impl Judged<'_> {
             advice: "they all are compared with what drives the process: look first at the axes, signs and units of its input \
                      (`fusion check DESIGN --data DIR` compares it with the others), then at the start"
                 .to_owned(),
+        })
+    }
+
+    /// A start so poor that one linearisation does not reach the truth, where nothing shows that it did.
+    fn poor_start(&self) -> Option<Finding> {
+        let (name, sigma) = self.summary.start_angle.as_ref().filter(|(_, sigma)| *sigma > POOR)?;
+        let is_found = self.nees(Measures::Attitude).is_some_and(|c| !is_large(c));
+        (self.linearises_once && !is_found).then(|| Finding {
+            about: name.clone(),
+            evidence: format!("the filter starts with a 1σ of {:.0}° of `{name}`", sigma.to_degrees()),
+            advice:
+                "linearised once, there, it may settle at a wrong angle with a small 1σ: give a better start (`[initial]`), try several \
+                     (`filter.bank.headings = 8`), or linearise again (`filter.update = \"iterated\"`, with the chart `right_invariant`)"
+                    .to_owned(),
         })
     }
 
@@ -214,23 +242,60 @@ impl Judged<'_> {
         })
     }
 
-    /// Innovations that are smaller than the filter expects.
-    fn small(&self, sensor: &Instrument, nis: &Consistency) -> Option<Finding> {
-        // Where errors are known, they judge. What measures no part of the solution may be slow on purpose.
+    /// Whether the innovations of a sensor are all that tells of it: where errors are known, they judge, and what measures no part
+    /// of the solution may be slow on purpose.
+    fn is_judged_by_innovations(&self, sensor: &Instrument) -> bool {
         let is_judged = Measures::ALL.into_iter().any(|what| self.nees(what).is_some());
-        let is_told = !sensor.is_constraint && sensor.measures.is_some() && !is_judged;
-        if !is_told || nis.verdict() != Some(Verdict::Conservative) || ratio(nis) >= SMALL {
+        !sensor.is_constraint && sensor.measures.is_some() && !is_judged
+    }
+
+    /// Innovations that are smaller than the filter expects.
+    fn small(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
+        let nis = s.nis.as_ref()?;
+        if !self.is_judged_by_innovations(sensor) || !is_small(nis) {
             return None;
         }
         let name = &sensor.name;
+        let slow = "they change slowly and the estimate follows them";
         let state = match sensor.bias {
             Some(false) => "; then declare its `bias` as a state with a `correlation_time`",
             Some(true) | None => "",
         };
+        let lag_1 = lag_1(s);
+        let advice = match lag_1 {
+            Some(rho) if rho > LASTING => format!("{slow}{state}"),
+            Some(rho) if rho < WHITE => "its `noise` is larger than its errors".to_owned(),
+            _ => format!("its `noise` is larger than its errors, or {slow}{state}"),
+        };
+        let correlated = lag_1.map_or_else(String::new, |rho| format!(", lag-1 autocorrelation {rho:.2}"));
         Some(Finding {
             about: name.clone(),
-            evidence: format!("NIS of `{name}` is {} of {}", short(nis.mean), nis.dof),
-            advice: format!("its `noise` is larger than its errors, or they change slowly and the estimate follows them{state}"),
+            evidence: format!("NIS of `{name}` is {} of {}{correlated}", short(nis.mean), nis.dof),
+            advice,
+        })
+    }
+
+    /// Innovations that are as large as expected, but not independent of each other.
+    fn lasting(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
+        let nis = s.nis.as_ref()?;
+        let rho = lag_1(s).filter(|rho| *rho > LASTING)?;
+        if !self.is_judged_by_innovations(sensor) || is_small(nis) || is_large(nis) {
+            return None;
+        }
+        let name = &sensor.name;
+        let advice = match sensor.bias {
+            Some(false) => "an error that lasts has no state: declare its `bias` with a `correlation_time`; until then the 1σ is too small",
+            Some(true) | None => {
+                "an error that lasts has no state: a latency, an arm, a scale, a heading (of a log, `fusion check DESIGN --data DIR` tries \
+                 them); until then the 1σ is too small"
+            }
+        };
+        Some(Finding {
+            about: name.clone(),
+            evidence: format!(
+                "innovations of `{name}` are as large as expected, but each is like the one before, lag-1 autocorrelation {rho:.2}"
+            ),
+            advice: advice.to_owned(),
         })
     }
 
@@ -393,6 +458,9 @@ fn large(sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
     } else if ratio(nis) > FAR {
         "so much is hardly noise: look first at its axes, signs and units, at its time stamps (`fusion check DESIGN --data DIR` compares \
          its channels with others) and its lever arm; leave its `noise` until they are right"
+    } else if lag_1(s).is_some_and(|rho| rho > LASTING) {
+        "each is like the one before, so it is no noise: look at its time stamps (`time_offset`), lever arm, axes and scale, then for a \
+         slow error without a state, such as its `bias`"
     } else if !is_gated {
         "are there outliers, which a `gate` would refuse? Else look at its time stamps (`time_offset`), lever arm and axes, then at \
          its `noise`"
@@ -409,6 +477,17 @@ fn large(sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
         ),
         advice: advice.to_owned(),
     })
+}
+
+/// The largest autocorrelation at lag 1 of the innovations of a sensor, where there are enough to tell.
+fn lag_1(s: &SensorStatistics) -> Option<f64> {
+    let rows = s.innovations.lag_1.iter().filter(|_| s.innovations.count >= ENOUGH);
+    rows.copied().reduce(f64::max)
+}
+
+/// Whether innovations are so much smaller than expected that it is worth a change.
+fn is_small(nis: &Consistency) -> bool {
+    nis.verdict() == Some(Verdict::Conservative) && ratio(nis) < SMALL
 }
 
 /// Whether errors are so much larger than expected that it is worth a change.

@@ -44,6 +44,7 @@ fn found(instrument: Instrument, sensor: SensorStatistics, nees: Option<f64>) ->
         instruments: &[instrument],
         summary: &summary,
         point: [0.0; 3],
+        linearises_once: true,
     };
     judged.findings().iter().map(ToString::to_string).collect()
 }
@@ -111,6 +112,63 @@ fn a_reference_outranks_innovations() {
 }
 
 #[test]
+fn a_start_without_a_heading_is_told_where_nothing_shows_that_it_was_found() {
+    let of = |sigma: f64, linearises_once: bool, nees: Option<f64>| {
+        let summary = Summary {
+            start_angle: Some(("attitude".to_owned(), sigma)),
+            score: nees.map(|mean| Score {
+                nees_attitude: Some(consistency(mean)),
+                ..Score::default()
+            }),
+            ..Summary::default()
+        };
+        let judged = Judged {
+            instruments: &[],
+            summary: &summary,
+            point: [0.0; 3],
+            linearises_once,
+        };
+        judged.findings().iter().any(|f| f.evidence.contains("a 1σ of 103° of `attitude`"))
+    };
+    assert!(of(1.8, true, None) && of(1.8, true, Some(9.0)));
+    assert!(!of(0.9, true, None), "well enough known");
+    assert!(!of(1.8, false, None), "a bank, or an iterated update");
+    assert!(!of(1.8, true, Some(3.0)), "it was found");
+}
+
+#[test]
+fn what_each_innovation_has_of_the_one_before_tells_noise_from_an_error_that_lasts() {
+    let of = |nis: f64, lag_1: f64, count: u64| {
+        let mut s = sensor(nis);
+        (s.innovations.lag_1, s.innovations.count) = (vec![0.0, lag_1, -0.9], count);
+        found(instrument(Some(false)), s, None).join("\n")
+    };
+    let slow = of(0.07, 0.9, 300);
+    assert!(
+        slow.contains("0.07 of 3, lag-1 autocorrelation 0.90: they change slowly") && !slow.contains("`noise`"),
+        "{slow}"
+    );
+    let white = of(0.07, 0.1, 300);
+    assert!(white.ends_with("its `noise` is larger than its errors"), "{white}");
+    for undecided in [of(0.07, 0.3, 300), of(0.07, 0.9, 20)] {
+        assert!(undecided.contains("its errors, or they change slowly"), "{undecided}");
+    }
+    let hidden = of(3.0, 0.7, 300);
+    assert!(
+        hidden.contains("autocorrelation 0.70") && hidden.contains("declare its `bias`"),
+        "{hidden}"
+    );
+    assert_eq!(of(3.0, 0.3, 300), "");
+    assert_eq!(of(3.0, 0.7, 20), "", "too few to tell");
+    let large = of(9.0, 0.7, 300);
+    assert!(large.contains("so it is no noise") && large.lines().count() == 1, "{large}");
+    // A reference tells more.
+    let mut s = sensor(3.0);
+    (s.innovations.lag_1, s.innovations.count) = (vec![0.9], 300);
+    assert!(found(instrument(Some(false)), s, Some(3.0)).is_empty());
+}
+
+#[test]
 fn of_a_constraint_neither_bias_nor_smaller_noise_is_spoken() {
     let constraint = Instrument {
         is_constraint: true,
@@ -167,6 +225,7 @@ fn a_parameter_is_unlearnt_where_no_axis_of_it_fell() {
             instruments: &[],
             summary: &summary,
             point: [0.0; 3],
+            linearises_once: true,
         };
         judged.findings().iter().map(ToString::to_string).collect::<Vec<_>>()
     };
@@ -251,6 +310,7 @@ fn sensors_that_all_disagree_by_far_are_compared_with_a_wrong_input() {
             instruments: &instruments,
             summary: &summary,
             point: [0.0; 3],
+            linearises_once: true,
         };
         judged.findings().first().map(ToString::to_string).unwrap_or_default()
     };
@@ -284,6 +344,7 @@ fn a_heading_that_is_wrong_by_a_constant_is_told_before_what_follows_from_it() {
             instruments: &[],
             summary: &summary,
             point: [0.0; 3],
+            linearises_once: true,
         };
         judged.findings().iter().map(ToString::to_string).collect::<Vec<_>>()
     };
@@ -312,6 +373,7 @@ fn what_is_to_be_done_about_several_errors_is_told_once() {
         instruments: &[],
         summary: &summary,
         point: [0.0; 3],
+        linearises_once: true,
     };
     let all: Vec<String> = judged.findings().iter().map(ToString::to_string).collect();
     assert_eq!(all.len(), 1, "{all:?}");

@@ -1,8 +1,9 @@
 //! Counts of a run: its start, its epochs, what was not used, what failed.
 
-use super::{RunEvent, RunObserver};
+use super::{Heard, RunEvent, RunObserver};
 use fusion_core::memory::Memory;
 use fusion_core::runner::{Discard, Event, Halt};
+use fusion_core::state::{Belief, Kind};
 
 /// Failures that are told with their reason.
 const REASONS: usize = 10;
@@ -12,6 +13,8 @@ const REASONS: usize = 10;
 pub struct Counters {
     /// When the filter started \[s\].
     pub started: Option<f64>,
+    /// The least known attitude or angle at the start, and its largest 1σ \[rad\].
+    pub start_angle: Option<(String, f64)>,
     /// Its estimates.
     pub epochs: u64,
     /// Rows that came too late or held no number, by consumer: `stage.consumer` inside a stage.
@@ -31,8 +34,20 @@ impl Counters {
     }
 }
 
+/// The attitude or angle with the largest 1σ.
+fn least_known(filter: &Heard, belief: &Belief) -> Option<(String, f64)> {
+    let angles = filter
+        .layout
+        .blocks()
+        .iter()
+        .filter(|b| matches!(b.kind, Kind::Attitude | Kind::Angle));
+    let known = angles.map(|b| (b.name.clone(), belief.covariance.sigmas(b).fold(0.0, f64::max)));
+    known.max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
 fusion_core::memory!(Counters {
     started,
+    start_angle,
     epochs,
     unused_rows,
     failures,
@@ -48,7 +63,10 @@ impl RunObserver for Counters {
         match event {
             RunEvent::Estimate { filter, .. } => self.epochs += u64::from(filter.is_outermost()),
             RunEvent::Filter { filter, event } => match event {
-                Event::Started { belief } if filter.is_outermost() => self.started = Some(belief.time.seconds()),
+                Event::Started { belief } if filter.is_outermost() => {
+                    self.started = Some(belief.time.seconds());
+                    self.start_angle = least_known(filter, belief);
+                }
                 Event::Discarded {
                     why: Discard::BeforeStart, ..
                 } => {}

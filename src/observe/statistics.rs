@@ -49,6 +49,11 @@ pub struct Innovations {
     pub rms: Vec<f64>,
     /// Largest magnitude per residual row; 0 where none is counted.
     pub max: Vec<f64>,
+    /// When that was \[s\].
+    pub max_time: Vec<f64>,
+    /// Autocorrelation at lag 1 of the innovations in units of their σ, from −1 to 1: of a filter whose models are
+    /// right it is 0, within 2/√count. 0 where none is counted.
+    pub lag_1: Vec<f64>,
 }
 
 /// What became of a sensor's measurements.
@@ -112,7 +117,7 @@ impl Memory for Statistics {
     }
 }
 
-fusion_core::memory!(Follower { statistics, nis, power, squares, streak; from });
+fusion_core::memory!(Follower { statistics, nis, power, squares, pairs, streak; from });
 fusion_core::memory!(SensorStatistics {
     accepted,
     rejected,
@@ -136,7 +141,8 @@ fusion_core::memory!(RejectionStreak {
     measurements,
     seconds
 });
-fusion_core::memory!(Innovations { count, max; axis, unit, rms });
+fusion_core::memory!(Innovations { count, max, max_time; axis, unit, rms, lag_1 });
+fusion_core::memory!(Pairs { latest, own, products });
 
 impl RunObserver for Statistics {
     fn memory(&mut self) -> Option<&mut dyn Memory> {
@@ -164,10 +170,35 @@ struct Follower {
     power: Box<[Quantiles]>,
     /// Sums of the squared innovations, per residual row.
     squares: Vec<f64>,
+    /// The same with the next ones.
+    pairs: Box<[Pairs]>,
     /// Innovations count from here on.
     from: Option<Time>,
     /// The first of the measurements that are being rejected, and how many they are.
     streak: Option<(Time, u64)>,
+}
+
+/// Sums of the products of a residual row, in units of its σ, with itself and with the next one.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pairs {
+    latest: f64,
+    own: f64,
+    products: f64,
+}
+
+impl Pairs {
+    fn add(&mut self, u: f64) {
+        if !u.is_finite() {
+            return;
+        }
+        self.own += u * u;
+        self.products += u * self.latest;
+        self.latest = u;
+    }
+
+    fn correlation(&self) -> f64 {
+        if self.own > 0.0 { self.products / self.own } else { 0.0 }
+    }
 }
 
 impl Follower {
@@ -184,6 +215,8 @@ impl Follower {
                     unit: sensor.rows.iter().map(ToString::to_string).collect(),
                     rms: vec![0.0; m],
                     max: vec![0.0; m],
+                    max_time: vec![0.0; m],
+                    lag_1: vec![0.0; m],
                 },
                 disturbed: may_be.then(Disturbed::default),
                 ..SensorStatistics::default()
@@ -191,6 +224,7 @@ impl Follower {
             nis: Series::default(),
             power: vec![Quantiles::default(); m].into(),
             squares: vec![0.0; m],
+            pairs: vec![Pairs::default(); m].into(),
             from,
             streak: None,
         }
@@ -234,11 +268,16 @@ impl Follower {
         if update.verdict == Verdict::Accepted && self.from.is_none_or(|from| time >= from) {
             self.nis.push(update.nis);
             self.statistics.innovations.count += 1;
-            let sums = self.squares.iter_mut().zip(&mut self.statistics.innovations.max);
-            for (r, (square, max)) in update.residual.iter().zip(sums) {
+            let Innovations { max, max_time, .. } = &mut self.statistics.innovations;
+            let largest = max.iter_mut().zip(max_time);
+            for ((r, square), (max, at)) in update.residual.iter().zip(&mut self.squares).zip(largest) {
                 *square += r * r;
-                *max = max.max(r.abs());
+                if r.abs() > *max {
+                    (*max, *at) = (r.abs(), time.seconds());
+                }
             }
+            let scaled = update.residual.iter().zip(update.innovation_sigma).map(|(r, sigma)| r / sigma);
+            self.pairs.iter_mut().zip(scaled).for_each(|(pairs, u)| pairs.add(u));
         }
     }
 
@@ -262,6 +301,7 @@ impl Follower {
         let innovations = &mut self.statistics.innovations;
         let count = innovations.count.max(1) as f64;
         innovations.rms = self.squares.iter().map(|s| (s / count).sqrt()).collect();
+        innovations.lag_1 = self.pairs.iter().map(Pairs::correlation).collect();
         self.statistics.gate_power = self.power.iter_mut().filter_map(median).collect();
         self.statistics.nis = Consistency::of(&self.nis, innovations.unit.len());
         self.statistics
@@ -287,6 +327,7 @@ mod tests {
             nis: Series::default(),
             power: Box::new([Quantiles::default()]),
             squares: vec![0.0],
+            pairs: Box::new([Pairs::default()]),
             from: Some(at(2.0)),
             streak: None,
         }
@@ -389,10 +430,31 @@ mod tests {
     }
 
     #[test]
+    fn a_slow_error_correlates_with_the_next_one_and_a_change_of_sign_against_it() {
+        let lag_1 = |residuals: &[f64]| {
+            let mut f = follower();
+            for (k, r) in residuals.iter().enumerate() {
+                let update = Update {
+                    innovation_sigma: &[0.5],
+                    ..update(Verdict::Accepted, core::slice::from_ref(r), Mode::Track)
+                };
+                f.judged(at(10.0 + k as f64), false, &update);
+            }
+            f.finish(at(99.0)).innovations.lag_1[0]
+        };
+        // Each pair but that at the end is counted: 3 of 4.
+        assert_eq!(lag_1(&[2.0, 2.0, 2.0, 2.0]), 0.75);
+        assert_eq!(lag_1(&[2.0, -2.0, 2.0, -2.0]), -0.75);
+        assert_eq!(lag_1(&[1.0, 1.0, -1.0, -1.0, 1.0]), 0.0);
+        assert_eq!(lag_1(&[]), 0.0);
+    }
+
+    #[test]
     fn innovations_are_those_of_accepted_measurements_in_the_window() {
         use Verdict::{Accepted, Reacquired, Rejected};
         let mut f = follower();
-        f.statistics.innovations.max = vec![0.0];
+        let innovations = &mut f.statistics.innovations;
+        (innovations.max, innovations.max_time) = (vec![0.0], vec![0.0]);
         let judged = [
             (1.0, Accepted, 50.0),
             (2.0, Accepted, 3.0),
@@ -405,8 +467,8 @@ mod tests {
         }
         let found = f.finish(at(6.0)).innovations;
         assert_eq!(
-            (found.count, &found.rms[..], &found.max[..]),
-            (2, &[12.5_f64.sqrt()][..], &[4.0][..])
+            (found.count, &found.rms[..], &found.max[..], &found.max_time[..]),
+            (2, &[12.5_f64.sqrt()][..], &[4.0][..], &[5.0][..])
         );
     }
 }

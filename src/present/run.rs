@@ -338,29 +338,42 @@ fn streaks(sensors: &[SensorStatistics]) -> Table {
 fn innovations_of(sensors: &[SensorStatistics]) -> Section {
     let table = innovations(sensors);
     let section = Section::new("Innovations of accepted measurements", [table]);
+    let section = if section.is_empty() { section } else { section.note(LAG) };
     if sensors.iter().flat_map(|s| &s.gate_power).all(|power| !power.is_finite()) {
         return section;
     }
-    Section {
-        notes: vec![POWER.to_owned()],
-        ..section
-    }
+    section.note(POWER)
 }
+
+/// What a column of the innovations means.
+const LAG: &str = "Lag 1: how much each innovation is correlated with the next one; 0 where errors are white, near 1 where they last.";
 
 /// What the last column of the innovations means.
 const POWER: &str = "Refused from: the smallest error of that row alone that the gate would have refused, by the median.";
 
-/// RMS and maximum per row; where a gate refuses anything, beside them what it would refuse.
+/// RMS, maximum and correlation per row; where a gate refuses anything, beside them what it would refuse.
 fn innovations(sensors: &[SensorStatistics]) -> Table {
     let is_gated = sensors.iter().flat_map(|s| &s.gate_power).any(|power| power.is_finite());
     let power = is_gated.then(|| Column::number("refused from"));
-    let columns = [Column::text("residual"), Column::number("RMS"), Column::number("max")];
+    let columns = [
+        Column::text("residual"),
+        Column::number("RMS"),
+        Column::number("max"),
+        Column::with_unit("at", Unit::of_si("s")),
+        Column::number("lag 1"),
+    ];
     let mut t = Table::new(columns.into_iter().chain(power));
     for s in sensors.iter().filter(|s| s.innovations.count > 0) {
         for (k, (row, unit)) in residual_rows(s).into_iter().enumerate() {
             let power = s.gate_power.get(k).copied().filter(|power| power.is_finite());
             let power = is_gated.then(|| Cell::real(power));
-            let values = [s.innovations.rms[k], s.innovations.max[k]].map(Cell::Real);
+            let innovations = &s.innovations;
+            let values = [
+                Cell::Real(innovations.rms[k]),
+                Cell::Real(innovations.max[k]),
+                Cell::Seconds(innovations.max_time[k]),
+                Cell::Fixed(innovations.lag_1[k], 2),
+            ];
             t.row_in(unit, [row_name(s, &row)].into_iter().chain(values).chain(power));
         }
     }
@@ -384,6 +397,7 @@ fn errors(score: &Score) -> Section {
         Column::number("RMS"),
         Column::number("mean"),
         Column::number("max"),
+        Column::with_unit("at", Unit::of_si("s")),
         Column::number("mean 3σ"),
         Column::number("inside 3σ"),
         Column::text("verdict"),
@@ -393,7 +407,10 @@ fn errors(score: &Score) -> Section {
         // An axis that the reference does not know has no row.
         let is_known = |k: &usize| !(a.rms[*k].is_nan() && a.max[*k].is_nan());
         for (k, name) in (0..3).filter(is_known).map(|k| (k, names[k])) {
-            let values = [a.rms[k], a.mean[k], a.max[k], a.three_sigma[k]].map(Cell::Real);
+            let errors = [a.rms[k], a.mean[k], a.max[k]].map(Cell::Real);
+            let values = errors
+                .into_iter()
+                .chain([Cell::Seconds(a.max_time[k]), Cell::Real(a.three_sigma[k])]);
             // A share can show overconfidence only: 100 % is no sign that 3σ is right.
             let verdict = Verdict::of_share(a.inside[k]).filter(|v| *v != Verdict::Consistent);
             let cells = [Cell::text(format!("{what} {name}"))].into_iter().chain(values);

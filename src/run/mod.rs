@@ -262,6 +262,7 @@ impl<'a> Run<'a> {
             kernel: self.design.filter.kernel.unwrap_or_default().name(),
             health: health.finish(),
             started: counters.started,
+            start_angle: counters.start_angle,
             waiting: if has_started { Vec::new() } else { runner.waits_for() },
             epochs: counters.epochs,
             score,

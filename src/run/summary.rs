@@ -100,6 +100,8 @@ pub struct Summary {
     pub health: Vec<FilterHealth>,
     /// When the filter started \[s\]; none if it never did.
     pub started: Option<f64>,
+    /// The attitude or angle that was known least at the start, and its largest 1σ \[rad\].
+    pub start_angle: Option<(String, f64)>,
     /// What it was still waiting for at the end.
     pub waiting: Vec<(String, String)>,
     /// Estimates made.

@@ -5,6 +5,7 @@ use super::comparison::{AttitudeError, Deviation, attitude_error};
 use super::scorer::Sums;
 use super::{Axes, Spread};
 use fusion_core::geometry::so3;
+use fusion_core::time::Time;
 use nalgebra::{UnitQuaternion, Vector3};
 
 /// Attitudes as they come.
@@ -22,6 +23,7 @@ pub(super) struct Attitudes {
 /// What is needed of an epoch to take the mounting out.
 #[derive(Clone, Copy, Debug, Default)]
 struct Kept {
+    time: Time,
     estimate: UnitQuaternion<f64>,
     truth: UnitQuaternion<f64>,
     /// 1σ of roll, pitch, yaw \[deg\].
@@ -61,6 +63,7 @@ pub(super) struct Found {
 
 fusion_core::memory!(Attitudes { count, sums, turns, kept; removes_mounting });
 fusion_core::memory!(Kept {
+    time,
     estimate,
     truth,
     sigma,
@@ -100,18 +103,19 @@ impl Attitudes {
         self.count
     }
 
-    pub(super) fn add(&mut self, a: &AttitudeError) {
+    pub(super) fn add(&mut self, time: Time, a: &AttitudeError) {
         self.count += 1;
         let degrees = in_degrees(&a.rpy);
         if self.removes_mounting {
             self.kept.push(Kept {
+                time,
                 estimate: a.estimate,
                 truth: a.truth,
                 sigma: degrees.sigma(),
                 is_estimated: degrees.is_estimated(),
             });
         } else {
-            self.sums.add(&degrees);
+            self.sums.add(time, &degrees);
             self.turns.add(&(a.estimate * rotation_of([0.0; 3]) * a.truth.inverse()));
         }
     }
@@ -127,7 +131,7 @@ impl Attitudes {
         let (mut sums, mut turns) = (Sums::default(), Turns::default());
         for k in kept {
             let error = attitude_error(&(k.estimate * mounting), &k.truth).map(f64::to_degrees);
-            sums.add_error(&error, &k.sigma, [true; 3], k.is_estimated);
+            sums.add_error(k.time, &error, &k.sigma, [true; 3], k.is_estimated);
             turns.add(&(k.estimate * shown * k.truth.inverse()));
         }
         Found::of(sums, turns, kept.len() as f64, Some(mounting_deg))

@@ -76,7 +76,7 @@ impl EpisodeScorer {
         let is_during = self.windows.contains(error.time());
         let part = if is_during { &mut self.during } else { &mut self.outside };
         if let Some(d) = &error.position {
-            part.position.add(d);
+            part.position.add(error.time(), d);
             // 0 where it is not known, and not counted then.
             part.horizontal += d.error.x.powi(2) + d.error.y.powi(2);
         }

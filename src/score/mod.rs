@@ -46,6 +46,8 @@ pub struct Axes {
     pub mean: [f64; 3],
     /// Largest magnitude.
     pub max: [f64; 3],
+    /// When that was \[s\].
+    pub max_time: [f64; 3],
     /// Mean of the 3σ that the errors are expected to have: by the filter, and the reference's own.
     pub three_sigma: [f64; 3],
     /// Share of the errors inside that 3σ; 0.997 for a consistent Gaussian filter. Not a number
@@ -62,6 +64,7 @@ impl Axes {
             rms: three,
             mean: three,
             max: three,
+            max_time: three,
             three_sigma: three,
             inside: three,
         }

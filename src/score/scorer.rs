@@ -44,6 +44,8 @@ pub(super) struct Sums {
     sum: Vector3<f64>,
     squares: Vector3<f64>,
     max: Vector3<f64>,
+    /// When that was.
+    max_time: [Time; 3],
     sigma: Vector3<f64>,
     /// Epochs at which the axis was estimated, and those of them with the error inside 3σ.
     estimated: Vector3<f64>,
@@ -56,18 +58,19 @@ fusion_core::memory!(Sums {
     sum,
     squares,
     max,
+    max_time,
     sigma,
     estimated,
     inside
 });
 
 impl Sums {
-    pub(super) fn add(&mut self, d: &Deviation) {
-        self.add_error(&d.error, &d.sigma(), d.known, d.is_estimated());
+    pub(super) fn add(&mut self, time: Time, d: &Deviation) {
+        self.add_error(time, &d.error, &d.sigma(), d.known, d.is_estimated());
     }
 
-    /// Of an error `e` with its 1σ; whether the reference knows each axis, and the filter estimates it.
-    pub(super) fn add_error(&mut self, e: &Vector3<f64>, sigma: &Vector3<f64>, known: [bool; 3], is_estimated: [bool; 3]) {
+    /// Of an error `e` at a time, with its 1σ; whether the reference knows each axis, and the filter estimates it.
+    pub(super) fn add_error(&mut self, time: Time, e: &Vector3<f64>, sigma: &Vector3<f64>, known: [bool; 3], is_estimated: [bool; 3]) {
         self.known += Vector3::from(known.map(f64::from));
         let is_estimated = Vector3::from(is_estimated.map(f64::from));
         self.sigma += sigma.zip_map(&Vector3::from(known), |sigma, known| if known { sigma } else { 0.0 });
@@ -76,7 +79,11 @@ impl Sums {
         self.count += 1.0;
         self.sum += e;
         self.squares += e.component_mul(e);
-        self.max = self.max.sup(&e.abs());
+        for ((e, max), at) in e.iter().zip(self.max.iter_mut()).zip(&mut self.max_time) {
+            if e.abs() > *max {
+                (*max, *at) = (e.abs(), time);
+            }
+        }
     }
 
     /// RMS of the length; none where the reference does not know every axis.
@@ -102,6 +109,7 @@ impl Sums {
             rms: self.squares.component_div(&self.known).map(f64::sqrt).into(),
             mean: self.sum.component_div(&self.known).into(),
             max: self.max.component_mul(&once).into(),
+            max_time: core::array::from_fn(|k| self.max_time[k].seconds() * once[k]),
             three_sigma: (3.0 * self.sigma.component_div(&self.known)).into(),
             inside: self.inside.component_div(&self.estimated).into(),
         })
@@ -179,7 +187,7 @@ impl Scorer {
         if let Some(d) = &error.position {
             if counts {
                 self.offset.add(error.time(), d, error.motion.as_ref());
-                self.add_position(d, error.places.as_ref().map(|[_, truth]| truth), is_settled);
+                self.add_position(error.time(), d, error.places.as_ref().map(|[_, truth]| truth), is_settled);
             }
             if d.is_horizontal() {
                 self.drifts.add(error.time(), d);
@@ -195,14 +203,14 @@ impl Scorer {
             episodes.add(error, is_settled, !self.rules.remove_mean_mounting);
         }
         if let Some(d) = &error.velocity {
-            self.velocity.add(d);
+            self.velocity.add(error.time(), d);
             self.lengths[1].add(d.error.norm());
             if is_settled {
                 self.nees_velocity.add(of(d));
             }
         }
         if let Some(a) = &error.attitude {
-            self.attitudes.add(a);
+            self.attitudes.add(error.time(), a);
             if is_settled && !self.rules.remove_mean_mounting {
                 self.nees_attitude.add(of(&a.body));
             }
@@ -210,8 +218,8 @@ impl Scorer {
     }
 
     /// A position error that counts, of as many axes as the reference knows, and the place of the reference.
-    fn add_position(&mut self, d: &Deviation, place: Option<&Geodetic>, is_settled: bool) {
-        self.position.add(d);
+    fn add_position(&mut self, time: Time, d: &Deviation, place: Option<&Geodetic>, is_settled: bool) {
+        self.position.add(time, d);
         if d.is_whole() {
             self.lengths[0].add(d.error.norm());
         }

@@ -2,6 +2,7 @@
 
 use super::backend::Backend;
 use super::estimator::{Estimator, FilterError, Observed, Update, Verdict};
+use super::fixes::Fixes;
 use super::own::OwnDynamics;
 use super::reacquire::Growing;
 use super::rule::{Innovation, Problem, UpdateRule};
@@ -69,6 +70,8 @@ pub struct Filter {
     pub(super) growing: Growing,
     /// What the parameters were before a gate denied its sensor.
     pub(super) past: Past,
+    /// Whether fixes agree with the estimate.
+    fixes: Fixes,
     pub(super) belief: Belief,
     pub(super) transition: Transition,
     signals: Signals,
@@ -151,6 +154,7 @@ impl Filter {
             own: OwnDynamics::of(&layout),
             growing: Growing::of(&layout),
             past,
+            fixes: Fixes::of(&layout),
             signals: Signals::new(&layout),
             work,
             reset: BlockMatrix::identity(n),
@@ -513,6 +517,7 @@ impl Memory for Filter {
     fn remember(&mut self, tape: &mut Tape<'_>) {
         self.belief.remember(tape);
         self.past.remember(tape);
+        self.fixes.remember(tape);
         if tape.is_reading() {
             self.signals.forget();
         }
@@ -577,6 +582,7 @@ impl Estimator for Filter {
             self.belief.covariance.clear();
         }
         self.past.start(&self.belief);
+        self.fixes.start();
         self.signals.forget();
     }
 
@@ -607,6 +613,10 @@ impl Estimator for Filter {
         let (verdict, weight) = match answer.decision {
             Decision::Reject => (Verdict::Rejected, 0.0),
             Decision::Accept => self.use_it(observed, nis, loss),
+            Decision::Reacquire if self.fixes.contradict(self.belief.time, &self.work.jacobian) => {
+                answer.mode = Mode::Denied;
+                (Verdict::Rejected, 0.0)
+            }
             Decision::Reacquire => {
                 self.remember();
                 if self.inflate() && self.redraw(observed) && self.correct(observed) {
@@ -618,7 +628,9 @@ impl Estimator for Filter {
                 }
             }
         };
-        gate.settle(matches!(verdict, Verdict::Accepted | Verdict::Reacquired));
+        let is_used = matches!(verdict, Verdict::Accepted | Verdict::Reacquired);
+        self.fixes.hear(self.belief.time, &self.work.jacobian, verdict == Verdict::Accepted);
+        gate.settle(is_used);
         self.report(observed, verdict, nis, answer, weight)
     }
 

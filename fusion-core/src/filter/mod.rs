@@ -8,6 +8,7 @@
 mod backend;
 mod bank;
 mod estimator;
+mod fixes;
 mod iterated;
 mod kalman;
 mod lateness;

@@ -29,8 +29,8 @@ const MOST_GROWTH: f64 = 1e6;
 /// The σ \[rad\] up to which an orientation grows: errors of second order are half a percent there.
 const MOST_TURN: f64 = 0.1;
 
-/// The largest growth of σ where no growth of the motion explains the residual.
-const MOST_GROWTH_OF_ALL: f64 = 1e4;
+/// The largest growth of the σ of what is measured, where no growth of the motion explains the residual.
+const MOST_GROWTH_OF_SEEN: f64 = 1e4;
 
 /// The axes of P that grow.
 #[derive(Clone, Debug)]
@@ -39,34 +39,34 @@ pub(super) struct Growing {
     linear: Arc<[usize]>,
     /// Axes of orientations, which grow up to [`MOST_TURN`].
     angular: Arc<[usize]>,
-    whole: Range<usize>,
+    /// The axes of each block, and whether it is a parameter; and those that the measurement sees.
+    blocks: Arc<[(Range<usize>, bool)]>,
+    seen: Vec<Range<usize>>,
 }
 
 impl Growing {
     pub(super) fn of(layout: &Layout) -> Self {
         let is_angle = |b: &&Block| matches!(b.kind, Kind::Attitude | Kind::Angle);
+        let blocks = layout.blocks().iter().map(|b| (b.tangent_range(), b.role != StateRole::Kinematic));
         let motion = || layout.blocks().iter().filter(|b| b.role == StateRole::Kinematic);
         Self {
             linear: motion().filter(|b| !is_angle(b)).flat_map(Block::tangent_range).collect(),
             angular: motion().filter(is_angle).flat_map(Block::tangent_range).collect(),
-            whole: 0..layout.dim(),
+            blocks: blocks.collect(),
+            seen: Vec::with_capacity(layout.blocks().len()),
         }
     }
 }
 
 impl Filter {
-    /// P grows until the residual is one that it expects, rᵀ(HPHᵀ + R)⁻¹r ≤ m: the motion, or all
-    /// of P for a sensor that no growth of the motion explains, because it sees little else than
-    /// calibrations. What was learnt of parameters lately is forgotten. False where neither does; P is
-    /// then to be restored from `p_before`.
+    /// P grows until the residual is one that it expects, rᵀ(HPHᵀ + R)⁻¹r ≤ m: the motion, or, where no
+    /// growth of the motion explains it, the parameters that the sensor sees, such as its own bias, or
+    /// all that it sees. What it does not see stays as it is: a compass tells nothing of the position.
+    /// What was learnt of parameters lately is forgotten. False where none does; P is then to be
+    /// restored from `p_before`.
     pub(super) fn inflate(&mut self) -> bool {
         let prior = self.prior();
-        let grows = self.grow_until_expected(MOST_GROWTH, Self::grow_motion) || {
-            self.belief.covariance.copy_from(&self.p_before);
-            self.grow_until_expected(MOST_GROWTH_OF_ALL, |f, _| {
-                f.belief.covariance.scale(core::slice::from_ref(&f.growing.whole), 2.0)
-            })
-        };
+        let grows = self.grow_until_expected(MOST_GROWTH, Self::grow_motion) || self.grow_seen(true) || self.grow_seen(false);
         let grows = grows && self.forget_lately();
         if grows {
             self.keep(prior, |f, prior| Step::Inflated {
@@ -90,6 +90,21 @@ impl Filter {
             growth *= 2.0;
         }
         false
+    }
+
+    /// Grows what the measurement sees, of parameters alone or of all, from P as it was.
+    fn grow_seen(&mut self, parameters_alone: bool) -> bool {
+        self.belief.covariance.copy_from(&self.p_before);
+        let (Growing { blocks, seen, .. }, h) = (&mut self.growing, &self.work.jacobian);
+        let meant = blocks.iter().filter(|(_, is_parameter)| *is_parameter || !parameters_alone);
+        seen.clear();
+        seen.extend(
+            meant
+                .map(|(axes, _)| axes.clone())
+                .filter(|axes| axes.clone().any(|axis| h.sees(axis))),
+        );
+        !self.growing.seen.is_empty()
+            && self.grow_until_expected(MOST_GROWTH_OF_SEEN, |f, _| f.belief.covariance.scale(&f.growing.seen, 2.0))
     }
 
     /// Gives each parameter the variance that it has without what was learnt lately, and prepares the

@@ -210,6 +210,13 @@ impl Jacobian {
         self.h[row * self.ld + col]
     }
 
+    /// Whether a column of H is not zero.
+    #[must_use]
+    pub fn sees(&self, column: usize) -> bool {
+        let may = self.columns.iter().any(|(start, end)| (*start..*end).contains(&column));
+        may && (0..self.rows).any(|row| self.get(row, column) != 0.0)
+    }
+
     /// One row of H, padded.
     #[must_use]
     pub fn row(&self, i: usize) -> &[f64] {

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::gate::Outcome;
+use crate::state::Position;
 
 /// Believes everything against the estimate.
 #[derive(Clone, Debug)]
@@ -277,4 +278,113 @@ fn a_sensor_that_could_not_be_reacquired_is_offered_again_with_the_next_measurem
     // As soon as five agree.
     assert_eq!(used, Some(4));
     assert_eq!(offer(60, 100.0), (Verdict::Accepted, Mode::Track));
+}
+
+/// Two axes of a position and a heading; a sensor of either.
+fn place_and_heading() -> (Filter, Slot<Position>, Slot<crate::state::Angle>) {
+    let mut b = LayoutBuilder::new();
+    let still = Dynamics::Constant;
+    let position = declare::<Position>(&mut b, "position", nalgebra::Vector3::zeros(), &[1.0, 1.0, 1.0], still.clone());
+    let heading = declare::<crate::state::Angle>(&mut b, "heading", 0.0, &[0.01], still);
+    (filter(b, Still, 2), position, heading)
+}
+
+/// The horizontal position.
+#[derive(Debug)]
+struct Fix(Slot<Position>);
+
+impl Measurement for Fix {
+    fn size(&self) -> Size {
+        Size::same(2)
+    }
+    fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {
+        value.copy_from_slice(&at.state(self.0).as_slice()[..2]);
+        Ok(())
+    }
+    fn jacobian(&self, _: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined> {
+        h.add_slot(0, self.0, &nalgebra::Matrix3::identity());
+        Ok(())
+    }
+}
+
+/// The heading.
+#[derive(Debug)]
+struct Compass(Slot<crate::state::Angle>);
+
+impl Measurement for Compass {
+    fn size(&self) -> Size {
+        Size::same(1)
+    }
+    fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {
+        value[0] = at.state(self.0);
+        Ok(())
+    }
+    fn jacobian(&self, _: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined> {
+        h.add_slot(0, self.0, &Matrix1::new(1.0));
+        Ok(())
+    }
+}
+
+#[test]
+fn a_heading_is_not_believed_against_an_estimate_that_fixes_agree_with() {
+    let fix = |f: &mut Filter, position: Slot<Position>, gate: &mut dyn Gate, value: f64| {
+        let observed = Observed {
+            sensor: 0,
+            model: &Fix(position),
+            value: &[value, 0.0],
+            noise: &[1.0, 0.0, 0.0, 1.0],
+            quality: None,
+            lateness: None,
+        };
+        f.update(&observed, gate, &[], &Quadratic).verdict
+    };
+    let turn = |f: &mut Filter, heading| {
+        let observed = Observed {
+            sensor: 1,
+            model: &Compass(heading),
+            value: &[0.05],
+            noise: &[1e-6],
+            quality: None,
+            lateness: None,
+        };
+        f.update(&observed, &mut Credulous, &[], &Quadratic).verdict
+    };
+    let after = |fixes: i64, pause: i64, refused: bool| {
+        let (mut f, position, heading) = place_and_heading();
+        for k in 1..=fixes {
+            f.predict(second(k), &Input::held(&[])).unwrap();
+            assert_eq!(fix(&mut f, position, &mut Open, 0.0), Verdict::Accepted);
+        }
+        f.predict(second(fixes + pause), &Input::held(&[])).unwrap();
+        if refused {
+            let mut gate = Nis::new(0.99, Recovery::default());
+            assert_eq!(fix(&mut f, position, &mut gate, 100.0), Verdict::Rejected);
+        }
+        let before = (f.belief().x.clone(), dense(&f));
+        let verdict = turn(&mut f, heading);
+        assert!(verdict == Verdict::Reacquired || unchanged(&f, &before.0, &before.1));
+        verdict
+    };
+    assert_eq!(after(5, 1, false), Verdict::Rejected);
+    assert_eq!(after(4, 1, false), Verdict::Reacquired, "too few");
+    assert_eq!(after(5, 11, false), Verdict::Reacquired, "too long ago");
+    assert_eq!(after(5, 1, true), Verdict::Reacquired, "the latest fix does not agree");
+}
+
+#[test]
+fn what_a_sensor_does_not_see_does_not_grow_with_it() {
+    let (mut f, [_, _, bias], _) = motion_and_bias();
+    f.keep_steps(true);
+    assert_eq!(reacquire(&mut f, &Direct(bias), 20.0), Verdict::Reacquired);
+    let [Step::Inflated { prior, posterior }, ..] = f.steps() else {
+        panic!("{:?}", f.steps());
+    };
+    let [before, grown] = [prior, posterior].map(|b| DMatrix::from_row_slice(4, 4, &b.covariance.to_dense()));
+    for axis in 0..3 {
+        assert_eq!(before[(axis, axis)], grown[(axis, axis)]);
+    }
+    assert!(grown[(3, 3)] > 40.0 * before[(3, 3)]);
+    // Correlations are those that were there.
+    let correlation = |p: &DMatrix<f64>| p[(0, 3)] / (p[(0, 0)] * p[(3, 3)]).sqrt();
+    assert!((correlation(&before) - correlation(&grown)).abs() < 1e-12); // rounding
 }

@@ -33,7 +33,8 @@ use serde::Deserialize;
 #[derive(Clone, Copy, Debug, Default, Deserialize, JsonSchema, PartialEq, Eq)]
 #[serde(rename_all = "snake_case")]
 pub enum Discretisation {
-    /// Φ = I + FΔt.
+    /// Φ = I + FΔt; of the attitude by itself the turn of the body, Exp(−ωΔt), for I − \[ωΔt ×\] makes
+    /// every attitude error larger, by ½|ωΔt|² in each step.
     #[default]
     FirstOrder,
     /// Φ = I + FΔt + ½F²Δt².
@@ -55,6 +56,15 @@ impl From<Discretisation> for Order {
 
 type M = Matrix3<f64>;
 type V = Vector3<f64>;
+
+/// Exp(−φ), φ \[rad\], to its fourth order: off by |φ|⁵/120, 8e-8 where a body turns by 5.7° in a step.
+#[inline(always)]
+fn turn_back(phi: &V) -> M {
+    let y = phi.norm_squared();
+    let (a, b) = (1.0 - y / 6.0, 0.5 - y / 24.0);
+    // [φ×]² = φφᵀ − |φ|² I.
+    phi * phi.transpose() * b + M::from_diagonal_element(1.0 - y * b) - so3::skew(&(phi * a))
+}
 
 /// `m · diag(d)`.
 #[inline]
@@ -94,7 +104,7 @@ pub(crate) struct Discrete {
 }
 
 impl<P: Tangent<3>> Slots<P> {
-    /// Writes Φ = I + FΔt over the ellipsoid; returns the responses to an error of force and of rate.
+    /// Writes Φ = I + FΔt over the ellipsoid, with the turn of the body by itself; returns the responses to an error of force and of rate.
     #[inline(always)]
     pub(crate) fn write_first_order(&self, f: &Linear<'_>, dt: f64, out: &mut Transition) -> [[Option<M>; 3]; 2] {
         let (one, r, v, a) = (M::identity(), self.position, self.velocity, self.attitude);
@@ -105,7 +115,7 @@ impl<P: Tangent<3>> Slots<P> {
         out.set(v, a, &(f.va() * dt));
         out.set(a, r, &(f.ar() * dt));
         out.set(a, v, &(f.av() * dt));
-        out.set(a, a, &(one + f.aa() * dt));
+        out.set(a, a, &turn_back(&(f.w_ib_b * dt)));
         // Errors of force and rate drive velocity and attitude with the sign of +f and +w.
         [[None, Some(f.v_force() * dt), None], [None, None, Some(one * dt)]]
     }

@@ -135,7 +135,7 @@ pub(crate) fn continuous_at(start: &Start, w_ib_b: &Vector3<f64>, f_ib_b: &Vecto
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Linear<'a> {
     start: &'a Start,
-    w_ib_b: &'a Vector3<f64>,
+    pub(crate) w_ib_b: &'a Vector3<f64>,
     f_ib_b: &'a Vector3<f64>,
     /// dRN/dφ \[m/rad\].
     slope: f64,

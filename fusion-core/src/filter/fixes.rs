@@ -1,0 +1,73 @@
+//! Whether fixes of the horizontal position have agreed with the estimate lately.
+//!
+//! An attitude that is wrong shows in the position within seconds: fixes are then refused. So while they are used,
+//! one after the other, a sensor that measures the attitude alone is not believed against the estimate, however
+//! well its measurements agree with each other: a magnet beside a compass is as constant as the field of the Earth.
+
+use crate::linear::Jacobian;
+use crate::state::{Block, Kind, Layout, StateRole};
+use crate::time::Time;
+use std::sync::Arc;
+
+/// As many fixes in a row agree.
+const ENOUGH: u32 = 5;
+/// What was used longer ago \[s\] says nothing of now; of slow fixes their own intervals, three of them.
+const RECENT: f64 = 10.0;
+const INTERVALS: f64 = 3.0;
+
+/// Follows the fixes that a filter uses.
+#[derive(Clone, Debug)]
+pub(super) struct Fixes {
+    /// Axes of the horizontal position, of what moves other than by turning, and of attitudes and angles.
+    horizontal: Arc<[usize]>,
+    linear: Arc<[usize]>,
+    angular: Arc<[usize]>,
+    /// Fixes used since the last that was not, when the latest was, and the interval before it \[s\].
+    in_a_row: u32,
+    latest: Option<Time>,
+    interval: f64,
+}
+crate::memory!(Fixes { in_a_row, latest, interval; horizontal, linear, angular });
+
+impl Fixes {
+    pub(super) fn of(layout: &Layout) -> Self {
+        let is_angle = |b: &&Block| matches!(b.kind, Kind::Attitude | Kind::Angle);
+        let is_place = |b: &&Block| matches!(b.kind, Kind::Geodetic | Kind::Position);
+        let motion = || layout.blocks().iter().filter(|b| b.role == StateRole::Kinematic);
+        let horizontal = motion().filter(is_place).flat_map(|b| b.tangent_range().take(2));
+        Self {
+            horizontal: horizontal.collect(),
+            linear: motion().filter(|b| !is_angle(b)).flat_map(Block::tangent_range).collect(),
+            angular: motion().filter(is_angle).flat_map(Block::tangent_range).collect(),
+            in_a_row: 0,
+            latest: None,
+            interval: 0.0,
+        }
+    }
+
+    /// Another belief is followed from now on.
+    pub(super) fn start(&mut self) {
+        (self.in_a_row, self.latest, self.interval) = (0, None, 0.0);
+    }
+
+    /// Hears whether a measurement with this H was used.
+    pub(super) fn hear(&mut self, time: Time, h: &Jacobian, is_used: bool) {
+        let is_fix = !self.horizontal.is_empty() && self.horizontal.iter().all(|axis| h.sees(*axis));
+        if !is_fix {
+            return;
+        }
+        self.in_a_row = if is_used { self.in_a_row.saturating_add(1) } else { 0 };
+        if is_used {
+            self.interval = self.latest.map_or(0.0, |latest| time.seconds_since(latest));
+            self.latest = Some(time);
+        }
+    }
+
+    /// Whether they tell that a measurement with this H is not to be believed against the estimate.
+    pub(super) fn contradict(&self, time: Time, h: &Jacobian) -> bool {
+        let sees_any = |axes: &[usize]| axes.iter().any(|axis| h.sees(*axis));
+        let is_recent = |latest: Time| time.seconds_since(latest) <= RECENT.max(INTERVALS * self.interval);
+        let are_used = self.in_a_row >= ENOUGH && self.latest.is_some_and(is_recent);
+        are_used && sees_any(&self.angular) && !sees_any(&self.linear)
+    }
+}
