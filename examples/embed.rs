@@ -7,7 +7,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut nav = fusion::Navigator::from_toml(include_str!("embed.toml"))?;
     let (imu, gnss) = (nav.stream("imu")?, nav.stream("gnss")?);
     let mut listen = |event: &Event<'_>| match event {
-        Event::Started { belief } => println!("started at {}", belief.time),
+        Event::Started { belief, .. } => println!("started at {}", belief.time),
         Event::Updated { update, time, .. } if update.verdict == Verdict::Rejected => println!("rejected at {time}: NIS {:.0}", update.nis),
         _ => {}
     };

@@ -201,6 +201,12 @@ impl Channel {
         Self::new(name, 1, dim::Angle::KIND.dimension, Shape::Angle)
     }
 
+    /// `width` angles \[rad\].
+    #[must_use]
+    pub const fn angles(name: &'static str, width: usize) -> Self {
+        Self::new(name, width, dim::Angle::KIND.dimension, Shape::Angle)
+    }
+
     /// An attitude.
     #[must_use]
     pub const fn quaternion(name: &'static str) -> Self {

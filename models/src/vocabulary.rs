@@ -59,6 +59,8 @@ pub mod channel {
 
     /// Geodetic position.
     pub const POSITION: Channel = Channel::geodetic(state::POSITION.as_str());
+    /// Latitude and longitude \[rad\], where no height is known.
+    pub const HORIZONTAL_POSITION: Channel = Channel::angles("horizontal_position", 2);
     /// Velocity north, east, down \[m/s\].
     pub const VELOCITY: Channel = Channel::vector(state::VELOCITY.as_str(), 3, dim::Speed::KIND.dimension);
     /// Attitude as a unit quaternion, body to north-east-down.
@@ -102,6 +104,7 @@ pub mod channel {
     pub fn known(name: &str) -> Option<Channel> {
         let all = [
             POSITION,
+            HORIZONTAL_POSITION,
             VELOCITY,
             ATTITUDE,
             HEADING,

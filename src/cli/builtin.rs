@@ -59,6 +59,7 @@ pub(super) const FILES: &[(&str, &str)] = parts! {
     "parts/usbl/sea-trial.toml"
     "parts/usbl/trackpoint-ii.toml"
     "parts/vehicle/car.toml"
+    "parts/vehicle/foot.toml"
     "parts/vehicle/husky.toml"
     "parts/vehicle/multicopter.toml"
     "parts/vehicle/otter.toml"

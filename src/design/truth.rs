@@ -51,7 +51,13 @@ impl Truth {
                 sensor.put(parameter::CURRENT, moving_water());
                 is_other = true;
             }
-            d.extend(lay(name, truth, sensor, &mut given));
+            let schema = schema_of(sensor);
+            let laid = Laid {
+                name,
+                is_plain: &mut is_other,
+                given: &mut given,
+            };
+            d.extend(laid.table("", &schema, truth, sensor));
         }
         if given.is_empty() && !is_other || d.iter().count() > before {
             return None;
@@ -89,46 +95,93 @@ fn is_estimated(declared: &Node) -> bool {
     matches!(declared.get(ESTIMATE).map(Node::value), Some(Value::Boolean(true)))
 }
 
-/// Lays what is true over a sensor; the mistakes.
-fn lay(name: &str, truth: &Node, sensor: &mut Node, given: &mut Vec<String>) -> Vec<Diagnostic> {
-    let parameters = parameters(sensor);
-    let known: Vec<&str> = parameters.iter().map(|(key, _)| key.as_str()).collect();
-    let mut mistakes = Vec::new();
-    if !matches!(truth.value(), Value::Table { .. }) {
-        let help = "such as `truth = { lever_arm = [0.5, 0, \"-1 m\"] }`";
-        let message = format!("a table of true parameters of `{name}` is expected here");
-        return vec![Diagnostic::error(message).at(truth.place()).help(help)];
+/// Lays what is true over a sensor.
+struct Laid<'a> {
+    name: &'a str,
+    /// Parameters whose true value is told; and whether one of the other figures is another.
+    given: &'a mut Vec<String>,
+    is_plain: &'a mut bool,
+}
+
+impl Laid<'_> {
+    /// Lays `truth` over the table of the sensor at `path`, which has this schema; the mistakes.
+    fn table(mut self, path: &str, schema: &Json, truth: &Node, sensor: &mut Node) -> Vec<Diagnostic> {
+        let mut mistakes = Vec::new();
+        self.lay(path, schema, truth, sensor, &mut mistakes);
+        mistakes
     }
-    for Entry { key, node } in truth.entries() {
-        if !known.contains(&key.as_str()) {
-            let message = format!("`{key}` is no parameter of `{name}`, and only these may truly differ from what the filter believes");
-            mistakes.push(Diagnostic::error(message).at(node.name_place()).suggest(key, &known, "parameters"));
-            continue;
+
+    fn lay(&mut self, path: &str, schema: &Json, truth: &Node, sensor: &mut Node, mistakes: &mut Vec<Diagnostic>) {
+        if !matches!(truth.value(), Value::Table { .. }) {
+            let help = "such as `truth = { lever_arm = [0.5, 0, \"-1 m\"] }`";
+            let message = format!("a table of true parameters of `{}{path}` is expected here", self.name);
+            mistakes.push(Diagnostic::error(message).at(truth.place()).help(help));
+            return;
         }
-        if matches!(node.value(), Value::Table { .. }) {
-            let help = "write the value alone, as for a parameter that is fixed";
-            mistakes.push(Diagnostic::error("what is true is a value").at(node.place()).help(help));
-            continue;
-        }
-        given.push(format!("{name}.{key}"));
-        match sensor.get_mut(key).filter(|declared| is_estimated(declared)) {
-            Some(declared) => declared.put("initial", node.clone()),
-            None => sensor.put(key, node.clone()),
+        let fields = schema["properties"].as_object().into_iter().flatten();
+        let known: Vec<&str> = fields.filter(|(_, field)| may_differ(field)).map(|(key, _)| key.as_str()).collect();
+        for Entry { key, node } in truth.entries() {
+            let field = &schema["properties"][key];
+            if !known.contains(&key.as_str()) {
+                let message = format!(
+                    "`{key}` is no figure of `{}{path}`, and only these may truly differ from what the filter believes",
+                    self.name
+                );
+                mistakes.push(Diagnostic::error(message).at(node.name_place()).suggest(key, &known, "figures"));
+            } else if is_group(field) {
+                if sensor.get(key).is_none() {
+                    sensor.put(key, node.emptied());
+                }
+                if let Some(declared) = sensor.get_mut(key) {
+                    self.lay(&format!("{path}.{key}"), field, node, declared, mistakes);
+                }
+            } else if matches!(node.value(), Value::Table { .. }) {
+                let help = "write the value alone, as for a parameter that is fixed";
+                mistakes.push(Diagnostic::error("what is true is a value").at(node.place()).help(help));
+            } else {
+                if is_parameter(field) {
+                    self.given.push(format!("{}{path}.{key}", self.name));
+                } else {
+                    *self.is_plain = true;
+                }
+                match sensor.get_mut(key).filter(|declared| is_estimated(declared)) {
+                    Some(declared) => declared.put("initial", node.clone()),
+                    None => sensor.put(key, node.clone()),
+                }
+            }
         }
     }
-    mistakes
+}
+
+/// Whether a field of a block may be another in truth: a parameter, a figure with a unit, or a table of such.
+fn may_differ(field: &Json) -> bool {
+    let is = |name: &str| field["type"].as_array().into_iter().flatten().any(|kind| kind == name);
+    is_parameter(field) || is("number") && is("string") || is_group(field)
+}
+
+/// Whether a field is a table of figures.
+fn is_group(field: &Json) -> bool {
+    let mut inside = field["properties"].as_object().into_iter().flatten();
+    !is_parameter(field) && inside.any(|(_, field)| is_parameter(field))
+}
+
+/// What a sensor may declare, its own fields and those of every sensor that may be estimated.
+fn schema_of(sensor: &Node) -> Json {
+    let kind = sensor.get("type").and_then(Node::as_str).unwrap_or_default();
+    let block = registry::all().into_iter().find(|r| r.role == Role::Sensor && r.name == kind);
+    let mut schema = block.map(|block| (block.schema)().to_value()).unwrap_or_default();
+    if let Some(fields) = schema["properties"].as_object_mut() {
+        fields.insert(TIME_OFFSET.to_owned(), schema_for!(ScalarParam<dim::Duration>).to_value());
+    }
+    schema
 }
 
 /// The parameters of a sensor with their schemas: what a design may declare as fixed or as estimated.
 pub(crate) fn parameters(sensor: &Node) -> Vec<(String, Json)> {
-    let kind = sensor.get("type").and_then(Node::as_str).unwrap_or_default();
-    let block = registry::all().into_iter().find(|r| r.role == Role::Sensor && r.name == kind);
-    let schema = block.map(|block| (block.schema)().to_value()).unwrap_or_default();
+    let schema = schema_of(sensor);
     let fields = schema["properties"].as_object().into_iter().flatten();
-    let own = fields.filter(|(_, schema)| is_parameter(schema));
-    let own = own.map(|(key, schema)| (key.clone(), schema.clone()));
-    let time_offset = schema_for!(ScalarParam<dim::Duration>).to_value();
-    own.chain([(TIME_OFFSET.to_owned(), time_offset)]).collect()
+    let parameters = fields.filter(|(_, schema)| is_parameter(schema));
+    parameters.map(|(key, schema)| (key.clone(), schema.clone())).collect()
 }
 
 /// Whether a field has a form with `estimate`.

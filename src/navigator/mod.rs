@@ -217,7 +217,7 @@ impl Navigator {
     ///         nav.feed("gnss", time.seconds(), &[0.63, 2.26, 50.0])?;
     ///     }
     ///     nav.feed_stream(imu, time, &[0.0, 0.0, 0.0, 0.0, 0.0, -9.8], &mut |event: &Event<'_>| {
-    ///         if let Event::Started { belief } = event {
+    ///         if let Event::Started { belief, .. } = event {
     ///             started = Some(belief.time.seconds());
     ///         }
     ///     })?;

@@ -63,7 +63,7 @@ impl RunObserver for Counters {
         match event {
             RunEvent::Estimate { filter, .. } => self.epochs += u64::from(filter.is_outermost()),
             RunEvent::Filter { filter, event } => match event {
-                Event::Started { belief } if filter.is_outermost() => {
+                Event::Started { belief, .. } if filter.is_outermost() => {
                     self.started = Some(belief.time.seconds());
                     self.start_angle = least_known(filter, belief);
                 }

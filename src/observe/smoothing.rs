@@ -210,7 +210,7 @@ impl RunObserver for Smoother<'_> {
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
         match event {
             RunEvent::Filter { filter, event } if filter.is_outermost() => match event {
-                Event::Started { belief } => self.start(belief)?,
+                Event::Started { belief, .. } => self.start(belief)?,
                 Event::Step(step) => self.step(step)?,
                 // The score of outages asks what was used.
                 Event::Updated { .. } => self.hub.on(event)?,

@@ -355,6 +355,7 @@ mod tests {
             mode,
             power: &[],
             weight: 1.0,
+            rivals: 0.0,
             jacobian: None,
         }
     }

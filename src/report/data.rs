@@ -428,6 +428,7 @@ mod tests {
             mode: Mode::Track,
             power: &[],
             weight: 1.0,
+            rivals: 0.0,
             jacobian: None,
         };
         recording.measurement("tilt", Time::default(), None, &update);

@@ -49,7 +49,28 @@ pub fn build(document: Document) -> Result<Design, Diagnostics> {
 /// What may surprise in a design without being a mistake.
 #[must_use]
 pub fn surprises(design: &Design) -> Diagnostics {
-    truth::shared(&design.document)
+    let mut d = truth::shared(&design.document);
+    d.extend(idle_preset(&design.document));
+    d
+}
+
+/// A preset of the simulated inertial unit beside figures that leave nothing of it, as those of an included part do.
+fn idle_preset(document: &Document) -> Option<Diagnostic> {
+    let imu = document.root().get("simulation")?.get("imu")?;
+    let preset = imu.get("preset")?;
+    let is_given = |triad: &str| {
+        let figures = ["bias", "markov", "noise"];
+        imu.get(triad)
+            .is_some_and(|triad| figures.iter().all(|figure| triad.get(figure).is_some()))
+    };
+    ["gyro", "accelerometer"].iter().all(|triad| is_given(triad)).then(|| {
+        let message = format!(
+            "the preset {} changes nothing: `gyro` and `accelerometer` have figures of their own, which win over it",
+            preset.inline()
+        );
+        let help = "set what is to differ, such as `simulation.imu.gyro.noise = 0`, or leave out the included part";
+        Diagnostic::warning(message).at(preset.place()).help(help)
+    })
 }
 
 /// What can be read of a document, with the mistakes of reading and of assembling it.

@@ -183,7 +183,14 @@ impl<'a> Run<'a> {
         let scored = filters.iter().filter(|_| !reference.is_empty());
         let (outages, many) = (outages(self.design, &self.assembly), self.is_one_of_many);
         let mut health = HealthRecord::new(&filters, &self.assembly, &outages);
-        let rules = |filter: &Heard| reference.rules(self.design, if filter.is_outermost() { &outages } else { &[] }, many);
+        let rules = |filter: &Heard| {
+            reference.rules(
+                self.design,
+                &filter.layout,
+                if filter.is_outermost() { &outages } else { &[] },
+                many,
+            )
+        };
         let rows = &self.data.rows;
         let score = |f: &Heard| FilterScore::new(f, rules(f), |block| f.is_outermost() && rows.is_drawn(block));
         let mut scores: Vec<FilterScore> = scored.map(score).collect();
@@ -195,7 +202,7 @@ impl<'a> Run<'a> {
         let rewinds = self.assembly.runner.rewinds().is_some();
         let outermost = filters.outermost().filter(|_| rewinds && !reference.is_empty());
         let mut current_score =
-            outermost.map(|f| FilterScore::new(f, reference.rules(self.design, &[], many), |block| rows.is_drawn(block)));
+            outermost.map(|f| FilterScore::new(f, reference.rules(self.design, &f.layout, &[], many), |block| rows.is_drawn(block)));
         let mut files = Files::create(self.design, self.options, &filters, planned.is_some())?;
         let comparison = reference.comparison();
         let mut smoother = match planned {

@@ -212,12 +212,15 @@ mod tests {
         let truth = so3::from_rpy(0.5, -0.2, 2.0);
         let mut attitudes = Attitudes::new(false);
         for turn in [0.03, -0.04] {
-            attitudes.add(&AttitudeError {
-                estimate: so3::exp(&(down * turn)) * truth,
-                truth,
-                body: Deviation::default(),
-                rpy: Deviation::default(),
-            });
+            attitudes.add(
+                Time::default(),
+                &AttitudeError {
+                    estimate: so3::exp(&(down * turn)) * truth,
+                    truth,
+                    body: Deviation::default(),
+                    rpy: Deviation::default(),
+                },
+            );
         }
         let found = attitudes.finish();
         // √((9 + 16)/2)·1e-2 rad; 1e-12: rounding.

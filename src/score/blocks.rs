@@ -2,7 +2,7 @@
 
 use super::Consistency;
 use super::nees::{NeesSeries, nees};
-use fusion_core::state::{Belief, Block, Layout, StateRole};
+use fusion_core::state::{Belief, Block, Dynamics, Layout, StateRole};
 use fusion_core::time::Time;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use serde::Serialize;
@@ -51,10 +51,12 @@ struct Follower {
     inside: DVector<f64>,
     last: (DVector<f64>, DVector<f64>),
     nees: NeesSeries,
+    /// The first and the latest estimate.
+    span: Option<(Time, Time)>,
 }
 
 fusion_core::memory!(BlockScorer { followers; from });
-fusion_core::memory!(Follower { count, squares, sigmas, estimated, inside, last, nees; block });
+fusion_core::memory!(Follower { count, squares, sigmas, estimated, inside, last, nees, span; block });
 
 impl BlockScorer {
     /// Of those blocks of `layout` whose truth `is_known`, from `from` on.
@@ -93,10 +95,12 @@ impl Follower {
             inside: none(),
             last: (none(), none()),
             nees: NeesSeries::default(),
+            span: None,
         }
     }
 
     fn add(&mut self, belief: &Belief, truth: &[f64]) {
+        self.span = Some((self.span.map_or(belief.time, |(first, _)| first), belief.time));
         let (kind, storage, d) = (self.block.kind, self.block.storage_range(), self.block.kind.dim());
         let (error, sigma) = &mut self.last;
         kind.minus(&belief.x[storage.clone()], &truth[storage], error.as_mut_slice());
@@ -126,6 +130,12 @@ impl Follower {
 
     fn finish(self) -> Option<BlockScore> {
         let Self { block, count, .. } = self;
+        let span = self.span.map_or(0.0, |(first, latest)| latest.seconds_since(first));
+        // A slow error is hardly another one within its correlation time; see `Rules::slowest`.
+        let most = match block.dynamics {
+            Dynamics::GaussMarkov { tau, .. } => 1.0 + span / tau,
+            _ => f64::INFINITY,
+        };
         let list = |v: DVector<f64>| v.data.into();
         (count > 0.0).then(|| BlockScore {
             name: block.name,
@@ -136,7 +146,7 @@ impl Follower {
             inside: list(self.inside.component_div(&self.estimated)),
             error: list(self.last.0),
             sigma: list(self.last.1),
-            nees: self.nees.consistency(),
+            nees: self.nees.consistency().map(|c| c.at_most(most)),
             nees_undefined: self.nees.undefined(),
         })
     }

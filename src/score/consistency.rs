@@ -112,6 +112,12 @@ impl Consistency {
         Some(Self::with_independent(all.mean, all.dof, all.count, most))
     }
 
+    /// The same, of no more than so many independent samples.
+    #[must_use]
+    pub fn at_most(self, independent: f64) -> Self {
+        Self::with_independent(self.mean, self.dof, self.count, self.independent.min(independent.max(1.0)))
+    }
+
     fn with_independent(mean: f64, dof: usize, count: usize, independent: f64) -> Self {
         Self {
             mean,
@@ -226,6 +232,14 @@ mod tests {
         let all = Consistency::of_runs((0..60).map(|k| with_mean(quantile(k)))).unwrap();
         // As many samples as runs, and not 6000; a tenth for the tail that 60 of them do not have.
         assert!((60.0..66.0).contains(&all.independent) && all.is_consistent(), "{all:?}");
+    }
+
+    #[test]
+    fn fewer_independent_samples_widen_the_band_and_more_do_not_narrow_it() {
+        let c = with_mean(3.2);
+        let (fewer, more) = (c.at_most(2.3), c.at_most(1e6));
+        assert_eq!((fewer.independent, fewer.band), (2.3, mean_band(0.95, 3, 2)));
+        assert_eq!((more.independent, c.at_most(0.1).independent), (100.0, 1.0));
     }
 
     #[test]

@@ -31,6 +31,12 @@ pub struct Rules {
     pub outages: Vec<Outage>,
     /// Times that are scored apart from the others.
     pub episodes: Option<Windows>,
+    /// The longest correlation time of a slow error that is a state, of those in metres, metres per second and
+    /// radians \[s\]; 0 where there is none.
+    ///
+    /// The square of an error with the correlation time τ has the integrated autocorrelation τ: a run of T seconds
+    /// holds 1 + T/τ of them that are independent. From one run of some τ the series itself shows less of that.
+    pub slowest: [f64; 3],
     /// How the trajectory as a whole is compared; it is not without.
     pub trajectory: Option<TrajectoryRules>,
 }
@@ -133,6 +139,8 @@ pub struct Scorer {
     nees_height: NeesSeries,
     nees_velocity: NeesSeries,
     nees_attitude: NeesSeries,
+    /// The first and the latest epoch at which NEES counts.
+    settled: Option<(Time, Time)>,
     drifts: Drifts,
     episodes: Option<EpisodeScorer>,
     convergence: Option<Tracker>,
@@ -150,6 +158,7 @@ fusion_core::memory!(Scorer {
     nees_height,
     nees_velocity,
     nees_attitude,
+    settled,
     drifts,
     episodes,
     convergence;
@@ -176,6 +185,7 @@ impl Scorer {
             nees_height: NeesSeries::default(),
             nees_velocity: NeesSeries::default(),
             nees_attitude: NeesSeries::default(),
+            settled: None,
         }
     }
 
@@ -184,6 +194,9 @@ impl Scorer {
         self.convergence.iter_mut().for_each(|tracker| tracker.add(error));
         let is_after = |start: Option<Time>| start.is_none_or(|start| error.time() >= start);
         let (counts, is_settled) = (is_after(self.rules.from), is_after(self.rules.nees_from));
+        if counts && is_settled {
+            self.settled = Some((self.settled.map_or(error.time(), |(first, _)| first), error.time()));
+        }
         if let Some(d) = &error.position {
             if counts {
                 self.offset.add(error.time(), d, error.motion.as_ref());
@@ -257,6 +270,19 @@ impl Scorer {
         let trajectory = self.rules.trajectory.as_ref();
         let trajectory = trajectory.and_then(|rules| self.poses.finish(rules, &attitude.mounting));
         let drift = self.drifts.finish();
+        let span = self.settled.map_or(0.0, |(first, latest)| latest.seconds_since(first));
+        let slowest = self.rules.slowest;
+        let judged = |series: &NeesSeries, what: usize| {
+            let found = series.consistency();
+            // Without a slow error the series tells by itself.
+            found.map(|c| {
+                if slowest[what] > 0.0 {
+                    c.at_most(1.0 + span / slowest[what])
+                } else {
+                    c
+                }
+            })
+        };
         Score {
             epochs: (self.position.count as usize).max(self.velocity.count as usize).max(attitude_count),
             position: self.position.axes(),
@@ -275,10 +301,10 @@ impl Scorer {
             heading_rmse_deg: attitude.heading,
             inclination_rmse_deg: attitude.inclination,
             mounting_deg: attitude.mounting_deg,
-            nees_position: self.nees_position.consistency(),
-            nees_height: self.nees_height.consistency(),
-            nees_velocity: self.nees_velocity.consistency(),
-            nees_attitude: self.nees_attitude.consistency(),
+            nees_position: judged(&self.nees_position, 0),
+            nees_height: judged(&self.nees_height, 0),
+            nees_velocity: judged(&self.nees_velocity, 1),
+            nees_attitude: judged(&self.nees_attitude, 2),
             nees_undefined: [&self.nees_position, &self.nees_velocity, &self.nees_attitude].map(NeesSeries::undefined),
             convergence: self.convergence.and_then(|tracker| tracker.finish()),
             episodes: self.episodes.map(EpisodeScorer::finish),
@@ -340,6 +366,31 @@ mod tests {
             attitude: Some(so3::from_rpy(0.0, 0.0, 0.5)),
             ..ReferenceEpoch::default()
         }
+    }
+
+    #[test]
+    fn a_slow_error_makes_few_independent_epochs() {
+        let independent = |tau: f64| {
+            let rules = Rules {
+                slowest: [tau, 0.0, 0.0],
+                ..Rules::default()
+            };
+            let mut scorer = Scorer::new(rules);
+            let mut comparison = Comparison::new(Vector3::zeros(), (0..101).map(|k| truth(f64::from(k))));
+            for k in 0..101 {
+                let add = |_: &ReferenceEpoch, error: Option<&EpochError>| {
+                    error.into_iter().for_each(|error| scorer.add(error));
+                    Ok::<_, core::convert::Infallible>(())
+                };
+                // From one epoch to the next it changes its sign: as white as can be.
+                let north = if k % 2 == 0 { 1.0 } else { -1.5 };
+                comparison.reach(&estimate(f64::from(k), north, 0.0), None, add).unwrap();
+            }
+            scorer.finish().nees_position.unwrap().independent
+        };
+        assert!(independent(0.0) > 50.0);
+        // 100 s with an error of 50 s: 1 + 2.
+        assert_eq!(independent(50.0), 3.0);
     }
 
     #[test]

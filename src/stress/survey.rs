@@ -181,7 +181,7 @@ impl RunObserver for Survey {
                 }
             }
             RunEvent::Filter { filter, event } => {
-                if let Event::Started { belief } = event
+                if let Event::Started { belief, .. } = event
                     && filter.is_outermost()
                 {
                     self.started.get_or_insert(belief.time);

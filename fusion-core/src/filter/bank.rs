@@ -21,7 +21,7 @@ use crate::gate::{Answer, Decision, Gate, GateInput, Mode, Odds, Outcome, log_no
 use crate::loss::Loss;
 use crate::memory::{self, Memory, Tape};
 use crate::model::Input;
-use crate::state::{Belief, Layout, View};
+use crate::state::{Belief, Block, Kind, Layout, View};
 use crate::time::Time;
 
 /// How many hypotheses there may be, and which.
@@ -71,6 +71,8 @@ struct Report {
     answer: Answer,
     nis: f64,
     weight: f64,
+    /// Whether the gate of the sensor leaves it open whether a measurement is false.
+    may_be_false: bool,
 }
 
 impl Report {
@@ -84,6 +86,7 @@ impl Report {
             answer: NOT_ASKED,
             nis: f64::NAN,
             weight: 0.0,
+            may_be_false: false,
         }
     }
 
@@ -185,13 +188,15 @@ impl Hypothesis {
             depth: offer.depth,
             cap: offer.cap,
             weighed: Weighed::Nothing,
+            gives_odds: false,
         };
         let update = self.estimator.update(offer.observed, &mut broker, &self.outcomes, offer.loss);
-        let weighed = broker.weighed;
+        let (weighed, gives_odds) = (broker.weighed, broker.gives_odds);
         if let Weighed::Doubt(_) = weighed {
             return weighed;
         }
         self.report.keep(&update);
+        self.report.may_be_false = gives_odds;
         let outcome = Outcome {
             time: self.estimator.belief().time,
             is_used: self.report.is_used(),
@@ -240,6 +245,7 @@ struct Broker<'a> {
     depth: f64,
     cap: f64,
     weighed: Weighed,
+    gives_odds: bool,
 }
 
 impl core::fmt::Debug for Broker<'_> {
@@ -276,6 +282,7 @@ impl Gate for Broker<'_> {
             self.weighed = density.map_or(Weighed::Nothing, |l| Weighed::Done(l + 0.5 * (input.nis - nis)));
             return answer;
         };
+        self.gives_odds = true;
         let (decision, density, is_clear) = match self.intent {
             Intent::Weigh => clearest(&odds, self.depth),
             Intent::Do(Decision::Accept) => (Decision::Accept, odds.good, true),
@@ -325,6 +332,9 @@ pub struct Bank {
     shown: usize,
     /// The difference of two states.
     delta: Vec<f64>,
+    /// Axes of attitudes and angles, and how far apart the hypotheses lie there.
+    angles: Vec<usize>,
+    rivals: f64,
     /// A hypothesis on its way into another.
     tape: Vec<u8>,
     /// The largest NIS that counts of a sensor whose own gate decides, by the number of rows.
@@ -347,6 +357,9 @@ impl Bank {
         let most = limits.most.max(1);
         let mut hypotheses = Vec::with_capacity(WAYS * most);
         let delta = vec![0.0; first.estimator.layout().dim()];
+        let blocks = first.estimator.layout().blocks().iter();
+        let is_angle = |b: &&Block| matches!(b.kind, Kind::Attitude | Kind::Angle);
+        let angles = blocks.filter(is_angle).flat_map(Block::tangent_range).collect();
         hypotheses.push(first);
         Self {
             limits,
@@ -354,6 +367,8 @@ impl Bank {
             spare: (1..WAYS * most).map(|_| member()).collect(),
             shown: 0,
             delta,
+            angles,
+            rivals: 0.0,
             tape: Vec::new(),
             caps: Vec::new(),
         }
@@ -439,13 +454,35 @@ impl Bank {
         let stays = self.successor().filter(|s| self.hypotheses[*s].weight >= -self.limits.switch.ln());
         self.shown = stays.unwrap_or(0);
         let shown = &mut self.hypotheses[self.shown];
-        if stays.is_none() && shown.report.verdict == Verdict::Accepted {
-            // The estimate jumps.
+        if stays.is_none() && shown.report.may_be_false && shown.report.verdict == Verdict::Accepted {
+            // The estimate jumps, to where this sensor was believed.
             shown.report.verdict = Verdict::Reacquired;
         }
         for (k, hypothesis) in self.hypotheses.iter_mut().enumerate() {
             hypothesis.is_successor = k == self.shown;
         }
+        self.compare();
+    }
+
+    /// How far apart the hypotheses are.
+    fn compare(&mut self) {
+        let (mut squares, mut all) = (0.0, 0.0);
+        for k in 0..self.hypotheses.len() {
+            let [shown, other] = [self.shown, k].map(|k| &self.hypotheses[k]);
+            let probability = other.weight.exp();
+            all += probability;
+            if k != self.shown {
+                Body.difference(
+                    shown.estimator.layout(),
+                    &shown.estimator.belief().x,
+                    &other.estimator.belief().x,
+                    &mut self.delta,
+                );
+                let largest = self.angles.iter().map(|axis| self.delta[*axis].abs()).fold(0.0, f64::max);
+                squares += probability * largest * largest;
+            }
+        }
+        self.rivals = if all > 0.0 { (squares / all).sqrt() } else { 0.0 };
     }
 
     /// The most probable one that continues what was shown; of two ways on from a measurement the one
@@ -522,6 +559,7 @@ impl Memory for Bank {
         }
         self.hypotheses[..].remember(tape);
         self.shown.remember(tape);
+        self.rivals.remember(tape);
         if self.shown >= count {
             self.shown = 0;
             tape.refuse("the hypothesis shown does not exist");
@@ -551,6 +589,7 @@ impl Estimator for Bank {
         let first = &mut self.hypotheses[0];
         (first.weight, first.is_successor) = (0.0, true);
         first.outcomes.fill(None);
+        self.rivals = 0.0;
         let starts = headings(&belief, first.estimator.layout(), self.limits.starts.min(self.limits.most));
         let Some(starts) = starts else {
             first.estimator.set_belief(belief);
@@ -565,6 +604,7 @@ impl Estimator for Bank {
             self.hypotheses[k].weight = weight;
             self.hypotheses[k].estimator.set_belief(belief);
         }
+        self.compare();
     }
 
     fn predict(&mut self, to: Time, input: &Input<'_>) -> Result<(), FilterError> {
@@ -602,8 +642,13 @@ impl Estimator for Bank {
             mode: report.answer.mode,
             power: &report.power,
             weight: report.weight,
+            rivals: self.rivals,
             jacobian: self.hypotheses[self.shown].estimator.jacobian(),
         }
+    }
+
+    fn rivals(&self) -> f64 {
+        self.rivals
     }
 
     fn view(&mut self) -> View<'_> {

@@ -74,6 +74,8 @@ pub struct Update<'a> {
     pub power: &'a [f64],
     /// Robust weight; 1 is full weight.
     pub weight: f64,
+    /// See [`Estimator::rivals`].
+    pub rivals: f64,
     /// H, over the axes of the belief, before the update; none where nothing was linearised.
     pub jacobian: Option<&'a Jacobian>,
 }
@@ -131,6 +133,12 @@ pub trait Estimator: Memory + core::fmt::Debug + Send {
     /// H of the latest update, where it linearised.
     fn jacobian(&self) -> Option<&Jacobian> {
         None
+    }
+
+    /// How far apart the attitudes and angles lie that may be true, where several beliefs are carried: RMS of the
+    /// difference from the one shown, weighted by their probabilities \[rad\].
+    fn rivals(&self) -> f64 {
+        0.0
     }
 
     /// The state and the process's signals, as models see them.

@@ -500,6 +500,7 @@ impl Filter {
             mode: answer.mode,
             power: &self.work.power[..m],
             weight,
+            rivals: 0.0,
             jacobian: self.jacobian(),
         }
     }

@@ -11,7 +11,7 @@
 
 use crate::linear::Jacobian;
 use crate::memory::{Memory, Tape};
-use crate::state::{Belief, Block, Kind, Layout, StateRole};
+use crate::state::{Belief, Block, Dynamics, Kind, Layout, StateRole};
 use crate::time::Time;
 
 /// Of a row of H, a share below so much of the largest is none: the curvature of the earth, a lever arm of no account.
@@ -182,7 +182,7 @@ impl Aid {
     }
 
     /// Whether neither position nor velocity has been measured along most directions for longer than `time` \[s\] and three
-    /// periods of what measured it last. Not so where the velocity is no state: it is then measured by the input.
+    /// periods of what measured it last. Not so where nothing of the motion goes on by itself: the input measures it.
     pub(super) fn is_missing(&self, now: Time, time: f64) -> bool {
         const PERIODS: f64 = 3.0;
         if !self.sorts.iter().any(|sort| matches!(sort, Sort::Velocity(_))) {
@@ -208,6 +208,8 @@ fn sort(block: &Block, k: usize) -> Sort {
     match block.kind {
         Kind::Geodetic | Kind::Position => Sort::Position(k),
         Kind::Velocity => Sort::Velocity(k),
+        // What moves by itself is a velocity, in axes of its own.
+        Kind::Vector(_) if block.dynamics != Dynamics::Process => Sort::Velocity(k),
         Kind::Attitude | Kind::Angle | Kind::Scalar | Kind::Vector(_) => Sort::Other,
     }
 }

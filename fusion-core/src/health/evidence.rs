@@ -101,9 +101,11 @@ pub(super) struct Evidence {
     /// The axes that it measures, all until that is known, and when they were looked at.
     axes: Axes,
     looked: Option<Time>,
+    /// Whether others measured what it does when it was silent.
+    replaced: bool,
     held: [Held; 6],
 }
-crate::memory!(Evidence { pulse, degraded, lost, streak, reacquired, axes, looked, held; is_outside, rows, expected });
+crate::memory!(Evidence { pulse, degraded, lost, streak, reacquired, axes, looked, replaced, held; is_outside, rows, expected });
 
 impl Evidence {
     /// Of a sensor.
@@ -119,6 +121,7 @@ impl Evidence {
             reacquired: None,
             axes: Axes::ALL,
             looked: None,
+            replaced: false,
             held: [Held::default(); 6],
         }
     }
@@ -210,8 +213,11 @@ impl Evidence {
         let is_fresh = self.pulse.is_fresh(now, limits.window, PAUSE);
         let stands = is_fresh || self.is_outside;
         let is_silent = self.is_outside && self.pulse.is_silent(now, limits);
-        // It is told for a while after the silence too.
-        let replaced = self.is_outside && others.aid.measures(self.axes, now, self.pulse.pause(limits));
+        // Told for a while after the silence too, as it was then: its own measurements replace none.
+        if is_silent {
+            self.replaced = others.aid.measures(self.axes, now, self.pulse.pause(limits));
+        }
+        let replaced = self.replaced;
         let conditions = [
             (self.lost.is_beyond() && stands, Reason::Innovations { sensor, lost: true }),
             (is_lost, Reason::Rejected { sensor, lost: true }),

@@ -36,6 +36,8 @@ pub struct Monitor {
     streams: Vec<(StreamId, Pulse, Held)>,
     blocks: Blocks,
     phase: Phase,
+    /// How far apart the attitudes lie that may be true \[rad\].
+    rivals: f64,
     /// The time of the latest judgement, and of the latest belief that was looked at.
     now: Time,
     scrutinised: Time,
@@ -63,6 +65,7 @@ impl Memory for Monitor {
         }
         self.blocks.remember(tape);
         tape.choice(&mut self.phase, &[Phase::Waiting, Phase::Stopped, Phase::Aligning, Phase::Aligned]);
+        self.rivals.remember(tape);
         self.now.remember(tape);
         self.scrutinised.remember(tape);
         self.gap.remember(tape);
@@ -104,6 +107,7 @@ impl Monitor {
             streams,
             blocks: Blocks::new(layout),
             phase: Phase::Waiting,
+            rivals: 0.0,
             now: Time::MIN,
             scrutinised: Time::MIN,
             gap: None,
@@ -136,7 +140,10 @@ impl Monitor {
     /// Hears an event; whether the health has changed.
     pub fn hear(&mut self, event: &Event<'_>) -> bool {
         let now = match event {
-            Event::Started { belief } => self.start(belief),
+            Event::Started { belief, rivals } => {
+                self.rivals = *rivals;
+                self.start(belief)
+            }
             // Estimates may be many: the rest of them changes nothing that matters so soon.
             Event::Estimate { belief } if belief.time.seconds_since(self.scrutinised) < PERIOD => return false,
             Event::Estimate { belief } => self.estimate(belief),
@@ -194,7 +201,7 @@ impl Monitor {
         self.scrutinised = belief.time;
         // Once aligned it may fall back by as much again, so that the state does not flicker.
         let allowed = self.limits.aligned * if self.phase == Phase::Aligned { 2.0 } else { 1.0 };
-        let is_aligned = self.blocks.attitude_within(belief, allowed);
+        let is_aligned = self.blocks.attitude_within(belief, allowed) && self.rivals <= allowed;
         self.phase = if is_aligned { Phase::Aligned } else { Phase::Aligning };
         self.unsound.hear(belief.time, !belief.is_sound());
         self.blocks.hear(belief, &self.limits);
@@ -204,6 +211,7 @@ impl Monitor {
     }
 
     fn updated(&mut self, sensor: usize, time: Time, update: &Update<'_>) {
+        self.rivals = update.rivals;
         let Some(evidence) = self.sensors.get_mut(sensor) else { return };
         evidence.hear(time, update, &self.limits, &self.aid);
         if matches!(update.verdict, Verdict::Accepted | Verdict::Reacquired) {

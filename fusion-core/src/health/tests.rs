@@ -21,19 +21,20 @@ const VELOCITY: usize = 1;
 const BIAS: usize = 2;
 const SLOW: usize = 3;
 
+fn block<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M::Value, sigma: &[f64], role: StateRole, dynamics: Dynamics) {
+    let declaration = Declaration {
+        name: name.to_owned(),
+        owner: String::new(),
+        unit: "",
+        initial,
+        sigma: sigma.to_vec(),
+        role,
+        dynamics,
+    };
+    b.declare::<M>(declaration).unwrap();
+}
+
 fn layout() -> Layout {
-    fn block<M: Manifold>(b: &mut LayoutBuilder, name: &str, initial: M::Value, sigma: &[f64], role: StateRole, dynamics: Dynamics) {
-        let declaration = Declaration {
-            name: name.to_owned(),
-            owner: String::new(),
-            unit: "",
-            initial,
-            sigma: sigma.to_vec(),
-            role,
-            dynamics,
-        };
-        b.declare::<M>(declaration).unwrap();
-    }
     let mut b = LayoutBuilder::new();
     let moves = || (StateRole::Kinematic, Dynamics::Process);
     let (role, dynamics) = moves();
@@ -62,6 +63,7 @@ struct Bench {
     belief: Belief,
     /// By sensor, where it is known.
     jacobians: [Option<Jacobian>; 3],
+    rivals: f64,
 }
 
 impl Bench {
@@ -74,7 +76,10 @@ impl Bench {
     }
 
     fn with(limits: Limits) -> Self {
-        let layout = layout();
+        Self::of(layout(), limits)
+    }
+
+    fn of(layout: Layout, limits: Limits) -> Self {
         let sensor = |rows, is_outside| Watched { rows, is_outside };
         let sensors = [sensor(3, true), sensor(3, true), sensor(2, false)];
         let monitor = Monitor::new(limits, &layout, sensors, [STREAM]);
@@ -84,9 +89,13 @@ impl Bench {
             monitor,
             belief,
             jacobians: [const { None }; 3],
+            rivals: 0.0,
         };
         let belief = bench.belief.clone();
-        bench.hear(&Event::Started { belief: &belief });
+        bench.hear(&Event::Started {
+            belief: &belief,
+            rivals: 0.0,
+        });
         assert_eq!(bench.monitor.health().state, State::Good);
         bench
     }
@@ -116,6 +125,7 @@ impl Bench {
             mode: Mode::Track,
             power: &[],
             weight: 1.0,
+            rivals: self.rivals,
             jacobian: jacobian.as_ref(),
         };
         let row = RowId {
@@ -170,7 +180,10 @@ fn a_filter_aligns_until_its_attitude_is_certain() {
     };
     uncertain(&mut bench, 0.5);
     let belief = bench.belief.clone();
-    assert!(bench.hear(&Event::Started { belief: &belief }));
+    assert!(bench.hear(&Event::Started {
+        belief: &belief,
+        rivals: 0.0,
+    }));
     assert_eq!(bench.monitor.health().state, State::Aligning);
     uncertain(&mut bench, 0.262); // 15 deg are 0.2618
     bench.estimate(1.0);
@@ -206,6 +219,28 @@ fn a_gap_of_the_input_is_coasting_until_the_input_is_back() {
 }
 
 #[test]
+fn a_filter_with_rival_attitudes_is_aligning() {
+    let mut bench = Bench::new();
+    let belief = bench.belief.clone();
+    bench.hear(&Event::Started {
+        belief: &belief,
+        rivals: 1.8,
+    });
+    assert_eq!(bench.monitor.health().state, State::Aligning);
+    let tell = |bench: &mut Bench, rivals: f64, t: f64| {
+        bench.rivals = rivals;
+        bench.update(POSITION, t, Accepted, 1.0);
+        bench.estimate(t + 0.2);
+        bench.monitor.health().state
+    };
+    // 15°, and twice that once aligned.
+    assert_eq!(tell(&mut bench, 0.27, 1.0), State::Aligning);
+    assert_eq!(tell(&mut bench, 0.26, 2.0), State::Good);
+    assert_eq!(tell(&mut bench, 0.5, 3.0), State::Good);
+    assert_eq!(tell(&mut bench, 0.53, 4.0), State::Aligning);
+}
+
+#[test]
 fn a_filter_that_has_stopped_is_lost_until_it_starts_again() {
     let mut bench = Bench::new();
     bench.updates(POSITION, 1, 5, Rejected, 1e4);
@@ -214,7 +249,10 @@ fn a_filter_that_has_stopped_is_lost_until_it_starts_again() {
     assert_eq!(bench.reasons(), [Reason::Stopped]);
     bench.belief.time = at(7.0);
     let belief = bench.belief.clone();
-    bench.hear(&Event::Started { belief: &belief });
+    bench.hear(&Event::Started {
+        belief: &belief,
+        rivals: 0.0,
+    });
     assert_eq!(bench.reasons(), []);
 }
 
@@ -730,4 +768,36 @@ fn nothing_that_measures_position_or_velocity_for_half_a_minute_degrades() {
     assert_eq!(bench.reasons(), []);
     bench.estimate(140.1);
     assert_eq!(bench.reasons(), [Reason::Unaided]);
+}
+
+#[test]
+fn a_velocity_in_the_axes_of_a_vehicle_that_goes_on_by_itself_has_to_be_measured_too() {
+    let mut b = LayoutBuilder::new();
+    block::<Attitude>(
+        &mut b,
+        "attitude",
+        UnitQuaternion::identity(),
+        &[0.02; 3],
+        StateRole::Kinematic,
+        Dynamics::Process,
+    );
+    // A diver who swims: nobody knows how fast.
+    let swims = Dynamics::GaussMarkov {
+        sigma: vec![0.3; 3],
+        tau: 20.0,
+    };
+    block::<Vector<3>>(&mut b, "body_velocity", SVector::zeros(), &[0.3; 3], StateRole::Kinematic, swims);
+    let layout = b.finish();
+    let limits = Limits {
+        silent: f64::INFINITY,
+        ..Limits::DEFAULT
+    };
+    let mut bench = Bench::of(layout.clone(), limits);
+    bench.estimate(30.1);
+    assert_eq!(bench.reasons(), [Reason::Unaided]);
+    // By a log he does.
+    let mut bench = Bench::of(layout, limits);
+    bench.measures(SPEED, &[NORTH, EAST, DOWN]);
+    bench.updates(SPEED, 1, 40, Accepted, 3.0);
+    assert_eq!(bench.reasons(), []);
 }

@@ -74,6 +74,8 @@ pub enum Event<'a> {
     Started {
         /// The initial belief.
         belief: &'a Belief,
+        /// See [`Estimator::rivals`](crate::filter::Estimator::rivals).
+        rivals: f64,
     },
     /// The estimate of an epoch: after every measurement that is valid at that time was used.
     ///

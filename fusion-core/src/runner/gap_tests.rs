@@ -330,7 +330,7 @@ fn after_a_gap_too_long_to_coast_the_initialisers_start_anew_and_calibration_is_
     runner.estimator.set_belief(belief);
     let mut observer = |event: &Event<'_>| match event {
         Event::Stopped { since, time } => told.push(format!("stopped {since} {time}")),
-        Event::Started { belief } => {
+        Event::Started { belief, .. } => {
             let sigma = belief.covariance.to_dense()[8].sqrt();
             told.push(format!("started {} {:?} {sigma:.3}", belief.time, &belief.x));
         }

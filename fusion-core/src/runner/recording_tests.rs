@@ -101,7 +101,7 @@ fn port(stream: StreamId) -> Port {
 fn told(runner: &mut Runner, again: i64) -> (Vec<String>, Belief) {
     let mut told = Vec::new();
     let mut observer = |event: &Event<'_>| match event {
-        Event::Started { belief } => told.push(format!("started {} at {}", belief.time, belief.x[0])),
+        Event::Started { belief, .. } => told.push(format!("started {} at {}", belief.time, belief.x[0])),
         Event::Stopped { .. } => told.push("stopped".to_owned()),
         _ => {}
     };

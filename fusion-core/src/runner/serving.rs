@@ -96,6 +96,7 @@ impl Runner {
         self.estimator.set_belief(belief);
         observer.on(&Event::Started {
             belief: self.estimator.belief(),
+            rivals: self.estimator.rivals(),
         })
     }
 

@@ -7,7 +7,7 @@
 
 use super::{known_attitude, write_position, write_velocity};
 use crate::block::{Build, BuildError, InitialiserSpec, Listen};
-use crate::units::{Axes, Vec3Of, dim, range};
+use crate::units::{Axes, Length, Vec3Of, dim, range};
 use crate::vocabulary::{channel, state};
 use fusion_core::geometry::{so3, wgs84::Geodetic};
 use fusion_core::memory;
@@ -24,7 +24,7 @@ use std::num::NonZeroUsize;
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FirstFixSpec {
-    /// A stream with a `position` channel.
+    /// A stream with a `position` channel, or with `horizontal_position` where the `height` is given.
     source: String,
     /// 1σ north, east, down of the initial position.
     position_sigma: Axes<dim::Length, range::NonNegative>,
@@ -34,6 +34,9 @@ pub struct FirstFixSpec {
     /// Position of the antenna in body axes, from the body origin, as its sensor declares it.
     #[serde(default)]
     lever_arm: Vec3Of<dim::Length>,
+    /// The height of the antenna above the ellipsoid, where the fixes have none: they are the channel
+    /// `horizontal_position`.
+    height: Option<Length>,
     /// The position is the median of this many latest fixes, axis by axis: for a vehicle at rest
     /// whose fixes contain outliers.
     #[serde(default = "one")]
@@ -64,7 +67,12 @@ impl InitialiserSpec for FirstFixSpec {
             source: self.source.clone(),
             channels: vec![channel],
         };
-        let mut inputs = vec![listen(channel::POSITION)];
+        let fixes = if self.height.is_some() {
+            channel::HORIZONTAL_POSITION
+        } else {
+            channel::POSITION
+        };
+        let mut inputs = vec![listen(fixes)];
         if self.velocity_sigma.is_some() {
             inputs.push(listen(channel::VELOCITY));
         }
@@ -85,6 +93,7 @@ impl InitialiserSpec for FirstFixSpec {
             position_sigma: self.position_sigma.si(),
             velocity_sigma: self.velocity_sigma.map(Axes::si),
             lever_arm: self.lever_arm.si().into(),
+            height: self.height.map(Length::si),
             median_of: self.median_of.get(),
             fixes: VecDeque::new(),
             velocity: None,
@@ -98,11 +107,13 @@ struct FirstFix {
     position_sigma: [f64; 3],
     velocity_sigma: Option<[f64; 3]>,
     lever_arm: Vector3<f64>,
+    /// Of fixes without one.
+    height: Option<f64>,
     median_of: usize,
     fixes: VecDeque<Geodetic>,
     velocity: Option<Vector3<f64>>,
 }
-memory!(FirstFix { fixes, velocity; origin, position_sigma, velocity_sigma, lever_arm, median_of });
+memory!(FirstFix { fixes, velocity; origin, position_sigma, velocity_sigma, lever_arm, height, median_of });
 
 impl FirstFix {
     /// From the body to the antenna, in navigation axes, and the variance of what is open of it.
@@ -136,7 +147,14 @@ impl Initialiser for FirstFix {
             if self.fixes.len() == self.median_of {
                 self.fixes.pop_front();
             }
-            self.fixes.push_back(Geodetic::read(row));
+            self.fixes.push_back(match (self.height, row) {
+                (Some(height), [lat, lon, ..]) => Geodetic {
+                    lat: *lat,
+                    lon: *lon,
+                    height,
+                },
+                _ => Geodetic::read(row),
+            });
         } else {
             self.velocity = Some(Vector3::new(row[0], row[1], row[2]));
         }
@@ -183,6 +201,7 @@ mod tests {
             position_sigma: [1.0; 3],
             velocity_sigma: None,
             lever_arm: Vector3::zeros(),
+            height: None,
             median_of: 3,
             fixes: VecDeque::new(),
             velocity: None,

@@ -14,6 +14,7 @@ use crate::param::VectorParam;
 use crate::units::{Dimension, Dimensional, dim};
 use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3::{rotation, times_skew};
+use fusion_core::geometry::wgs84::Geodetic as Place;
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
 use fusion_core::state::{Attitude, Geodetic, Manifold, Param, Quantity, Vector, View};
@@ -73,6 +74,8 @@ pub(super) struct Fix {
     lever_arm: Param<Vector<3>>,
     bias: Param<Vector<3>>,
     rows: usize,
+    /// Numbers of the measurement: latitude, longitude, and a height where there is one.
+    values: usize,
 }
 
 impl Fix {
@@ -95,14 +98,38 @@ impl Fix {
             lever_arm,
             bias: b.param("bias", bias)?,
             rows,
+            values: 3,
         })
+    }
+
+    /// Of latitude and longitude alone.
+    pub(super) fn without_height(
+        b: &mut Build<'_>,
+        lever_arm: &VectorParam<dim::Length>,
+        bias: &VectorParam<dim::Length>,
+    ) -> Result<Self, BuildError> {
+        let fix = Self::build(b, lever_arm, bias, 2)?;
+        Ok(Self { values: 2, ..fix })
+    }
+
+    /// A place that was measured or predicted; on the ellipsoid where its height is not known.
+    fn place(&self, numbers: &[f64]) -> Place {
+        let mut place = [0.0; 3];
+        place[..self.values].copy_from_slice(&numbers[..self.values]);
+        Geodetic::read(&place)
+    }
+
+    fn write(&self, place: &Place, numbers: &mut [f64]) {
+        let mut all = [0.0; 3];
+        Geodetic::write(place, &mut all);
+        numbers.copy_from_slice(&all[..self.values]);
     }
 }
 
 impl Measurement for Fix {
     fn size(&self) -> Size {
         Size {
-            value: 3,
+            value: self.values,
             residual: self.rows,
         }
     }
@@ -118,7 +145,7 @@ impl Measurement for Fix {
         if let Some(attitude) = &self.attitude {
             offset += at.get(attitude) * at.get(&self.lever_arm);
         }
-        Geodetic::write(&at.get(&self.position).offset(&offset), value);
+        self.write(&at.get(&self.position).offset(&offset), value);
         Ok(())
     }
 
@@ -134,13 +161,13 @@ impl Measurement for Fix {
     }
 
     fn residual(&self, z: &[f64], predicted: &[f64], r: &mut [f64]) {
-        let d = Geodetic::read(z).difference(&Geodetic::read(predicted));
+        let d = self.place(z).difference(&self.place(predicted));
         r.copy_from_slice(&d.as_slice()[..self.rows]);
     }
 
     fn perturb(&self, z: &mut [f64], e: &[f64]) {
         let mut d = Vector3::zeros();
         d.as_mut_slice()[..self.rows].copy_from_slice(e);
-        Geodetic::write(&Geodetic::read(z).offset(&d), z);
+        self.write(&self.place(z).offset(&d), z);
     }
 }

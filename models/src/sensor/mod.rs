@@ -10,6 +10,7 @@ mod gnss_velocity;
 mod gravity_direction;
 mod heading;
 mod height;
+mod horizontal_position;
 mod landmark;
 mod magnetometer;
 mod range;

@@ -10,6 +10,7 @@ use crate::design::{ConvergedSpec, Design, TrajectorySpec};
 use crate::rows::{Row, RowStream};
 use crate::score::{Comparison, Limits, Outage, ReferenceEpoch, Rules, TrajectoryRules, differentiate};
 use fusion_core::runner::StreamId;
+use fusion_core::state::{Dynamics, Layout, StateRole};
 use fusion_core::time::Time;
 use nalgebra::Vector3;
 
@@ -65,7 +66,7 @@ impl Reference {
     /// How a design is scored against it; `outages` are those whose drift is told.
     ///
     /// The trajectory of one of many runs is compared only if the design asks for it: nobody reads so many.
-    pub(super) fn rules(&self, design: &Design, outages: &[Outage], is_one_of_many: bool) -> Rules {
+    pub(super) fn rules(&self, design: &Design, layout: &Layout, outages: &[Outage], is_one_of_many: bool) -> Rules {
         let spec = design.reference.as_ref().map(|r| &r.block);
         Rules {
             from: spec.and_then(|s| s.from).map(|t| Time::from_seconds(t.si())),
@@ -74,6 +75,7 @@ impl Reference {
             remove_mean_mounting: spec.is_some_and(|s| s.remove_mean_mounting),
             outages: outages.to_vec(),
             episodes: spec.and_then(|s| s.episodes.clone()),
+            slowest: slowest(layout),
             trajectory: trajectory(spec.and_then(|s| s.trajectory.as_ref()), is_one_of_many),
         }
     }
@@ -109,6 +111,22 @@ fn read_all(scored: &Scored, number: usize, source: &mut dyn RowStream) -> Resul
         differentiate(&mut found, slope.half_window as usize, slope.max_span.si());
     }
     Ok(found)
+}
+
+/// The longest correlation times of slow errors in metres, metres per second and radians \[s\].
+fn slowest(layout: &Layout) -> [f64; 3] {
+    let slow = layout.blocks().iter().filter(|b| b.role != StateRole::Kinematic);
+    let times = slow.filter_map(|b| match b.dynamics {
+        Dynamics::GaussMarkov { tau, .. } => Some((b.unit, tau)),
+        _ => None,
+    });
+    let longest = |unit: &str| {
+        times
+            .clone()
+            .filter(|(of, _)| *of == unit)
+            .fold(0.0, |longest: f64, (_, tau)| longest.max(tau))
+    };
+    ["m", "m/s", "rad"].map(longest)
 }
 
 /// How the trajectory is compared.

@@ -250,10 +250,14 @@ fn of_twelve_headings_the_true_one_survives() {
             let mut bank = Bank::new(limits, || (Box::new(walking().0), vec![Box::new(Open)]));
             bank.set_belief(start);
             assert_eq!(bank.count(), starts);
+            // The declared 1σ, which a full turn cuts off.
+            assert_eq!(bank.rivals() > 1.0, starts > 1, "{}", bank.rivals());
             for (k, z) in (1..).zip(&z) {
                 bank.predict(second(k), &Input::held(&[])).unwrap();
-                offer(&mut bank, &mut Open, &Fix(position), z);
+                // Another start may be shown, but a fix without a gate was never refused.
+                assert_eq!(offer(&mut bank, &mut Open, &Fix(position), z), Verdict::Accepted);
             }
+            assert!(bank.rivals() < 0.02, "{}", bank.rivals());
             let error = attitude.read(&bank.belief().x).angle_to(&truth);
             *worst = worst.max(error.to_degrees());
         }

@@ -405,3 +405,22 @@ fn place_after(nav: &Nav, middle: &fusion_core::geometry::wgs84::Geodetic, trave
     let zero = M::zeros();
     By([kept, zero, zero, zero, zero]) + M::from_diagonal(&V::new(north / rm, east / rn_cos, 1.0)) * *by_travelled + by_radii * *by_middle
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_turn_keeps_the_length_of_an_attitude_error_at_any_rate_of_a_foot() {
+        for degrees in [0.01, 0.5, 2.5, 5.0, 20.0_f64] {
+            let phi = V::new(0.6, -0.48, 0.64) * degrees.to_radians();
+            let (turn, exact) = (turn_back(&phi), so3::rotation(&so3::exp(&-phi)));
+            // The next terms of both series, |φ|⁵/120 and |φ|⁶/720, and rounding.
+            let bound = phi.norm().powi(5) / 100.0 + 1e-15;
+            assert!((turn - exact).amax() < bound, "{degrees}°: {}", (turn - exact).amax());
+            // I − [φ ×] alone makes it longer by half of |φ|² across the axis.
+            let grown = (M::identity() - so3::skew(&phi)) * phi.cross(&V::x()).normalize();
+            assert!((grown.norm() - 1.0 - 0.5 * phi.norm_squared()).abs() < 0.2 * phi.norm().powi(4) + 1e-15);
+        }
+    }
+}

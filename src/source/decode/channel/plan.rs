@@ -122,7 +122,13 @@ impl Planner<'_> {
         let inputs = match form.inputs(self.name, self.spec) {
             Ok(inputs) => inputs,
             Err(missing) => {
-                self.wrong("", &format!("this channel misses `{missing}`"), form.example());
+                let without_height = if missing == "height" && self.name == "position" {
+                    "; of fixes without a height call the channel `horizontal_position`, which the sensor of that name reads"
+                } else {
+                    ""
+                };
+                let help = format!("{}{without_height}", form.example());
+                self.wrong("", &format!("this channel misses `{missing}`"), &help);
                 return None;
             }
         };
