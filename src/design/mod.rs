@@ -42,7 +42,7 @@ pub use read::Design;
 pub(crate) use read::Draft;
 pub use reference::{
     ConvergedSpec, DifferentiateSpec, ReferenceChannel, ReferencePart, ReferenceSources, ReferenceSpec, SigmaOf, SigmaSpec, TrajectorySpec,
-    differences,
+    differences, of_a_sensor,
 };
 pub use run::{MapDetailSpec, OrderSpec, RewindSpec, RunSpec, SmoothSpec};
 pub use truth::Truth;

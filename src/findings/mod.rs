@@ -186,6 +186,8 @@ impl Judged<'_> {
         let evidence = format!("{name} is {} of {}", short(c.mean), c.dof);
         let advice = match c.verdict()? {
             Verdict::Overconfident if is_large(c) => self.too_sure(what, c),
+            // Other rows of a sensor do not show the error that lasts, for which the filter is careful.
+            Verdict::Conservative if self.summary.judged_by.is_some() => return None,
             Verdict::Conservative if ratio(c) < TINY => format!(
                 "errors are only {} times the 1σ of the filter; the noises of its sensors or process are larger than need be",
                 short(c.error_ratio())

@@ -112,6 +112,28 @@ fn a_reference_outranks_innovations() {
 }
 
 #[test]
+fn a_judge_of_the_same_receiver_shows_no_noise_that_is_too_large() {
+    let of = |judged_by: Option<&str>| {
+        let summary = Summary {
+            judged_by: judged_by.map(str::to_owned),
+            score: Some(Score {
+                nees_position: Some(consistency(0.3)),
+                ..Score::default()
+            }),
+            ..Summary::default()
+        };
+        let judged = Judged {
+            instruments: &[],
+            summary: &summary,
+            point: [0.0; 3],
+            linearises_once: false,
+        };
+        judged.findings().len()
+    };
+    assert_eq!((of(None), of(Some("gnss"))), (1, 0));
+}
+
+#[test]
 fn a_start_without_a_heading_is_told_where_nothing_shows_that_it_was_found() {
     let of = |sigma: f64, linearises_once: bool, nees: Option<f64>| {
         let summary = Summary {

@@ -3,11 +3,14 @@
 use super::log::Log;
 use super::numbers::{Vec3, median, moments, norm, quantile};
 use super::signal::Kind;
+use super::stance::Stances;
 
 /// How long a window of the rest test is \[s\].
 const WINDOW: f64 = 1.0;
-/// Gyros whose mean rate is larger turn: 5 deg/s is the turn-on bias of consumer units \[rad/s\].
+/// Gyros whose mean rate at rest is larger turn there, if it is not the mean of the whole log to so much, too; no bias is
+/// larger than the other: 5 deg/s is the 1σ of consumer units at power-on, per axis \[rad/s\].
 const TURNING: f64 = 0.1;
+const BIASED: f64 = 0.35;
 /// What separates rest from motion where nobody tells the speed: this many times the quietest windows.
 const QUIET: f64 = 3.0;
 /// Windows in motion that pass for rest, per window at rest, if that can be told from motion by shaking: then hardly any
@@ -31,6 +34,8 @@ pub struct Imu {
     pub tilt: f64,
     /// What it reads at rest; `None` if it never rests.
     pub rest: Option<Rest>,
+    /// Regular short rests: of a foot.
+    pub stances: Option<Stances>,
     /// Strength \[T\] and dip \[rad\] of the magnetic field during the first rest.
     pub field: Option<(f64, f64)>,
 }
@@ -93,6 +98,13 @@ impl Imu {
         let field = rest.as_ref().and_then(|r| field(log, r.first, gravity));
         Some(Self {
             field,
+            stances: Stances::of(
+                log.stamps(),
+                &force,
+                &rate,
+                norm(gravity),
+                rest.as_ref().map_or([0.0; 3], |r| r.bias),
+            ),
             gravity,
             up: (up, gravity[up] < 0.0),
             tilt: (gravity[up].abs() / norm(gravity)).min(1.0).acos(),
@@ -132,16 +144,25 @@ fn is_told(windows: &[Window]) -> bool {
     windows.iter().filter(|w| w.stands.is_some()).count() * 2 > windows.len()
 }
 
-/// Which windows are at rest: by the speed where somebody reports it, else the quietest ones.
+/// Which windows are at rest: by the speed where somebody reports it, but for those that are shaken far more than most of
+/// these, as in a take-off; else the quietest ones.
 fn resting(windows: &[Window]) -> Vec<bool> {
     if is_told(windows) {
-        return windows.iter().map(|w| w.stands == Some(true)).collect();
+        let told = || windows.iter().filter(|w| w.stands == Some(true));
+        let usual = |of: fn(&Window) -> f64| median(told().map(of));
+        let (force, rate) = (usual(|w| w.shaking().0), usual(|w| w.shaking().1));
+        let is_usual = |w: &Window| w.shaking().0 <= QUIET * force && w.shaking().1 <= QUIET * rate;
+        return windows.iter().map(|w| w.stands == Some(true) && is_usual(w)).collect();
     }
     let quiet = |of: fn(&Window) -> f64| quantile(windows.iter().map(of), 0.05);
     let (force, rate) = (quiet(|w| w.shaking().0), quiet(|w| w.shaking().1));
     let bias = [0, 1, 2].map(|i| median(windows.iter().filter(|w| w.shaking().1 <= QUIET * rate).map(|w| w.rate[i].0)));
+    // A vehicle that turns one way turns the other way later on: the mean of a log is that of its bias.
+    let mean = [0, 1, 2].map(|i| moments(windows.iter().map(|w| w.rate[i].0)).0);
+    let is_lasting = norm([0, 1, 2].map(|i| bias[i] - mean[i])) < TURNING && norm(bias) < BIASED;
+    let is_bias = norm(bias) < TURNING || is_lasting;
     // A mean of a second at rest moves by less than 0.02 rad/s, 1 deg/s.
-    let is_steady = |w: &Window| norm([0, 1, 2].map(|i| w.rate[i].0 - bias[i])) < 0.02 && norm(bias) < TURNING;
+    let is_steady = |w: &Window| norm([0, 1, 2].map(|i| w.rate[i].0 - bias[i])) < 0.02 && is_bias;
     let limit = (QUIET * force).min(SHAKEN);
     let is_quiet = |w: &Window| w.shaking().0 <= limit && w.shaking().1 <= QUIET * rate.min(0.05) && is_steady(w);
     windows.iter().map(is_quiet).collect()

@@ -13,24 +13,29 @@
 
 mod clock;
 mod design;
+mod field;
 mod imu;
 mod log;
 mod numbers;
 mod page;
 mod pair;
 mod signal;
+mod stance;
 #[cfg(test)]
 mod tests;
 mod track;
 mod turn;
+mod water;
 mod words;
 mod yaw;
 
 pub use clock::{Clock, Form, Origin};
+pub use field::Field;
 pub use imu::{Imu, Rest};
 pub use log::{Log, Repeats};
 pub use pair::Pair;
 pub use signal::{Kind, Signal};
+pub use stance::Stances;
 use track::Odometer;
 pub use track::Track;
 pub(crate) use words::stated_unit;
@@ -39,7 +44,7 @@ pub use yaw::Yaw;
 use crate::config::{Diagnostic, Diagnostics};
 use crate::rows::SourceError;
 use crate::source::table::Table;
-use signal::Kind::{AngularRate, Euler, Geodetic, Local, Quaternion, SpecificForce};
+use signal::Kind::{AngularRate, Euler, Geodetic, Heading, Local, MagneticField, Quaternion, SpecificForce, Velocity};
 use std::path::{Path, PathBuf};
 
 /// Names of files that are looked at in a folder end in one of these.
@@ -57,12 +62,18 @@ pub struct Inspection {
     pub imu: Option<(usize, Imu)>,
     /// The positions that a filter would use.
     pub position: Option<(usize, Track)>,
+    /// The log with the velocities of these positions, where they have a file of their own.
+    pub velocity: Option<usize>,
     /// The positions that look like a ground truth.
     pub reference: Option<(usize, Track)>,
     /// Unit and positions side by side.
     pub pair: Option<Pair>,
-    /// The recorded heading of the log that an attitude would be read from, against the course.
+    /// The recorded heading of the log that an attitude or a heading would be read from, against the course.
     pub yaw: Option<Yaw>,
+    /// The Earth's field: which file, and what a magnetometer beside the unit reads of it.
+    pub field: Option<(usize, Field)>,
+    /// The current, north and east \[m/s\], where a speed is that through the water.
+    pub current: Option<[f64; 2]>,
 }
 
 /// Files, and those of folders whose names end as logs do, in the order of their names.
@@ -122,7 +133,9 @@ impl Inspection {
     #[must_use]
     pub fn look(mut logs: Vec<Log>) -> Self {
         bring_to_gps(&mut logs);
-        let (position, reference) = tracks(&logs);
+        let apart = logs.iter().position(has_velocity_alone);
+        let (position, reference) = tracks(&logs, apart);
+        let velocity = apart.filter(|_| position.as_ref().is_some_and(|(k, _)| !logs[*k].has(Velocity)));
         if let Some((_, track)) = position.as_ref().or(reference.as_ref()) {
             bring_together(&mut logs, track);
         }
@@ -140,23 +153,49 @@ impl Inspection {
             let (force, rate) = (log.values(SpecificForce)?, log.values(AngularRate)?);
             Pair::of(log.stamps(), &force, &rate, imu.gravity, imu.up, track)
         });
+        let current = position
+            .as_ref()
+            .zip(wheels.as_ref())
+            .and_then(|((_, track), speed)| water::current(speed, track));
         let mut looked = Self {
             logs,
             imu,
             position,
+            velocity,
             reference,
             pair,
             yaw: None,
+            field: None,
+            current,
         };
         looked.yaw = looked.heading();
+        looked.field = looked.magnetometer();
         looked
+    }
+
+    /// The first log with a heading, if it is not that of other positions than those that are used.
+    fn heading_log(&self) -> Option<usize> {
+        let is_used = |k: usize| self.position.as_ref().is_some_and(|(own, _)| *own == k);
+        let has_positions = |k: usize| self.logs[k].has(Geodetic) || self.logs[k].has(Local);
+        self.with(Heading).filter(|k| is_used(*k) || !has_positions(*k))
+    }
+
+    /// The first magnetometer that reads the field of the Earth.
+    fn magnetometer(&self) -> Option<(usize, Field)> {
+        let (unit, imu) = self.imu.as_ref()?;
+        let bias = imu.rest.as_ref().map_or([0.0; 3], |rest| rest.bias);
+        let k = self.with(MagneticField)?;
+        Some((k, Field::of(&self.logs[k], &self.logs[*unit], bias)?))
     }
 
     /// The heading of the attitude reference against the course.
     fn heading(&self) -> Option<Yaw> {
-        let log = &self.logs[self.with(Euler)?];
-        let yaw: Vec<f64> = log.values(Euler)?.iter().map(|v| v[2]).collect();
-        Yaw::of(log.stamps(), &yaw, &self.position.as_ref()?.1)
+        let (k, kind, axis) = match self.with(Euler) {
+            Some(k) => (k, Euler, 2),
+            None => (self.heading_log()?, Heading, 0),
+        };
+        let yaw: Vec<f64> = self.logs[k].values(kind)?.iter().map(|v| v[axis]).collect();
+        Yaw::of(self.logs[k].stamps(), &yaw, &self.position.as_ref()?.1)
     }
 
     /// The first log with this kind that has time, but for the reference.
@@ -247,24 +286,34 @@ fn units(logs: &[Log]) -> Vec<usize> {
     all.into_iter().map(|(k, _)| k).collect()
 }
 
+/// Whether a log has velocities and no positions.
+fn has_velocity_alone(log: &Log) -> bool {
+    log.clock.is_some() && log.has(Velocity) && !(log.has(Geodetic) || log.has(Local))
+}
+
 type Found = Option<(usize, Track)>;
 
 /// The positions to use, and those that look like a ground truth: of several, the ones that come with an
-/// attitude in a quaternion, or else the ones with the smallest 1σ of their own.
-fn tracks(logs: &[Log]) -> (Found, Found) {
+/// attitude, or else the ones with the smallest 1σ of their own, or where none tells one with a tenth of the scatter. `apart` is a log with velocities alone.
+fn tracks(logs: &[Log], apart: Option<usize>) -> (Found, Found) {
     let has = |k: &usize| logs[*k].has(Geodetic) || logs[*k].has(Local);
     let mut all: Vec<(usize, Track)> = (0..logs.len())
         .filter(has)
-        .filter_map(|k| Some((k, Track::of(&logs[k])?)))
+        .filter_map(|k| Some((k, Track::of(&logs[k], apart.map(|a| &logs[a]))?)))
         .collect();
     let quality = |(k, track): &(usize, Track)| {
         let has_attitude = logs[*k].has(Quaternion) || logs[*k].has(Euler);
         (!has_attitude, track.claimed.unwrap_or(f64::INFINITY))
     };
-    all.sort_by(|a, b| quality(a).partial_cmp(&quality(b)).unwrap_or(core::cmp::Ordering::Equal));
+    let is_better = |best: &(usize, Track), other: &(usize, Track)| {
+        let is_unclaimed = best.1.claimed.or(other.1.claimed).is_none();
+        quality(best) < quality(other) || (is_unclaimed && 10.0 * best.1.scatter < other.1.scatter)
+    };
+    let rank = |found: &(usize, Track)| (quality(found), found.1.scatter);
+    all.sort_by(|a, b| rank(a).partial_cmp(&rank(b)).unwrap_or(core::cmp::Ordering::Equal));
     let mut all = all.into_iter();
     match (all.next(), all.next()) {
-        (Some(best), Some(other)) if quality(&best) < quality(&other) => (Some(other), Some(best)),
+        (Some(best), Some(other)) if is_better(&best, &other) => (Some(other), Some(best)),
         (first, _) => (first, None),
     }
 }

@@ -22,6 +22,7 @@ impl Inspection {
             Section::new("Not used", [self.not_used()]),
             Section::new("Inertial unit", [self.unit()]),
             Section::new("At rest", [self.rest()]),
+            Section::new("Stances of a foot", [self.stances()]),
             Section::new("Positions", [self.positions()]),
             Section::new("Attitude and positions", [self.headings()]),
             Section::new(
@@ -72,7 +73,8 @@ impl Inspection {
         t.row(["file", &self.logs[*k].name()]);
         t.row(["up", &format!("{}: mean force {} m/s²", axis(imu.up), vector(imu.gravity, 2))]);
         t.row_in(Unit::of_si("rad"), [Cell::text("tilt of that axis"), Cell::Real(imu.tilt)]);
-        if let Some((strength, dip)) = imu.field {
+        let field = self.field.map(|(_, field)| (field.strength, field.dip)).or(imu.field);
+        if let Some((strength, dip)) = field {
             t.row([
                 "magnetic field",
                 &format!("{:.1} uT, dips by {:.1} deg", 1e6 * strength, dip.to_degrees()),
@@ -96,6 +98,17 @@ impl Inspection {
         t.row(["gyro bias", &format!("{} deg/s", vector(degrees(r.bias), 3))]);
         t.row(["noise", &format!("{:.2e} m/s²/√Hz, {:.2e} rad/s/√Hz", r.accel_noise, r.gyro_noise)]);
         t.row(["in motion", &separation(r)]);
+        t
+    }
+
+    fn stances(&self) -> Table {
+        let mut t = Table::list();
+        let Some(s) = self.imu.as_ref().and_then(|(_, imu)| imu.stances.as_ref()) else {
+            return t;
+        };
+        t.row([Cell::text("count"), Cell::from(s.count)]);
+        t.row_in(Unit::of_si("s"), [Cell::text("one every"), Cell::Real(s.period)]);
+        t.row_in(Unit::of_si("s"), [Cell::text("each lasts"), Cell::Real(s.duration)]);
         t
     }
 
@@ -161,8 +174,11 @@ impl Inspection {
 
     fn together(&self, pair: &Pair) -> Table {
         let mut t = Table::list();
-        let turn = if pair.correlation.abs() < 0.8 {
-            "no agreement: is the unit on this vehicle?"
+        let turn = if pair.correlation.abs() < 0.8 && pair.climb > 0.6 {
+            "other than the course, though its force agrees with the climb: the nose does not follow the way, as of a multicopter, or of a boat \
+             in waves"
+        } else if pair.correlation.abs() < 0.8 {
+            "other than the course: the nose does not follow the way, or the unit is not on this vehicle"
         } else if pair.slope < 0.0 {
             "the rate counts against the course: a sign is wrong, or a left-handed sensor"
         } else {
@@ -187,6 +203,10 @@ impl Inspection {
         }
         if let Some((first, last)) = pair.lags {
             t.row(["in the first and the last third", &format!("{first:.2} s, {last:.2} s")]);
+        }
+        if let Some([north, east]) = self.current {
+            let current = format!("through the water, with a current of {north:.2} m/s north, {east:.2} m/s east");
+            t.row(["the speed is", &current]);
         }
         if let (Some((angle, correlation)), Some((_, imu))) = (pair.forward, &self.imu) {
             let (a, b) = super::pair::horizontal(imu.up);

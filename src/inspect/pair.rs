@@ -26,6 +26,8 @@ pub struct Pair {
     /// The direction of motion in the sensor's horizontal plane, from the first horizontal axis to the
     /// second \[rad\], and the correlation it is found with.
     pub forward: Option<(f64, f64)>,
+    /// The correlation of the force, less gravity, with how the climb changes.
+    pub climb: f64,
 }
 
 /// The horizontal axes of a sensor whose axis `up` points up or, `is_down`, down: two unit vectors that with
@@ -80,6 +82,7 @@ impl Pair {
             lag,
             lags: lags.flatten(),
             forward: forward(&intervals, &forces, gravity, up, lag),
+            climb: climb(track, &forces, norm(gravity)),
         })
     }
 }
@@ -141,6 +144,18 @@ fn intervals(track: &Track) -> Vec<Interval> {
         });
     }
     all
+}
+
+/// The correlation of the length of the force with how the velocity up changes, over a second each.
+fn climb(track: &Track, forces: &Integral, gravity: f64) -> f64 {
+    let stride = (track.rate().round() as usize).max(1);
+    let pairs = (stride..track.t.len()).filter_map(|k| {
+        let (from, to) = (track.t[k - stride], track.t[k]);
+        let faster = (track.velocity[k - stride][2] - track.velocity[k][2]) / (to - from);
+        let force = norm(forces.mean(from, to)?) - gravity;
+        (faster.is_finite() && to - from < 3.0).then_some((faster, force))
+    });
+    line(&pairs.collect::<Vec<_>>()).1
 }
 
 /// The offset at which the turns agree best: lag, slope, correlation.

@@ -28,6 +28,8 @@ pub enum Kind {
     Euler,
     /// Speed forward.
     Speed,
+    /// Heading alone, without roll and pitch.
+    Heading,
     /// Rate of turn.
     YawRate,
     /// Below the surface.
@@ -57,6 +59,7 @@ impl Kind {
             Self::Quaternion => "attitude, quaternion",
             Self::Euler => "attitude, roll pitch yaw",
             Self::Speed => "speed",
+            Self::Heading => "heading",
             Self::YawRate => "yaw rate",
             Self::Depth => "depth",
             Self::Wheels => "wheel speeds",
@@ -72,7 +75,8 @@ impl Kind {
     pub(super) const fn why_unused(self) -> &'static str {
         match self {
             Self::SpecificForce | Self::AngularRate => "another unit or an odometer drives the filter",
-            Self::MagneticField => "its iron is not known: add a stage `compass` once it is calibrated",
+            Self::MagneticField => "not as strong as that of the Earth, or it does not turn as the gyros do, or nothing here needs it",
+            Self::Heading => "it does not follow the course, or nothing here needs it",
             Self::Quaternion | Self::Euler => "the estimate of another filter is no measurement",
             Self::Wheels => "an odometer takes one speed: add a column with the mean of both",
             Self::Pressure => "a barometer needs an inertial unit with positions that have a height, and air",
@@ -96,6 +100,8 @@ pub struct Signal {
     pub factor: f64,
     /// Increments over the interval between rows.
     pub increment: bool,
+    /// The names say which axis is ahead: the columns are those forward, right, down.
+    pub is_body: bool,
     /// Why it is believed.
     pub why: String,
 }
@@ -137,7 +143,8 @@ pub(super) fn factor(unit: &str) -> f64 {
         "mg" => 1e-3 * GRAVITY,
         "deg" | "deg/s" => 1_f64.to_radians(),
         "km/h" => 1.0 / 3.6,
-        "ms" => 1e-3,
+        "cm" | "cm/s" => 1e-2,
+        "ms" | "mm" => 1e-3,
         "us" | "uT" => 1e-6,
         "ns" | "nT" => 1e-9,
         "gauss" => 1e-4,
@@ -155,6 +162,31 @@ const DERIVED: [&str; 7] = ["est", "state", "cmd", "odom", "estimate", "kf", "ek
 pub(super) fn is_derived(column: &str) -> bool {
     contains(&Words::of(column).stem, &DERIVED)
 }
+
+/// The words for an axis, and whether they mean its opposite.
+type Axis = &'static [(&'static str, bool)];
+
+/// Down, as most words for axes end with it.
+const DOWN: Axis = &[("down", false), ("up", true)];
+/// The axes of a body.
+const BODY: [Axis; 3] = [
+    &[
+        ("forward", false),
+        ("fwd", false),
+        ("front", false),
+        ("ahead", false),
+        ("backward", true),
+        ("back", true),
+        ("aft", true),
+    ],
+    &[("right", false), ("starboard", false), ("left", true), ("port", true)],
+    DOWN,
+];
+/// The axes of the world, in words and in letters.
+const WORLD: [[Axis; 3]; 2] = [
+    [&[("north", false), ("south", true)], &[("east", false), ("west", true)], DOWN],
+    [&[("n", false)], &[("e", false)], &[("d", false), ("u", true)]],
+];
 
 struct Finder<'a> {
     table: &'a Table,
@@ -174,9 +206,8 @@ pub(super) fn signals(table: &Table, rate: f64) -> Vec<Signal> {
         finder.vectors();
         finder.scalars();
         finder.local_with_depth();
-    } else {
-        finder.unnamed();
     }
+    finder.unnamed();
     let mut found = finder.found;
     found.retain(|s| !is_constant(table, s));
     found.iter_mut().for_each(|s| settle(s, table, rate));
@@ -214,8 +245,19 @@ impl Finder<'_> {
             unit: unit.unwrap_or_default().to_owned(),
             factor: 1.0,
             increment: false,
+            is_body: false,
             columns,
         });
+    }
+
+    /// The columns along three axes, the first of which is this one, and the words before the axis. Each counts against
+    /// its axis where its own word says the opposite; the third may be missing.
+    fn along(&self, first: usize, axes: &[Axis; 3]) -> Option<(String, Vec<(usize, bool)>)> {
+        let words = &self.words[first];
+        let (word, is_against) = axes[0].iter().find(|(word, _)| words.before(word).is_some())?;
+        let other = |axis: Axis| axis.iter().find_map(|(to, is)| Some((self.sibling(first, word, to)?, *is)));
+        let columns = [Some((first, *is_against)), Some(other(axes[1])?), other(axes[2])];
+        Some((words.before(word)?.to_owned(), columns.into_iter().flatten().collect()))
     }
 
     /// The column whose stem is `prefix` and an axis, joined as in the first one.
@@ -233,14 +275,18 @@ impl Finder<'_> {
             }
             if let (Some(prefix), Some(y), Some(z)) = (self.words[k].before("x"), self.sibling(k, "x", "y"), self.sibling(k, "x", "z")) {
                 let prefix = prefix.to_owned();
-                self.axes_xyz(&prefix, unit, [k, y, z]);
+                self.axes_xyz(&prefix, unit, &[(k, false), (y, false), (z, false)]);
             }
-            for [n, e, d, u] in [["n", "e", "d", "u"], ["north", "east", "down", "up"]] {
-                if let (Some(prefix), Some(east)) = (self.words[k].before(n), self.sibling(k, n, e)) {
-                    let prefix = prefix.to_owned();
-                    let down = self.sibling(k, n, d).map(|d| (d, false));
-                    let down = down.or_else(|| self.sibling(k, n, u).map(|u| (u, true)));
-                    self.axes_ned(&prefix, k, east, down);
+            if let Some((prefix, columns)) = self.along(k, &BODY).filter(|(_, columns)| columns.len() == 3) {
+                self.axes_xyz(&prefix, unit, &columns);
+                if let Some(found) = self.found.last_mut().filter(|s| s.columns == columns) {
+                    found.is_body = true;
+                    found.why = "by name: forward, right, down".to_owned();
+                }
+            }
+            for axes in &WORLD {
+                if let Some((prefix, columns)) = self.along(k, axes) {
+                    self.axes_ned(&prefix, unit, columns);
                 }
             }
             if let (Some("v"), Some(l)) = (self.words[k].before("f"), self.sibling(k, "f", "l")) {
@@ -258,13 +304,15 @@ impl Finder<'_> {
         }
     }
 
-    fn axes_xyz(&mut self, prefix: &str, unit: Option<&str>, [x, y, z]: [usize; 3]) {
-        let plain = vec![(x, false), (y, false), (z, false)];
+    /// A vector in axes of a body, or of a room; `columns` are those along its axes.
+    fn axes_xyz(&mut self, prefix: &str, unit: Option<&str>, columns: &[(usize, bool)]) {
+        let (plain, x) = (columns.to_vec(), columns[0].0);
         if let Some(w) = self
             .sibling(x, "x", "w")
             .filter(|_| is_called(prefix, &["q", "quat", "quaternion", "orientation", "attitude"]))
         {
-            return self.add(Kind::Quaternion, vec![(w, false), (x, false), (y, false), (z, false)]);
+            let all = [&[(w, false)], columns].concat();
+            return self.add(Kind::Quaternion, all);
         }
         const FIELD: [&str; 4] = ["m", "mag", "magnetometer", "magnetic"];
         // A G may be a gauss.
@@ -278,20 +326,22 @@ impl Finder<'_> {
             Some("m/s^2" | "g" | "mg") => Some(Kind::SpecificForce),
             Some("uT" | "nT" | "T") => Some(Kind::MagneticField),
             Some("m/s") if is_called(prefix, &["dv", "dvel", "deltav"]) => Some(Kind::SpecificForce),
-            Some("m/s") if is_called(prefix, &["v", "vel", "body_velocity"]) => Some(Kind::BodyVelocity),
+            Some("m/s") if is_called(prefix, &["v", "vel", "velocity", "body_velocity"]) => Some(Kind::BodyVelocity),
             Some("rad" | "deg") if is_called(prefix, &["dth", "dtheta", "dang", "da"]) => Some(Kind::AngularRate),
             Some("rad/s" | "deg/s") => Some(Kind::AngularRate),
             Some("m") if prefix.is_empty() || is_called(prefix, &["p", "pos", "position"]) => Some(Kind::Local),
-            Some("counts") | None if is_called(prefix, &["a", "f", "acc", "accel", "accelerometer", "acceleration"]) => {
+            Some("counts") | None if is_called(prefix, &["a", "f", "acc", "accel", "accelerometer", "acceleration", "force"]) => {
                 Some(Kind::SpecificForce)
             }
-            Some("counts") | None if is_called(prefix, &["w", "g", "gyr", "gyro", "gyroscope", "omega"]) => Some(Kind::AngularRate),
+            Some("counts") | None if is_called(prefix, &["w", "g", "gyr", "gyro", "gyroscope", "omega", "rot", "rotation", "rate"]) => {
+                Some(Kind::AngularRate)
+            }
             None if is_called(prefix, &FIELD) => Some(Kind::MagneticField),
             _ => None,
         };
         match kind {
             // Metres x, y, z of a room or a map: taken as east, north, up.
-            Some(Kind::Local) => self.add(Kind::Local, vec![(y, false), (x, false), (z, true)]),
+            Some(Kind::Local) => self.add(Kind::Local, vec![plain[1], plain[0], (plain[2].0, !plain[2].1)]),
             Some(kind) => self.add(kind, plain),
             None => {}
         }
@@ -306,16 +356,22 @@ impl Finder<'_> {
         }
     }
 
-    fn axes_ned(&mut self, prefix: &str, n: usize, e: usize, down: Option<(usize, bool)>) {
-        let Some(down) = down else { return };
-        let kind = match prefix {
-            "v" | "vel" | "velocity" => Kind::Velocity,
-            // A 1σ has no direction: up is as good as down.
-            "s" | "sd" | "sigma" | "std" => return self.add(Kind::PositionSigma, vec![(n, false), (e, false), (down.0, false)]),
-            "sv" | "sdv" => return self.add(Kind::VelocitySigma, vec![(n, false), (e, false), (down.0, false)]),
-            _ => return,
-        };
-        self.add(kind, vec![(n, false), (e, false), down]);
+    /// A vector north, east, down.
+    fn axes_ned(&mut self, prefix: &str, unit: Option<&str>, columns: Vec<(usize, bool)>) {
+        if columns.len() < 3 {
+            return;
+        }
+        // A 1σ has no direction: up is as good as down.
+        let unsigned = || columns.iter().map(|(k, _)| (*k, false)).collect();
+        match (prefix, unit) {
+            ("s" | "sd" | "sigma" | "std", _) => self.add(Kind::PositionSigma, unsigned()),
+            ("sv" | "sdv", _) => self.add(Kind::VelocitySigma, unsigned()),
+            ("v", _) | ("", Some("m/s" | "cm/s" | "km/h")) => self.add(Kind::Velocity, columns),
+            _ if is_called(prefix, &["vel", "velocity"]) => self.add(Kind::Velocity, columns),
+            ("" | "p", None | Some("m" | "cm" | "mm")) => self.add(Kind::Local, columns),
+            (_, None | Some("m" | "cm" | "mm")) if is_called(prefix, &["pos", "position"]) => self.add(Kind::Local, columns),
+            _ => {}
+        }
     }
 
     fn one(&self, names: &[&str]) -> Option<usize> {
@@ -330,6 +386,8 @@ impl Finder<'_> {
         }
         if let (Some(r), Some(p), Some(y)) = (self.one(&["roll"]), self.one(&["pitch"]), self.one(&["yaw", "heading"])) {
             self.add(Kind::Euler, vec![(r, false), (p, false), (y, false)]);
+        } else if let Some(heading) = self.one(&["heading", "yaw", "hdg"]) {
+            self.add(Kind::Heading, vec![(heading, false)]);
         }
         let singles: [(Kind, &[&str]); 4] = [
             (Kind::Speed, &["v", "speed", "stw"]),
@@ -356,29 +414,38 @@ impl Finder<'_> {
         }
     }
 
-    /// Three neighbouring columns whose length is one g most of the time are the accelerometers; three
-    /// neighbouring ones beside them whose mean is small against their range, the gyros.
+    /// Where no name tells the inertial unit: three neighbouring columns whose length is one g most of the time are the
+    /// accelerometers; three neighbouring ones beside them whose mean is small against their range, the gyros.
     fn unnamed(&mut self) {
+        let is_known = |s: &Signal| matches!(s.kind, Kind::SpecificForce | Kind::AngularRate);
+        if self.found.iter().any(is_known) {
+            return;
+        }
+        let used: Vec<usize> = self.found.iter().flat_map(|s| s.columns.iter().map(|c| c.0)).collect();
+        let values = |k: usize| self.table.columns[k].values.iter().copied();
+        let is_free = |k: usize| !used.contains(&k) && values(k).zip(values(k).skip(1)).any(|(a, b)| a < b);
+        let starts: Vec<usize> = (0..self.table.columns.len().saturating_sub(2))
+            .filter(|start| (*start..start + 3).all(is_free))
+            .collect();
         let length = |k: usize, row: usize| norm([0, 1, 2].map(|i| self.table.columns[k + i].values[row]));
-        let starts = 0..self.table.columns.len().saturating_sub(2);
         let is_gravity = |k: &usize| {
             let m = median((0..self.table.rows()).map(|row| length(*k, row)));
-            (9.6..10.0).contains(&m) || (0.98..1.02).contains(&m)
+            (9.6..10.0).contains(&m) || (0.98..1.02).contains(&m) || (980.0..1020.0).contains(&m)
         };
-        let Some(a) = starts.clone().find(is_gravity) else { return };
-        let beside = [a.checked_sub(3), Some(a + 3)].into_iter().flatten();
-        let gyro = beside.filter(|k| starts.contains(k)).find(|k| {
-            (0..3).all(|i| {
-                let values = &self.table.columns[k + i].values;
-                let (low, high) = (quantile(values.iter().copied(), 0.02), quantile(values.iter().copied(), 0.98));
-                low < 0.0 && high > 0.0
-            })
-        });
+        let is_around_zero = |k: usize| quantile(values(k), 0.02) < 0.0 && quantile(values(k), 0.98) > 0.0;
+        let beside = |a: usize| [a.checked_sub(3), Some(a + 3)].into_iter().flatten();
+        let gyro = |a: usize| beside(a).filter(|k| starts.contains(k)).find(|k| (*k..k + 3).all(is_around_zero));
+        // Where columns have names, numbers that are close to one may be anything: the gyros have to be beside them.
+        let unit = starts.iter().filter(|k| is_gravity(k)).map(|a| (*a, gyro(*a)));
+        let Some((a, gyro)) = unit.into_iter().find(|(_, gyro)| gyro.is_some() || !self.table.header) else {
+            return;
+        };
+        let known = self.found.len();
         self.add(Kind::SpecificForce, (a..a + 3).map(|k| (k, false)).collect());
         if let Some(g) = gyro {
             self.add(Kind::AngularRate, (g..g + 3).map(|k| (k, false)).collect());
         }
-        self.found.iter_mut().for_each(|s| s.why = "by its values".to_owned());
+        self.found[known..].iter_mut().for_each(|s| s.why = "by its values".to_owned());
     }
 }
 
@@ -397,6 +464,8 @@ fn settle(signal: &mut Signal, table: &Table, rate: f64) {
 /// Tells the unit of gyros that no name tells by how the magnetic field turns, or gravity, where they do: hands turn a
 /// unit faster than 10 rad/s, and vehicles slower than 10 deg/s.
 fn settle_by_turns(found: &mut [Signal], table: &Table, rate: f64) {
+    /// Hands turn a unit by less meanwhile than a small angle [s].
+    const STEP: f64 = 0.1;
     // Accelerations do not turn the field.
     let directions = [(Kind::MagneticField, "the field"), (Kind::SpecificForce, "gravity")].map(|(kind, name)| {
         let signal = found.iter().find(|s| s.kind == kind && !s.increment);
@@ -407,7 +476,7 @@ fn settle_by_turns(found: &mut [Signal], table: &Table, rate: f64) {
     let Some(gyros) = gyros.filter(|s| !is_named(s)) else { return };
     let raw: Vec<Vec3> = (0..table.rows()).map(|row| gyros.raw(table, row)).collect();
     let told = directions.iter().flatten();
-    let mut slopes = told.filter_map(|(direction, name)| Some((turn::slope(direction, &raw, rate)?, *name)));
+    let mut slopes = told.filter_map(|(direction, name)| Some((turn::slope(direction, &raw, rate, STEP)?, *name)));
     let Some((slope, what)) = slopes.next() else { return };
     let (radians, degrees) = (1.0, 1_f64.to_radians());
     // On a logarithmic scale half-way between the two.
@@ -439,6 +508,7 @@ fn unit_by_values(s: &Signal, table: &Table, rate: f64) -> Option<(&'static str,
         Kind::SpecificForce => match length(s, table, 0.5) {
             m if (9.0..10.6).contains(&m) => ("m/s^2", format!("median length {m:.2}")),
             m if (0.9..1.1).contains(&m) => ("g", format!("median length {m:.3}")),
+            m if (900.0..1100.0).contains(&m) => ("mg", format!("median length {m:.0}")),
             m => ("counts", format!("median length {m:.1}, taken as one g")),
         },
         Kind::AngularRate if s.unit == "counts" => return None,
@@ -455,6 +525,8 @@ fn unit_by_values(s: &Signal, table: &Table, rate: f64) -> Option<(&'static str,
         Kind::Geodetic => ("rad", format!("longitudes reach {:.4}", reach(1))),
         Kind::Euler if reach(2) > core::f64::consts::TAU => ("deg", format!("headings reach {:.1}", reach(2))),
         Kind::Euler => ("rad", format!("headings reach {:.2}", reach(2))),
+        Kind::Heading if reach(0) > core::f64::consts::TAU => ("deg", format!("headings reach {:.1}", reach(0))),
+        Kind::Heading => ("rad", format!("headings reach {:.2}", reach(0))),
         // Nobody lives where the air has less than a third of the pressure at sea level.
         Kind::Pressure => match length(s, table, 0.5) {
             m if (3e4..1.2e5).contains(&m) => ("Pa", format!("median {m:.0}")),

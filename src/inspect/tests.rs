@@ -149,7 +149,7 @@ fn fixes(sign: f64) -> Table {
 
 #[test]
 fn way_scatter_and_reported_velocity_of_fixes_are_found() {
-    let track = Track::of(&Log::of(fixes(-1.0))).unwrap();
+    let track = Track::of(&Log::of(fixes(-1.0)), None).unwrap();
     // 299 intervals of 3 m, the noise of both ends apart.
     assert!((track.way - 897.0).abs() < 1.0, "{}", track.way);
     // One axis, evenly spread between ±0.2 m, as if it were one of two: 0.1 to 0.2 m.
@@ -162,12 +162,12 @@ fn way_scatter_and_reported_velocity_of_fixes_are_found() {
         "{agreement:?}"
     );
     // Up where down is expected.
-    let up = Track::of(&Log::of(fixes(1.0))).unwrap().agreement.unwrap();
+    let up = Track::of(&Log::of(fixes(1.0)), None).unwrap().agreement.unwrap();
     assert!((up[2] + 1.0).abs() < 0.01, "{up:?}");
     // Without a reported velocity it is that of the positions.
     let mut silent = fixes(-1.0);
     silent.columns.drain(4..7);
-    let silent = Track::of(&Log::of(silent)).unwrap();
+    let silent = Track::of(&Log::of(silent), None).unwrap();
     assert!(
         !silent.is_reported && (silent.top_speed() - 3.0).abs() < 0.6,
         "{}",
@@ -426,4 +426,187 @@ fn a_heading_that_does_not_follow_the_course_is_not_decided() {
         design.contains("not decided") && design.contains("rpy = [\"roll_rad\", \"pitch_rad\", \"yaw_rad\"], unit"),
         "{design}"
     );
+}
+
+/// The columns of the unit without their names, after which others are called.
+fn named(names: [&str; 6]) -> Log {
+    let mut of = unit();
+    for (column, name) in of.columns[1..].iter_mut().zip(names) {
+        column.name = name.to_owned();
+    }
+    Log::of(of)
+}
+
+#[test]
+fn axes_of_a_body_are_found_by_their_words() {
+    let mg = [
+        "acc_fwd_mg",
+        "acc_left_mg",
+        "acc_down_mg",
+        "rot_fwd_dps",
+        "rot_left_dps",
+        "rot_down_dps",
+    ];
+    let bracketed = [
+        "acc_fwd [mg]",
+        "acc_left [mg]",
+        "acc_down [mg]",
+        "rot_fwd [deg/s]",
+        "rot_left [deg/s]",
+        "rot_down [deg/s]",
+    ];
+    let bare = ["acc_fwd", "acc_left", "acc_down", "rot_fwd", "rot_left", "rot_down"];
+    for names in [mg, bracketed, bare] {
+        let log = named(names);
+        let force = log.signal(Kind::SpecificForce).unwrap();
+        let rate = log.signal(Kind::AngularRate).unwrap();
+        // Left counts against right.
+        assert_eq!(force.columns, [(1, false), (2, true), (3, false)], "{names:?}");
+        assert_eq!(rate.columns, [(4, false), (5, true), (6, false)], "{names:?}");
+        assert!(force.is_body && rate.unit == "deg/s", "{names:?} {}", rate.unit);
+    }
+}
+
+#[test]
+fn where_no_name_tells_the_unit_its_values_do() {
+    let log = named(["r1", "r2", "r3", "s1", "s2", "s3"]);
+    let force = log.signal(Kind::SpecificForce).unwrap();
+    assert_eq!((force.columns[0].0, force.unit.as_str()), (1, "m/s^2"));
+    assert_eq!(log.signal(Kind::AngularRate).unwrap().columns[0].0, 4);
+    // In thousandths of g.
+    let mut mg = unit();
+    for column in &mut mg.columns[1..4] {
+        column.values.iter_mut().for_each(|v| *v *= 1000.0 / 9.80665);
+    }
+    mg.header = false;
+    assert_eq!(Log::of(mg).signal(Kind::SpecificForce).unwrap().unit, "mg");
+}
+
+#[test]
+fn places_along_north_and_east_and_headings_are_found_by_name() {
+    for names in [["north_cm", "east_cm", "up_cm"], ["n", "e", "u"], ["pos_n", "pos_e", "pos_u"]] {
+        let [n, e, u] = names;
+        let log = Log::of(table(
+            &[("t", &|t| t), (n, &|t| 300.0 * t), (e, &|t| t), (u, &|t| 0.1 * t)],
+            100,
+            1.0,
+        ));
+        let place = log.signal(Kind::Local).unwrap();
+        assert_eq!(place.columns, [(1, false), (2, false), (3, true)], "{names:?}");
+        assert_eq!(place.unit, if n == "north_cm" { "cm" } else { "m" });
+    }
+    for (name, unit) in [("heading [rad]", "rad"), ("heading_deg", "deg"), ("yaw", "rad")] {
+        let log = Log::of(table(&[("t", &|t| t), (name, &|t| 0.01 * t)], 100, 1.0));
+        assert_eq!(log.signal(Kind::Heading).unwrap().unit, unit, "{name}");
+    }
+}
+
+#[test]
+fn a_standard_deviation_is_no_height() {
+    let mut flat = fixes(-1.0);
+    // Ten fixes a second: a part of them judges.
+    flat.columns[0].values.iter_mut().for_each(|t| *t *= 0.1);
+    flat.columns.truncate(3);
+    flat.columns.extend(["dvl_std_m", "valid_fix"].map(|name| Column {
+        name: name.to_owned(),
+        values: (0..300).map(|k| 0.1 + f64::from(k % 2)).collect(),
+        ..Column::default()
+    }));
+    flat.columns[4].values.iter_mut().for_each(|v| *v *= 2.0);
+    let mut shaken = unit();
+    shaken.path = "imu.csv".into();
+    let design = Inspection::look(vec![Log::of(shaken), Log::of(flat)])
+        .design(Path::new("/"))
+        .unwrap();
+    assert!(!design.contains("dvl_std_m"), "{design}");
+    assert!(
+        design.contains("horizontal_position = { latitude = \"lat_deg\", longitude = \"lon_deg\", unit"),
+        "{design}"
+    );
+}
+
+#[test]
+fn velocities_of_a_file_of_their_own_are_those_of_the_fixes() {
+    let (mut places, mut velocities, mut shaken) = (fixes(-1.0), fixes(-1.0), unit());
+    velocities.columns.drain(1..4);
+    velocities.columns.truncate(4);
+    places.columns.drain(4..7);
+    velocities.path = "gnss_velocity.csv".into();
+    shaken.path = "imu.csv".into();
+    // The receiver writes them 10 ms apart.
+    velocities.columns[0].values.iter_mut().for_each(|t| *t += 0.01);
+    let looked = Inspection::look(vec![Log::of(places), Log::of(velocities), Log::of(shaken)]);
+    let (_, track) = looked.position.as_ref().unwrap();
+    assert!(track.is_reported && (track.top_speed() - 3.0).abs() < 0.02, "{}", track.top_speed());
+    assert!(track.agreement.is_some_and(|a| (a[0] - 1.0).abs() < 0.01), "{:?}", track.agreement);
+    let design = looked.design(Path::new("/")).unwrap();
+    assert!(
+        design.contains("[sensor.gnss_velocity]\ntype = \"gnss_velocity\"\nsource = \"gnss_velocity\""),
+        "{design}"
+    );
+    assert!(design.contains("path = \"gnss_velocity.csv\""), "{design}");
+}
+
+#[test]
+fn a_large_bias_of_the_gyros_is_found_at_rest() {
+    let mut biased = unit();
+    biased.columns[4].values.iter_mut().for_each(|w| *w += 10.0);
+    let looked = Inspection::look(vec![Log::of(biased)]);
+    let rest = looked.imu.as_ref().unwrap().1.rest.as_ref().unwrap();
+    // The mean of the noise over 20 s is within 0.01 deg/s.
+    assert!((rest.bias[0].to_degrees() - 10.0).abs() < 0.01, "{rest:?}");
+    let design = looked.design(Path::new("/")).unwrap();
+    assert!(design.contains("initial = [\"10.00 deg/s\", \"0.57 deg/s\""), "{design}");
+}
+
+#[test]
+fn a_take_off_at_low_speed_is_no_rest() {
+    // By the reported speed it stands until 22 s; from 20 s on it is shaken.
+    let rest = Imu::of(&Log::of(unit()), &|t| Some(t < 22.0)).unwrap().rest.unwrap();
+    assert!((rest.first.1 - 20.0).abs() < 1.1, "{rest:?}");
+    assert!(rest.accel_std.iter().all(|s| *s < 0.007), "{rest:?}");
+}
+
+/// Three minutes of a level vehicle that turns left and right, and a field of 50 uT that dips by 60 deg, in whose axes `sign`
+/// is 1.
+fn turning(sign: f64) -> (Log, Log) {
+    let heading = |t: f64| 2.0 * (0.2 * t).sin();
+    let rate = |t: f64| 0.4 * (0.2 * t).cos();
+    let mut samples = table(
+        &[
+            ("t", &|t| t),
+            ("ax", &|t| 0.01 * noise(t, 1.0)),
+            ("ay", &|t| 0.01 * noise(t, 2.0)),
+            ("az", &|t| -9.81 + 0.01 * noise(t, 3.0)),
+            ("wx_radps", &|t| 0.01 * noise(t, 4.0)),
+            ("wy_radps", &|t| 0.01 * noise(t, 5.0)),
+            ("wz_radps", &move |t| rate(t)),
+        ],
+        9000,
+        50.0,
+    );
+    samples.path = "imu.csv".into();
+    let field = table(
+        &[
+            ("t", &|t| t),
+            ("mx_ut", &move |t| 25.0 * heading(t).cos() + 0.2 * noise(t, 6.0)),
+            ("my_ut", &move |t| -25.0 * sign * heading(t).sin()),
+            ("mz_ut", &|t| 43.3 + 0.2 * noise(t, 7.0)),
+        ],
+        1800,
+        10.0,
+    );
+    (Log::of(samples), Log::of(field))
+}
+
+#[test]
+fn a_magnetometer_is_used_if_its_field_turns_as_the_gyros_do() {
+    let (unit, field) = turning(1.0);
+    let found = Field::of(&field, &unit, [0.0; 3]).unwrap();
+    assert!(
+        (found.strength - 50e-6).abs() < 1e-6 && (found.dip.to_degrees() - 60.0).abs() < 1.0,
+        "{found:?}"
+    );
+    let (unit, mirrored) = turning(-1.0);
+    assert!(Field::of(&mirrored, &unit, [0.0; 3]).is_none());
 }

@@ -34,10 +34,11 @@ pub struct Track {
 
 impl Track {
     /// Of a log with positions; rows that repeat the one before, go back in time or hold no numbers are
-    /// left out.
-    pub(super) fn of(log: &Log) -> Option<Self> {
+    /// left out. `other` is the log with its velocities, where they have a file of their own.
+    pub(super) fn of(log: &Log, other: Option<&Log>) -> Option<Self> {
         let kind = [Kind::Geodetic, Kind::Local].into_iter().find(|k| log.has(*k))?;
-        let (values, reported) = (log.values(kind)?, log.values(Kind::Velocity));
+        let values = log.values(kind)?;
+        let reported = log.values(Kind::Velocity).or_else(|| velocities(other?, log.stamps()));
         let is_geodetic = kind == Kind::Geodetic;
         let has_height = log.signal(kind)?.columns.len() > 2;
         // The height is written in metres, whatever the unit of the angles.
@@ -149,6 +150,20 @@ impl Track {
     }
 }
 
+/// The velocities of a log at other stamps: those of the nearest rows, or none further away than half of the usual interval.
+fn velocities(log: &Log, at: &[f64]) -> Option<Vec<Vec3>> {
+    let (t, values) = (log.stamps(), log.values(Kind::Velocity)?);
+    let reach = 0.5 / log.rate();
+    let nearest = |at: &f64| {
+        let after = t.partition_point(|t| t < at);
+        let rows = [after.checked_sub(1), Some(after)].into_iter().flatten().filter(|k| *k < t.len());
+        let off = |k: &usize| (t[*k] - at).abs();
+        let row = rows.min_by(|a, b| off(a).total_cmp(&off(b))).filter(|k| off(k) <= reach);
+        row.map_or([f64::NAN; 3], |k| values[k])
+    };
+    t.is_sorted().then(|| at.iter().map(nearest).collect())
+}
+
 /// The speed of wheels.
 #[derive(Debug)]
 pub(super) struct Odometer {
@@ -162,15 +177,25 @@ impl Odometer {
         let speed = log.values(Kind::Speed)?.iter().map(|v| v[0].abs()).collect();
         let t = log.stamps().to_vec();
         let is_sound = t.len() > 2 && t.is_sorted();
-        is_sound.then_some(Self { t, speed })
+        is_sound.then(|| Self::new(t, speed))
+    }
+
+    /// Of speeds \[m/s\] at stamps in order.
+    pub(super) const fn new(t: Vec<f64>, speed: Vec<f64>) -> Self {
+        Self { t, speed }
+    }
+
+    /// The speed at a time, by the row before.
+    pub(super) fn at(&self, t: f64) -> Option<f64> {
+        let k = self.t.partition_point(|s| *s <= t).checked_sub(1)?;
+        Some(self.speed[k]).filter(|speed| t - self.t[k] < 2.0 && speed.is_finite())
     }
 
     /// Whether it stands at a time, by the row before.
     pub(super) fn stands(&self, t: f64) -> Option<bool> {
         /// Wheels at rest report a step of the encoder at most [m/s].
         const STILL: f64 = 0.02;
-        let k = self.t.partition_point(|s| *s <= t).checked_sub(1)?;
-        (t - self.t[k] < 2.0 && self.speed[k].is_finite()).then(|| self.speed[k] < STILL)
+        self.at(t).map(|speed| speed < STILL)
     }
 }
 

@@ -1,22 +1,20 @@
 //! The unit of gyros whose name does not tell it, by a direction that is fixed in the world: in the axes of the unit that
 //! of the magnetic field, or of gravity, turns by the integral of the rates.
 //!
-//! Steps of the direction u over a tenth of a second are regressed on −ω × u Δt: the slope is 1 for rad/s, and
+//! Steps of the direction u over a short time are regressed on −ω × u Δt: the slope is 1 for rad/s, and
 //! π/180 for deg/s.
 
 use super::numbers::{Vec3, norm};
 use super::pair::{cross, dot};
 
-/// A step [s].
-const STEP: f64 = 0.1;
 /// Fewer steps, or a smaller correlation, say nothing.
 const ENOUGH: usize = 100;
 const CLEAR: f64 = 0.5;
 
-/// The turn of a direction over that by `rate`, a number a second at `hertz` each; `None` where they have
-/// too little in common.
-pub(super) fn slope(direction: &[Vec3], rate: &[Vec3], hertz: f64) -> Option<f64> {
-    let rows = (STEP * hertz).round().max(1.0) as usize;
+/// The turn of a direction over that by `rate`, a number a second at `hertz` each, in steps of so many seconds; `None`
+/// where they have too little in common.
+pub(super) fn slope(direction: &[Vec3], rate: &[Vec3], hertz: f64, step: f64) -> Option<f64> {
+    let rows = (step * hertz).round().max(1.0) as usize;
     let mean = |of: &[Vec3]| [0, 1, 2].map(|i| of.iter().map(|v| v[i]).sum::<f64>() / of.len() as f64);
     let steps: Vec<(Vec3, Vec3)> = direction
         .chunks_exact(rows)
@@ -60,7 +58,7 @@ mod tests {
     fn gravity_tells_degrees_from_radians() {
         for per in [1.0, 1_f64.to_degrees()] {
             let (force, rate) = tilting(per, 1.0);
-            let slope = slope(&force, &rate, 100.0).unwrap();
+            let slope = slope(&force, &rate, 100.0, 0.1).unwrap();
             // Means over a tenth of a second of turns of 3 rad/s: sin(x)/x of 0.15, 0.4 %; the shaking adds to it.
             assert!((slope * per - 1.0).abs() < 0.05, "{slope}");
         }
@@ -69,8 +67,8 @@ mod tests {
     #[test]
     fn rates_that_have_nothing_to_do_with_the_force_say_nothing() {
         let (force, rate) = tilting(1.0, -1.0);
-        assert_eq!(slope(&force, &rate, 100.0), None);
+        assert_eq!(slope(&force, &rate, 100.0, 0.1), None);
         let still = vec![[0.0, 0.0, -9.81]; 12_000];
-        assert_eq!(slope(&still, &rate, 100.0), None);
+        assert_eq!(slope(&still, &rate, 100.0, 0.1), None);
     }
 }

@@ -10,7 +10,7 @@ pub(super) struct Words {
 }
 
 /// Units as headers write them, without blanks and brackets, and as designs do.
-const UNITS: [(&str, &str); 43] = [
+const UNITS: [(&str, &str); 47] = [
     ("mps2", "m/s^2"),
     ("ms2", "m/s^2"),
     ("m/s2", "m/s^2"),
@@ -34,6 +34,10 @@ const UNITS: [(&str, &str); 43] = [
     ("deg", "deg"),
     ("degree", "deg"),
     ("degrees", "deg"),
+    ("cmps", "cm/s"),
+    ("cm/s", "cm/s"),
+    ("mm", "mm"),
+    ("cm", "cm"),
     ("m", "m"),
     ("meter", "m"),
     ("meters", "m"),

@@ -54,6 +54,12 @@ impl Summary {
             Some(score) if score.epochs > 0 => {
                 errors(&mut t, "", score);
                 smoothed.into_iter().for_each(|score| errors(&mut t, "smoothed ", score));
+                if let Some(source) = &self.judged_by {
+                    t.row([
+                        "judged by",
+                        &format!("other rows of `{source}`: errors that last are in both, and not in these figures"),
+                    ]);
+                }
             }
             Some(_) => t.row(["reference", "none of its epochs lies within the run"]),
             None if self.started.is_some() => {

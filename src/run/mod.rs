@@ -272,6 +272,7 @@ impl<'a> Run<'a> {
             start_angle: counters.start_angle,
             waiting: if has_started { Vec::new() } else { runner.waits_for() },
             epochs: counters.epochs,
+            judged_by: crate::design::of_a_sensor(self.design).map(str::to_owned),
             score,
             smoothed: planned.zip(smoothed).map(|(planned, estimates)| Smoothed {
                 lag: planned.lag(),

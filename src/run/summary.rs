@@ -106,6 +106,8 @@ pub struct Summary {
     pub waiting: Vec<(String, String)>,
     /// Estimates made.
     pub epochs: u64,
+    /// The source of a sensor whose other rows are the reference, where they are: the slow errors of both are the same.
+    pub judged_by: Option<String>,
     /// Score against the reference.
     pub score: Option<Score>,
     /// The same of smoothed estimates, where they were asked for.

@@ -80,6 +80,23 @@ pub fn differences(first: &Design, other: &Design) -> Vec<String> {
         .collect()
 }
 
+/// The source of a sensor whose positions the reference reads too, if there is one: then other rows of one instrument judge
+/// the filter, and an error that lasts longer than from row to row is in both.
+#[must_use]
+pub fn of_a_sensor(design: &Design) -> Option<&str> {
+    let columns = |name: &str| {
+        let node = &design.sources.iter().find(|s| s.name == name)?.node;
+        let channels = ["channels.position", "channels.horizontal_position"];
+        let position = channels.iter().find_map(|channel| node.at(channel))?;
+        let first = ["latitude", "north", "ecef", "utm"].iter().find_map(|key| position.get(key))?;
+        Some((node.get("path")?.inline(), first.inline()))
+    };
+    let reference = design.reference.as_ref()?;
+    let judges: Vec<_> = reference.block.source.names().filter_map(columns).collect();
+    let mut used = design.sensors.iter().map(|sensor| sensor.block.common.source.as_str());
+    used.find(|source| columns(source).is_some_and(|own| judges.contains(&own)))
+}
+
 impl ReferenceSpec {
     /// The table, and what no field can say by itself.
     pub(super) fn read(node: &Node, d: &mut Diagnostics) -> Option<Self> {

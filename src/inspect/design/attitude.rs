@@ -14,9 +14,10 @@ impl Inspection {
             "gyro_noise = \"0.3 deg/sqrt(s)\"",
             "guessed: scale and axes of small gyros in fast turns; far more than their white noise",
         );
+        let (initial, found) = self.gyro_bias(imu.rest.as_ref());
         text.line(
-            "gyro_bias = { estimate = true, initial = [0, 0, 0], sigma = \"0.5 deg/s\", random_walk = \"1e-4 deg/s/sqrt(s)\" }",
-            "guessed: a micro-mechanical unit",
+            &format!("gyro_bias = {{ estimate = true, initial = {initial}, sigma = \"0.5 deg/s\", random_walk = \"1e-4 deg/s/sqrt(s)\" }}"),
+            &format!("guessed: a micro-mechanical unit{found}"),
         );
         self.levelling(text, imu);
         text.table("initial.heading");

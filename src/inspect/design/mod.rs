@@ -9,7 +9,7 @@ mod strapdown;
 mod toml;
 
 use self::toml::Text;
-use super::signal::Kind::{AngularRate, Euler, Local, SpecificForce, Speed, YawRate};
+use super::signal::Kind::{AngularRate, Euler, Geodetic, Local, SpecificForce, Speed, YawRate};
 use super::{Inspection, Log, Track};
 use crate::config::Diagnostic;
 use std::collections::BTreeSet;
@@ -33,6 +33,18 @@ enum Driver {
     Gyros,
 }
 
+/// Who tells the heading at the start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Told {
+    /// The course over ground, which the nose follows.
+    Course,
+    /// A recorded heading.
+    Heading,
+    /// A magnetometer.
+    Field,
+    Nobody,
+}
+
 impl Inspection {
     /// A first design as text, to be saved in `folder`.
     ///
@@ -42,7 +54,11 @@ impl Inspection {
         self.written(folder).map(|(text, _)| text).ok_or_else(|| {
             let what = Diagnostic::error("no design can be guessed from these files");
             let lacks = self.missing().into_iter().map(|m| format!("missing: {m}"));
-            lacks.fold(what, Diagnostic::and_help)
+            let on = "to go on, give the columns names that say quantity, axis and unit, such as `time_s`, `acc_x_mps2`, `gyro_z_dps`, \
+                      `lat_deg`, `vel_north_mps`; or declare them in the `[source]` tables of a design of `fusion new` (`fusion blocks \
+                      csv` lists what can be read)";
+            let on = self.driver().is_none().then(|| on.to_owned());
+            lacks.chain(on).fold(what, Diagnostic::and_help)
         })
     }
 
@@ -67,9 +83,13 @@ impl Inspection {
         let has = |kind| self.with(kind).is_some();
         let turns = has(YawRate) || has(AngularRate);
         let is_placed = self.position.is_some();
+        let is_inertial = is_placed && has(SpecificForce) && rate >= INTEGRABLE;
+        // In the plane an odometer is worth more than a unit, unless a velocity over ground shows what the unit drifts.
+        let has_velocity = self.position.as_ref().is_some_and(|(_, track)| track.is_reported);
         let candidates = [
+            (is_inertial && has_velocity, Driver::Inertial),
             (is_placed && has(Speed) && turns, Driver::Odometer),
-            (is_placed && has(SpecificForce) && rate >= INTEGRABLE, Driver::Inertial),
+            (is_inertial, Driver::Inertial),
             (is_placed && has(Euler), Driver::Attitude),
             (rate >= INTEGRABLE, Driver::Gyros),
         ];
@@ -96,10 +116,10 @@ impl Inspection {
         }
         text.table("filter");
         text.quoted("backend", "error_state");
-        if driver == Driver::Inertial && !self.has_course() {
+        if driver == Driver::Inertial && self.told() == Told::Nobody {
             text.line(
                 "bank = { hypotheses = 24, headings = 24, switch = 1 }",
-                "guessed: no velocity tells the heading; 24 are tried, the one whose innovations fit stays",
+                "guessed: no course, compass or magnetometer tells the heading; 24 are tried, the one whose innovations fit stays",
             );
         }
     }
@@ -155,6 +175,30 @@ impl Inspection {
         self.position.as_ref().is_some_and(|(_, t)| is_fast(t)) && self.pair.is_some_and(|p| p.correlation.abs() > 0.8)
     }
 
+    /// Who tells the heading at the start.
+    fn told(&self) -> Told {
+        let has_heading = self.recorded_heading().is_some();
+        let candidates = [
+            (self.has_course(), Told::Course),
+            (has_heading, Told::Heading),
+            (self.field.is_some(), Told::Field),
+        ];
+        let told = candidates.into_iter().find(|(is_told, _)| *is_told);
+        told.map_or(Told::Nobody, |(_, told)| told)
+    }
+
+    /// The log with a heading that follows the course.
+    fn recorded_heading(&self) -> Option<usize> {
+        /// A compass on a vehicle that slips or drifts a little.
+        const FOLLOWS: f64 = 0.8;
+        self.heading_log().filter(|_| self.yaw.is_some_and(|yaw| yaw.agreement > FOLLOWS))
+    }
+
+    /// The name of the source of the reported velocity.
+    fn velocity_source(&self) -> &'static str {
+        if self.velocity.is_some() { "gnss_velocity" } else { "gnss" }
+    }
+
     /// What judges the filter.
     fn judge(&self, text: &mut Text) {
         if let Some((k, track)) = &self.reference {
@@ -166,7 +210,8 @@ impl Inspection {
         } else if let Some((k, track)) = self.position.as_ref().filter(|(_, track)| track.rate() > WITHHELD) {
             text.section("judge");
             let every = track_stride(&self.logs[*k], track);
-            text.comment("The fixes that the filter does not see: they have errors of their own.");
+            text.comment("The fixes that the filter does not see. They are of the same receiver: an error that lasts longer than from one");
+            text.comment("fix to the next is in both, so the true errors are larger than these, and a small NEES says nothing.");
             self.source(
                 text,
                 "withheld",
@@ -188,18 +233,24 @@ impl Inspection {
         text.table("reference");
         text.quoted("source", source);
         let mut sigma = Vec::new();
+        let is_withheld = source == "withheld";
         if log.has(super::Kind::PositionSigma) {
             sigma.push("position = { from_source = true }".to_owned());
         } else {
-            sigma.push(format!("position = \"{:.3} m\"", (track.scatter.max(1e-3) * 1e3).ceil() * 1e-3));
+            let scatter = if is_withheld {
+                self.white(log, track).0
+            } else {
+                track.scatter.max(1e-3)
+            };
+            sigma.push(format!("position = \"{:.3} m\"", (scatter * 1e3).ceil() * 1e-3));
         }
         if log.has(super::Kind::VelocitySigma) && log.has(super::Kind::Velocity) {
             sigma.push("velocity = { from_source = true }".to_owned());
         }
-        let why = if log.has(super::Kind::PositionSigma) {
-            "as the file reports it"
-        } else {
-            "the scatter of neighbouring positions"
+        let why = match (log.has(super::Kind::PositionSigma), is_withheld) {
+            (true, _) => "as the file reports it",
+            (false, true) => "that of the fixes which the filter uses",
+            (false, false) => "the scatter of neighbouring positions",
         };
         text.line(&format!("sigma = {{ {} }}", sigma.join(", ")), why);
         if self.reference_kinds(k).iter().any(|s| matches!(s, super::Kind::Quaternion | Euler)) {
@@ -220,5 +271,5 @@ fn track_stride(log: &Log, track: &Track) -> usize {
 
 /// Whether positions are in a room, a basin, or by USBL: not geodetic.
 fn is_local(log: &Log) -> bool {
-    log.has(Local)
+    log.has(Local) && !log.has(Geodetic)
 }

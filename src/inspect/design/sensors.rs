@@ -4,7 +4,8 @@ use super::toml::Text;
 use super::{WITHHELD, is_local, track_stride};
 use crate::inspect::numbers::median;
 use crate::inspect::signal::Kind::{
-    self, BodyVelocity, Depth, Euler, Geodetic, Local, PositionSigma, Pressure, Quaternion, Velocity, VelocitySigma,
+    self, BodyVelocity, Depth, Euler, Geodetic, Heading, Local, MagneticField, PositionSigma, Pressure, Quaternion, Speed, Velocity,
+    VelocitySigma,
 };
 use crate::inspect::{Inspection, Log, Track};
 
@@ -125,9 +126,10 @@ impl Inspection {
     }
 
     fn velocity_sensor(&self, text: &mut Text, log: &Log, track: &Track, lag: Option<f64>) {
+        let log = self.velocity.map_or(log, |k| &self.logs[k]);
         text.table("sensor.gnss_velocity");
         text.quoted("type", "gnss_velocity");
-        text.quoted("source", "gnss");
+        text.quoted("source", self.velocity_source());
         text.line("lever_arm = { shared = \"gnss_position.lever_arm\" }", "");
         if let Some(lag) = lag {
             let offset = format!("time_offset = {{ estimate = true, initial = \"{lag:.2} s\", sigma = \"50 ms\" }}");
@@ -160,25 +162,40 @@ impl Inspection {
         }
     }
 
-    /// How late velocities are, where that is known \[s\].
+    /// How late velocities are, where that is known \[s\]; where the clock of the unit is scaled, what is left of it.
     pub(super) fn lag(&self) -> Option<f64> {
-        self.pair.filter(|p| p.correlation.abs() > 0.8).map(|p| p.lag)
+        let pair = self.pair.filter(|p| p.correlation.abs() > 0.8)?;
+        let clock = self.logs[self.imu.as_ref()?.0].clock.as_ref()?;
+        Some(match (self.drift(), pair.lags) {
+            (Some(scale), Some((first, _))) => {
+                let (begin, end) = clock.span();
+                let middle = begin + (end - begin) / 6.0 - self.epoch().unwrap_or(0.0);
+                first - (scale - 1.0) * middle
+            }
+            _ => pair.lag,
+        })
     }
 
-    /// The source of the positions.
+    /// The sources of the positions, and of velocities with a file of their own.
     pub(super) fn position_source(&self, text: &mut Text) {
         let Some((k, track)) = &self.position else { return };
         let log = &self.logs[*k];
         let is_withheld = self.reference.is_none() && track.rate() > WITHHELD;
-        let more = if is_withheld {
-            format!("keep = {{ every = {} }}", track_stride(log, track))
-        } else {
-            String::new()
+        let thinned = |every: usize| {
+            if is_withheld {
+                format!("keep = {{ every = {every} }}")
+            } else {
+                String::new()
+            }
         };
         if is_withheld {
             text.section("positions: about one a second is used, the others judge");
         }
-        self.source(text, "gnss", *k, &[place(log), Velocity], &more);
+        self.source(text, "gnss", *k, &[place(log), Velocity], &thinned(track_stride(log, track)));
+        if let Some(velocity) = self.velocity {
+            let every = self.logs[velocity].rate().round().max(1.0) as usize;
+            self.source(text, self.velocity_source(), velocity, &[Velocity], &thinned(every));
+        }
     }
 
     /// A barometer, where the air has a pressure and positions have a height.
@@ -219,6 +236,99 @@ impl Inspection {
         self.source(text, "barometer", k, &[Pressure], "");
     }
 
+    /// A recorded heading that follows the course, and a magnetometer that reads the field of the Earth.
+    pub(super) fn compasses(&self, text: &mut Text) {
+        if let Some(k) = self.recorded_heading() {
+            text.table("sensor.heading");
+            text.line("type = \"heading\"\nsource = \"heading\"", "");
+            let left = self.yaw.map_or(0.0, |y| -past_quarter(y.offset.to_degrees()));
+            text.line(
+                &format!("bias = {{ estimate = true, initial = \"{left:.1} deg\", sigma = \"10 deg\" }}"),
+                "guessed: heading minus course; declination, and how it is mounted",
+            );
+            text.line(
+                "deviation = { sin = { estimate = true, initial = 0, sigma = \"3 deg\" }, cos = { estimate = true, initial = 0, sigma = \"3 deg\" } }",
+                "guessed: iron",
+            );
+            text.line(
+                "noise = { sigma = \"5 deg\" }",
+                "guessed: a compass in motion, whose rows share their error",
+            );
+            self.source(text, "heading", k, &[Heading], "");
+        }
+        let Some((k, field)) = &self.field else { return };
+        if self.told() == super::Told::Field {
+            text.table("stage.compass");
+            text.line("type = \"compass\"\nsource = \"magnetometer\"\nlevel_source = \"imu\"", "");
+            text.line("rate = \"1 Hz\"", "for the start");
+        }
+        text.table("sensor.magnetometer");
+        text.line("type = \"magnetometer\"\nsource = \"magnetometer\"", "");
+        text.line(
+            &format!(
+                "strength = {{ estimate = true, initial = \"{:.1} uT\", sigma = \"3 uT\" }}",
+                1e6 * field.strength
+            ),
+            "guessed: its median",
+        );
+        text.line(
+            &format!(
+                "inclination = {{ estimate = true, initial = \"{:.1} deg\", sigma = \"3 deg\" }}",
+                field.dip.to_degrees()
+            ),
+            "guessed: its median below the plane across the specific force",
+        );
+        text.line(
+            "declination = { estimate = true, initial = 0, sigma = \"15 deg\" }",
+            "no file tells it: better give that of the place, from a map or a model of the field",
+        );
+        text.line(
+            "hard_iron = { estimate = true, initial = [0, 0, 0], sigma = \"5 uT\" }",
+            "guessed: a unit that is not calibrated in its vehicle",
+        );
+        text.line("noise = { sigma = \"1 uT\" }", "guessed: currents, and iron that bends the field");
+        self.source(text, "magnetometer", *k, &[MagneticField], "");
+    }
+
+    /// A speed ahead: of wheels, or of a log that sees the water.
+    pub(super) fn log_or_wheels(&self, text: &mut Text) {
+        let Some(k) = self.with(Speed) else { return };
+        let name = if self.current.is_some() { "log" } else { "odometer" };
+        text.table(&format!("sensor.{name}"));
+        text.line(&format!("type = \"odometer\"\nsource = \"{name}\""), "");
+        text.line("scale = { estimate = true, initial = 0, sigma = \"3 %\" }", "guessed");
+        if let Some([north, east]) = self.current {
+            text.line(
+                "current = { estimate = true, initial = [0, 0, 0], sigma = [\"0.5 m/s\", \"0.5 m/s\", 0], random_walk = [\"5 mm/s/sqrt(s)\", \"5 mm/s/sqrt(s)\", 0] }",
+                &format!(
+                    "guessed: a speed through the water, for it agrees with that over ground only if a current of {north:.2} m/s north, \
+                     {east:.2} m/s east is taken off"
+                ),
+            );
+        } else {
+            text.line(
+                "mounting = { estimate = true, initial = [0, 0, 0], sigma = [0, \"5 deg\", \"8 deg\"] }",
+                "guessed: mounted by hand",
+            );
+        }
+        text.line(
+            "noise = { sigma = \"0.1 m/s\" }",
+            "guessed: slip, waves, and the arm from the unit to it",
+        );
+        self.source(text, name, k, &[Speed], "");
+        if self.current.is_some() {
+            text.table("stage.tick");
+            text.line("type = \"periodic\"\nsource = \"imu\"\nrate = \"1 Hz\"", "");
+            text.table("sensor.leeway");
+            text.line("type = \"nonholonomic\"\nsource = \"tick\"\naxes = \"right\"", "");
+            text.line("current = { shared = \"log.current\" }", "");
+            text.line(
+                "noise = { sigma = \"0.3 m/s\" }",
+                "guessed: a hull hardly slips sideways through the water",
+            );
+        }
+    }
+
     /// A Doppler log and a depth, where there are.
     pub(super) fn water(&self, text: &mut Text) {
         if let Some(k) = self.with(BodyVelocity) {
@@ -249,6 +359,11 @@ impl Inspection {
             self.source(text, "depth", k, &[Depth], "");
         }
     }
+}
+
+/// An angle \[deg\] without its whole quarter turns.
+pub(super) fn past_quarter(angle: f64) -> f64 {
+    angle - 90.0 * (angle / 90.0).round()
 }
 
 /// Which kind of position a log has.

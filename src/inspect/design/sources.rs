@@ -2,7 +2,8 @@
 
 use super::toml::{Text, array, quoted};
 use crate::inspect::log::Log;
-use crate::inspect::pair::{cross, horizontal};
+use crate::inspect::numbers::Vec3;
+use crate::inspect::pair::{cross, dot, horizontal};
 use crate::inspect::signal::{Kind, Signal};
 use crate::inspect::words::{Words, contains};
 use crate::inspect::{Clock, Form, Inspection, Origin};
@@ -54,7 +55,7 @@ impl Inspection {
         }
         text.line(&format!("[source.{name}.channels]"), "");
         for signal in signals {
-            self.channel(text, log, signal);
+            self.channel(text, name, log, signal);
         }
     }
 
@@ -82,8 +83,7 @@ impl Inspection {
                 }
             }
         }
-        let begin = self.begin().floor();
-        if begin > 1e6 {
+        if let Some(begin) = self.epoch() {
             parts.push(match clock.origin {
                 Origin::Unknown => format!("epoch = {}", epoch(begin, clock.unit)),
                 _ => format!("epoch = \"{}\"", utc_text(begin as i64)),
@@ -121,8 +121,13 @@ impl Inspection {
         text.line(&format!("time = {{ {} }}", parts.join(", ")), &why.join("; "));
     }
 
+    /// The second that stamps are counted from, where they would be large.
+    pub(super) fn epoch(&self) -> Option<f64> {
+        Some(self.begin().floor()).filter(|begin| *begin > 1e6)
+    }
+
     /// The scale of the unit's clock, where it drifts against that of the positions.
-    fn drift(&self) -> Option<f64> {
+    pub(super) fn drift(&self) -> Option<f64> {
         let (first, last) = self.pair?.lags?;
         let (k, _) = self.imu.as_ref()?;
         let between = self.logs[*k].duration() * 2.0 / 3.0;
@@ -148,8 +153,9 @@ impl Inspection {
         }
     }
 
-    fn channel(&self, text: &mut Text, log: &Log, signal: &Signal) {
+    fn channel(&self, text: &mut Text, source: &str, log: &Log, signal: &Signal) {
         let names = signal.names(&log.table);
+        let is_judge = matches!(source, "withheld" | "reference" | "truth");
         let unit = |u: &str| if u.is_empty() { String::new() } else { format!(", unit = \"{u}\"") };
         let columns = format!("columns = {}{}", array(&names), unit(&signal.unit));
         let body = match signal.kind {
@@ -168,16 +174,26 @@ impl Inspection {
                 };
                 body
             }
+            // The judge is as late as the sensor that reads other rows of it.
+            Kind::Velocity if source == "withheld" => columns + &self.lag().map_or_else(String::new, latency),
             Kind::Velocity | Kind::BodyVelocity | Kind::PositionSigma | Kind::VelocitySigma => columns,
             Kind::Speed | Kind::YawRate | Kind::Depth | Kind::Pressure => format!("column = {}{}", quoted(&names[0]), unit(&signal.unit)),
             Kind::Geodetic => {
-                // No sensor uses the height where there is none: the column that is nearest to zero stands for it.
-                let height = names.get(2).cloned().unwrap_or_else(|| smallest(log));
+                let height = match names.get(2) {
+                    Some(height) => Some(height.clone()),
+                    None if is_judge => None,
+                    None => {
+                        text.comment(
+                            "This file has no height: another column stands for one, and the sensor does not read it (`horizontal`).",
+                        );
+                        Some(stand_in(log))
+                    }
+                };
+                let height = height.map_or_else(String::new, |height| format!(", height = {}", quoted(&height)));
                 format!(
-                    "latitude = {}, longitude = {}, height = {}, unit = \"{}\"",
+                    "latitude = {}, longitude = {}{height}, unit = \"{}\"",
                     quoted(&names[0]),
                     quoted(&names[1]),
-                    quoted(&height),
                     signal.unit
                 )
             }
@@ -185,10 +201,11 @@ impl Inspection {
                 let vertical = if signal.columns.get(2).is_some_and(|c| c.1) { "up" } else { "down" };
                 let third = names.get(2).map_or(String::new(), |n| n.trim_start_matches('-').to_owned());
                 format!(
-                    "north = {}, east = {}, {vertical} = {}",
+                    "north = {}, east = {}, {vertical} = {}{}",
                     quoted(&names[0]),
                     quoted(&names[1]),
-                    quoted(&third)
+                    quoted(&third),
+                    unit(if signal.unit == "m" { "" } else { &signal.unit })
                 )
             }
             Kind::Quaternion => {
@@ -204,12 +221,21 @@ impl Inspection {
                 self.undecided_heading(text, &names);
                 self.euler(&names, &signal.unit)
             }
+            Kind::Heading => {
+                let yaw = self.yaw.filter(|yaw| yaw.is_decided());
+                let sign = if yaw.is_none_or(|yaw| yaw.is_clockwise) { "" } else { "-" };
+                let name = format!("{sign}{}", names[0]);
+                format!("column = {}{}{}", quoted(&name), unit(&signal.unit), self.quarter("\"{} deg\""))
+            }
             Kind::Wheels => return,
         };
-        text.line(
-            &format!("{} = {{ {body} }}", channel_name(signal.kind)),
-            &format!("guessed {}", signal.why),
-        );
+        let is_horizontal = signal.kind == Kind::Geodetic && signal.columns.len() < 3 && is_judge;
+        let name = if is_horizontal {
+            "horizontal_position"
+        } else {
+            channel_name(signal.kind)
+        };
+        text.line(&format!("{name} = {{ {body} }}"), &format!("guessed {}", signal.why));
     }
 
     /// The choices where the course does not tell how the heading counts.
@@ -234,41 +260,54 @@ impl Inspection {
         let Some(yaw) = self.yaw.filter(|yaw| yaw.is_decided()) else {
             return format!("rpy = {}, unit = \"{unit}\"", array(names));
         };
-        // To a quarter turn: the rest is how the instrument is mounted.
-        let quarter = 90.0 * (yaw.offset.to_degrees() / 90.0).round();
-        let offset = if quarter == 0.0 {
-            String::new()
-        } else {
-            format!(", offset = [0, 0, \"{quarter} deg\"]")
-        };
+        let offset = self.quarter("[0, 0, \"{} deg\"]");
         let against = |name: &String| if yaw.is_clockwise { name.clone() } else { format!("-{name}") };
         let all = [names[0].clone(), against(&names[1]), against(&names[2])];
         format!("rpy = {}, unit = \"{unit}\"{offset}", array(&all))
     }
 
+    /// `offset` of a recorded heading, in this form, to a quarter turn: the rest is how the instrument is mounted.
+    fn quarter(&self, form: &str) -> String {
+        let yaw = self.yaw.filter(|yaw| yaw.is_decided());
+        let quarter = yaw.map_or(0.0, |yaw| 90.0 * (yaw.offset.to_degrees() / 90.0).round());
+        if quarter == 0.0 {
+            String::new()
+        } else {
+            format!(", offset = {}", form.replace("{}", &quarter.to_string()))
+        }
+    }
+
     /// `rotation` from the sensor's axes to forward, right, down; empty where they are that.
     fn axes(&self) -> String {
-        let Some((_, imu)) = &self.imu else { return String::new() };
-        let (first, second) = horizontal(imu.up);
-        let down = cross(first, second);
-        let quarters = self.quarters();
-        let turn = |a: [f64; 3], b: [f64; 3]| match quarters {
-            0 => a,
-            1 => b,
-            2 => a.map(|x| -x),
-            _ => b.map(|x| -x),
-        };
-        let forward = turn(first, second);
-        let right = cross(down, forward);
-        let named = |v: [f64; 3]| {
+        let Some(axes) = self.body_axes() else { return String::new() };
+        let named = |v: Vec3| {
             let k = (0..3).find(|k| v[*k].abs() > 0.5).unwrap_or(0);
             crate::inspect::page::axis((k, v[k] < 0.0))
         };
-        let all = [forward, right, down].map(named);
+        let all = axes.map(named);
         if all == ["x", "y", "z"] {
             return String::new();
         }
         format!(", rotation = {{ axes = {} }}", array(&all))
+    }
+
+    /// A vector in the sensor's axes along those of the body.
+    pub(super) fn in_body(&self, v: Vec3) -> Vec3 {
+        self.body_axes().map_or(v, |axes| axes.map(|axis| dot(axis, v)))
+    }
+
+    /// Forward, right and down in the sensor's axes.
+    fn body_axes(&self) -> Option<[Vec3; 3]> {
+        let (_, imu) = self.imu.as_ref()?;
+        let (first, second) = horizontal(imu.up);
+        let down = cross(first, second);
+        let forward = match self.quarters() {
+            0 => first,
+            1 => second,
+            2 => first.map(|x| -x),
+            _ => second.map(|x| -x),
+        };
+        Some([forward, cross(down, forward), down])
     }
 
     /// By how many quarter turns the vehicle's forward axis is to the right of the first horizontal one.
@@ -290,6 +329,7 @@ const fn channel_name(kind: Kind) -> &'static str {
         Kind::BodyVelocity => "body_velocity",
         Kind::Quaternion | Kind::Euler => "attitude",
         Kind::Speed => "speed",
+        Kind::Heading => "heading",
         Kind::YawRate => "yaw_rate",
         Kind::Depth => "depth",
         Kind::PositionSigma => "position_sigma",
@@ -299,12 +339,24 @@ const fn channel_name(kind: Kind) -> &'static str {
     }
 }
 
-/// The column whose largest number is the smallest.
-fn smallest(log: &Log) -> String {
+/// A column that stands for a height which no sensor reads: the one whose largest number is the smallest, but no 1σ.
+fn stand_in(log: &Log) -> String {
+    let is_sigma = |name: &str| contains(&Words::of(name).stem, &["std", "sigma", "sd", "var", "cov", "acc", "accuracy"]);
     let reach = |values: &[f64]| values.iter().map(|v| v.abs()).fold(0.0, f64::max);
     let columns = log.table.columns.iter().filter(|c| c.values.iter().all(|v| v.is_finite()));
-    let least = columns.min_by(|a, b| reach(&a.values).total_cmp(&reach(&b.values)));
+    let least = columns
+        .filter(|c| !is_sigma(&c.name))
+        .min_by(|a, b| reach(&a.values).total_cmp(&reach(&b.values)));
     least.map_or_else(String::new, |c| c.name.clone())
+}
+
+/// `latency` of a channel that is late \[s\].
+fn latency(lag: f64) -> String {
+    if lag > 0.0 {
+        format!(", latency = \"{lag:.2} s\"")
+    } else {
+        String::new()
+    }
 }
 
 /// A whole second as stamps of this unit count it.

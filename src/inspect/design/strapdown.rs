@@ -1,9 +1,11 @@
 //! An inertial unit with positions.
 
+use super::Told;
 use super::toml::Text;
-use crate::inspect::page::vector;
+use crate::inspect::numbers::norm;
+use crate::inspect::page::{degrees, vector};
 use crate::inspect::signal::Kind::{AngularRate, SpecificForce};
-use crate::inspect::{Imu, Inspection, Rest};
+use crate::inspect::{Imu, Inspection, Rest, Stances, Track};
 
 /// What is added to densities at rest for the shaking of motion.
 const SHAKEN: f64 = 3.0;
@@ -17,14 +19,25 @@ impl Inspection {
         text.quoted("type", "strapdown");
         text.quoted("source", "imu");
         self.noise(text, imu.rest.as_ref());
+        if imu.stances.is_some() {
+            text.line(
+                "agility = { acceleration = \"200 m/s^2\", angular_rate = \"1000 deg/s\" }",
+                "guessed: a foot that strikes the ground; what changes faster is a spike",
+            );
+        }
         self.start(text, imu);
         let is_car = self.is_road_vehicle();
         text.section("aids");
         self.position_sensors(text, true);
         self.barometer(text);
+        self.compasses(text);
         if is_car {
             self.road(text, imu);
         }
+        if let Some(stances) = &imu.stances {
+            foot(text, stances);
+        }
+        self.log_or_wheels(text);
         self.water(text);
         text.section("data");
         text.comment(&format!(
@@ -39,9 +52,14 @@ impl Inspection {
 
     /// Why the forward axis is what it is.
     pub(super) fn ahead(&self) -> String {
+        let unit = self.imu.as_ref().and_then(|(k, _)| self.logs[*k].signal(SpecificForce));
+        let is_named = unit.is_some_and(|s| s.is_body);
         let found = self.pair.and_then(|p| p.forward).filter(|(_, c)| *c > 0.6);
         found.map_or_else(
             || {
+                if is_named {
+                    return "by the names of the columns: forward, right, down".to_owned();
+                }
                 "not decided: nothing here tells which axis is ahead, the first horizontal one is taken. For another one turn \
                  `rotation` about the vertical: of [\"x\", \"y\", \"z\"] to [\"y\", \"-x\", \"z\"] or [\"-x\", \"-y\", \"z\"]"
                     .to_owned()
@@ -70,14 +88,28 @@ impl Inspection {
             &why(rest.map(|r| r.accel_noise)),
         );
         let sigma = if rest.is_some() { "0.05 deg/s" } else { "0.5 deg/s" };
+        let (initial, found) = self.gyro_bias(rest);
         text.line(
-            &format!("gyro.bias = {{ estimate = true, initial = [0, 0, 0], sigma = \"{sigma}\", random_walk = \"1e-5 rad/s/sqrt(s)\" }}"),
-            "guessed: a micro-mechanical unit; see configs/parts/imu for data sheets",
+            &format!("gyro.bias = {{ estimate = true, initial = {initial}, sigma = \"{sigma}\", random_walk = \"1e-5 rad/s/sqrt(s)\" }}"),
+            &format!("guessed: a micro-mechanical unit; see configs/parts/imu for data sheets{found}"),
         );
         text.line(
             "accelerometer.bias = { estimate = true, initial = [0, 0, 0], sigma = \"0.1 m/s^2\", random_walk = \"1e-4 m/s^2/sqrt(s)\" }",
             "guessed: the same",
         );
+    }
+
+    /// The bias of the gyros in body axes, and where it is from, if it is worth a word.
+    pub(super) fn gyro_bias(&self, rest: Option<&Rest>) -> (String, &'static str) {
+        /// Ten of the 1σ of a bias that was found at rest [rad/s].
+        const LARGE: f64 = 0.0087;
+        match rest.filter(|r| norm(r.bias) > LARGE) {
+            Some(r) => {
+                let bias = degrees(self.in_body(r.bias)).map(|b| format!("\"{b:.2} deg/s\""));
+                (format!("[{}]", bias.join(", ")), "; its mean rate at rest")
+            }
+            None => ("[0, 0, 0]".to_owned(), ""),
+        }
     }
 
     /// The initialisers.
@@ -92,28 +124,55 @@ impl Inspection {
             &format!("position_sigma = \"{:.2} m\"", 1.5 * sigma),
             "one and a half of the 1σ guessed below",
         );
-        if self.has_course() {
+        let told = self.told();
+        if told == Told::Course && self.velocity.is_none() {
             text.line("velocity_sigma = \"1 m/s\"", "guessed: it is late while the vehicle pulls away");
-            text.table("initial.heading");
-            text.quoted("type", "course");
-            text.quoted("source", "gnss");
-            let speed = (0.3 * track.top_speed()).clamp(1.0, 3.0);
-            text.line(
-                &format!("min_speed = \"{speed:.1} m/s\""),
-                "guessed: a third of the usual top speed, 3 m/s at most",
-            );
-            text.line(
-                "sigma = \"10 deg\"",
-                "guessed: noise of the course, and how the unit sits in the vehicle",
-            );
-        } else {
+        }
+        match told {
+            Told::Course => self.by_course(text, track),
+            Told::Heading => {
+                text.table("initial.heading");
+                text.line("type = \"compass\"\nsource = \"heading\"", "");
+                text.line("sigma = \"10 deg\"", "guessed: deviation, declination, and how it is mounted");
+            }
+            Told::Field => {
+                text.table("initial.heading");
+                text.line("type = \"compass\"\nsource = \"compass\"", "");
+                text.line("sigma = \"20 deg\"", "guessed: declination, and iron that is not yet known");
+            }
+            Told::Nobody => {}
+        }
+        if told != Told::Course || self.velocity.is_some() {
             text.table("initial.start");
             text.quoted("type", "explicit");
             text.line("velocity = [0, 0, 0]", "");
-            text.line("velocity_sigma = \"0.5 m/s\"", "guessed: it starts slowly");
+            if told == Told::Course {
+                let fast = track.top_speed();
+                text.line(&format!("velocity_sigma = \"{fast:.1} m/s\""), "guessed: the usual top speed");
+            } else {
+                text.line("velocity_sigma = \"0.5 m/s\"", "guessed: it starts slowly");
+            }
+        }
+        if told == Told::Nobody {
             text.line("heading = \"0 deg\"", "");
             text.line("heading_sigma = \"180 deg\"", "nobody tells it");
         }
+    }
+
+    /// Heading by the course.
+    fn by_course(&self, text: &mut Text, track: &Track) {
+        text.table("initial.heading");
+        text.quoted("type", "course");
+        text.quoted("source", self.velocity_source());
+        let speed = (0.3 * track.top_speed()).clamp(1.0, 3.0);
+        text.line(
+            &format!("min_speed = \"{speed:.1} m/s\""),
+            "guessed: a third of the usual top speed, 3 m/s at most",
+        );
+        text.line(
+            "sigma = \"10 deg\"",
+            "guessed: noise of the course, and how the unit sits in the vehicle",
+        );
     }
 
     /// Roll and pitch at rest.
@@ -151,7 +210,7 @@ impl Inspection {
         let fits = |t: &crate::inspect::Track| t.top_speed() > 5.0 && self.has_course();
         let rests = self.imu.as_ref().and_then(|(_, i)| i.rest.as_ref()).is_some_and(|r| r.share > 0.01);
         let forward = self.pair.and_then(|p| p.forward).is_some_and(|(_, c)| c > 0.7);
-        let is_dry = self.with(super::super::Kind::Depth).is_none();
+        let is_dry = self.with(super::super::Kind::Depth).is_none() && self.current.is_none();
         rests && forward && is_dry && self.position.as_ref().is_some_and(|(_, t)| fits(t))
     }
 
@@ -183,7 +242,10 @@ impl Inspection {
         text.line(&format!("still = {}", still(rest, "1 s")), &limits(rest));
         text.line("max_mean_acceleration = \"0.2 m/s^2\"", "guessed: braking is no rest");
         text.line(
-            "gnss = { source = \"gnss\", max_speed = \"0.2 m/s\", max_age = \"1.6 s\" }",
+            &format!(
+                "gnss = {{ source = \"{}\", max_speed = \"0.2 m/s\", max_age = \"1.6 s\" }}",
+                self.velocity_source()
+            ),
             "guessed: the noise of the reported speed",
         );
         text.line("max_speed = \"2 m/s\"", "guessed: where GNSS is silent");
@@ -194,6 +256,32 @@ impl Inspection {
             "guessed: soft, a creeping car passes the test now and then",
         );
     }
+}
+
+/// The foot stands at every stance, as in configs/templates/person.toml.
+fn foot(text: &mut Text, s: &Stances) {
+    text.section(&format!(
+        "guessed: a foot, for it stands for {:.2} s every {:.2} s; delete this for a vehicle",
+        s.duration, s.period
+    ));
+    text.table("stage.standing");
+    text.line(
+        "type = \"stationarity\"\nsource = \"imu\"\nrate = \"20 Hz\"\ntest_rate = \"50 Hz\"",
+        "",
+    );
+    text.line(
+        &format!(
+            "still = {{ window = \"{:.2} s\", accel_std = \"{:.2} m/s^2\", gyro_std = \"{:.2} deg/s\", mean_rate = \"{:.2} deg/s\" }}",
+            Stances::WINDOW,
+            s.accel_std,
+            s.gyro_std.to_degrees(),
+            s.mean_rate.to_degrees()
+        ),
+        "guessed: twice the medians in the middle of the stances",
+    );
+    text.table("sensor.standing");
+    text.line("type = \"zero_velocity\"\nsource = \"standing\"", "");
+    text.line("noise = { sigma = \"3 cm/s\" }", "guessed: a foot that rolls while it stands");
 }
 
 /// Where the limits of the test of rest are from.

@@ -1,0 +1,114 @@
+//! A foot by its inertial unit: it stands for a moment, swings, and stands again.
+
+use super::numbers::{Vec3, median, moments, norm};
+
+/// A foot that stands turns slower [rad/s], and its force is that of gravity to so much [m/s²].
+const SLOW: f64 = 0.6;
+const STILL: f64 = 1.0;
+/// A swing turns it faster [rad/s].
+const SWING: f64 = 2.5;
+/// From one stance to the next of a walk or a run [s].
+const STRIDE: core::ops::Range<f64> = 0.5..2.5;
+/// Fewer strides are no walk.
+const ENOUGH: usize = 10;
+/// Of all pauses between two swings so many are stances of a walk.
+const REGULAR: f64 = 0.6;
+
+/// Regular stances.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stances {
+    /// How many.
+    pub count: usize,
+    /// Median time from one to the next \[s\].
+    pub period: f64,
+    /// Median time that one lasts \[s\].
+    pub duration: f64,
+    /// Twice the median standard deviation of the specific force in the middle of one, the largest of the axes \[m/s²\].
+    pub accel_std: f64,
+    /// The same of the angular rate \[rad/s\].
+    pub gyro_std: f64,
+    /// Twice the median of the mean rate there, less the bias, the largest of the axes \[rad/s\].
+    pub mean_rate: f64,
+}
+
+impl Stances {
+    /// The middle of a stance that is looked at \[s\].
+    pub(super) const WINDOW: f64 = 0.15;
+
+    /// Of samples of a unit; `None` where they are not those of a foot that walks.
+    pub(super) fn of(t: &[f64], force: &[Vec3], rate: &[Vec3], gravity: f64, bias: Vec3) -> Option<Self> {
+        let turning = |k: usize| norm([0, 1, 2].map(|i| rate[k][i] - bias[i]));
+        let stands = |k: usize| turning(k) < SLOW && (norm(force[k]) - gravity).abs() < STILL;
+        // Runs of standing samples, and whether a swing lies before each.
+        let (mut runs, mut begin, mut has_swung): (Vec<(usize, usize, bool)>, _, _) = (Vec::new(), None::<usize>, false);
+        for k in 0..t.len() {
+            if stands(k) {
+                begin = begin.or(Some(k));
+                continue;
+            }
+            if let Some(from) = begin.take().filter(|from| t[k] - t[*from] >= Self::WINDOW) {
+                runs.push((from, k, has_swung));
+                has_swung = false;
+            }
+            has_swung |= turning(k) > SWING;
+        }
+        let swung: Vec<[(usize, usize); 2]> = runs
+            .windows(2)
+            .filter(|w| w[1].2)
+            .map(|w| [(w[0].0, w[0].1), (w[1].0, w[1].1)])
+            .collect();
+        let strides: Vec<&[(usize, usize); 2]> = swung.iter().filter(|[a, b]| STRIDE.contains(&(t[b.0] - t[a.0]))).collect();
+        if strides.len() < ENOUGH || (strides.len() as f64) < REGULAR * swung.len() as f64 {
+            return None;
+        }
+        let middles: Vec<(usize, usize)> = strides.iter().map(|[a, _]| middle(t, *a)).collect();
+        let typical = |v: &[Vec3], of: &dyn Fn((f64, f64), usize) -> f64| {
+            let axis = |i: usize| median(middles.iter().map(|(a, b)| of(moments(v[*a..*b].iter().map(|v| v[i])), i)));
+            2.0 * [0, 1, 2].map(axis).into_iter().fold(0.0, f64::max)
+        };
+        Some(Self {
+            count: strides.len() + 1,
+            period: median(strides.iter().map(|[a, b]| t[b.0] - t[a.0])),
+            duration: median(strides.iter().map(|[a, _]| t[a.1] - t[a.0])),
+            accel_std: typical(force, &|m, _| m.1),
+            gyro_std: typical(rate, &|m, _| m.1),
+            mean_rate: typical(rate, &|m, i| (m.0 - bias[i]).abs()),
+        })
+    }
+}
+
+/// The rows in the middle of a run.
+fn middle(t: &[f64], (from, to): (usize, usize)) -> (usize, usize) {
+    let centre = 0.5 * (t[from] + t[to]);
+    let at = |time: f64| from + t[from..to].partition_point(|t| *t < time);
+    (at(centre - 0.5 * Stances::WINDOW), at(centre + 0.5 * Stances::WINDOW))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A minute at 200 Hz: after each `pause` a swing of 0.6 s about y.
+    fn foot(pause: f64) -> (Vec<f64>, Vec<Vec3>, Vec<Vec3>) {
+        let of = |k: i32| {
+            let t = 0.005 * f64::from(k);
+            let swing = (t.rem_euclid(pause + 0.6) - pause).max(0.0) / 0.6 * core::f64::consts::TAU;
+            let noise = 0.01 * (12.9898 * f64::from(k)).sin();
+            (t, ([3.0 * swing.sin(), noise, -9.81], [noise, 6.0 * swing.sin(), 0.0]))
+        };
+        let (t, samples): (Vec<f64>, Vec<_>) = (0..12_000).map(of).unzip();
+        let (force, rate) = samples.into_iter().unzip();
+        (t, force, rate)
+    }
+
+    #[test]
+    fn the_stances_of_a_walk_are_found_and_pauses_of_a_hand_are_not() {
+        let (t, force, rate) = foot(0.5);
+        let s = Stances::of(&t, &force, &rate, 9.81, [0.0; 3]).unwrap();
+        // 1.1 s each; a swing is slow at its beginning and end for a few samples.
+        assert!((s.period - 1.1).abs() < 0.01 && (0.5..0.56).contains(&s.duration), "{s:?}");
+        assert!(s.count > 50 && s.accel_std < 0.03 && s.gyro_std < 0.03, "{s:?}");
+        let (t, force, rate) = foot(4.0);
+        assert_eq!(Stances::of(&t, &force, &rate, 9.81, [0.0; 3]), None);
+    }
+}

@@ -1,0 +1,90 @@
+//! A speed through the water: how it differs from the speed over ground tells the current.
+//!
+//! With the velocity v over ground, a current c and a log that reads s = |v − c| / κ:
+//! |v|² = 2 v·c − |c|² + κ² s², which is linear in c, |c|² and κ². Of wheels c is zero. Noise and waves add their mean square
+//! to |c|², which is left free.
+//!
+//! Not here: leeway, and a current that changes
+
+use super::track::{Odometer, Track};
+use nalgebra::{DMatrix, DVector};
+
+/// The speed is that of the water, if the current explains so much of what a scale alone leaves.
+const EXPLAINED: f64 = 0.75;
+/// A weaker current is none [m/s].
+const CURRENT: f64 = 0.1;
+/// Rows are averaged over so long, which takes the waves out [s]; fewer means in motion say nothing.
+const MEAN: f64 = 10.0;
+const ENOUGH: usize = 15;
+
+/// The current, north and east \[m/s\], if a speed is that through the water.
+pub(super) fn current(speed: &Odometer, track: &Track) -> Option<[f64; 2]> {
+    let slowest = 0.5 * track.top_speed();
+    // Of each row the velocity, the square of its length, and that of the speed.
+    let rows = track.t.iter().zip(&track.velocity).filter_map(|(t, v)| {
+        let s = speed.at(*t)?;
+        let row = [v[0], v[1], v[0] * v[0] + v[1] * v[1], s * s];
+        (track.is_reported && row.iter().all(|x| x.is_finite())).then_some(((t / MEAN).floor(), row))
+    });
+    let rows: Vec<(f64, [f64; 4])> = rows.collect();
+    let means = rows.chunk_by(|a, b| a.0 == b.0).map(|bin| {
+        let mean = |i: usize| bin.iter().map(|(_, row)| row[i]).sum::<f64>() / bin.len() as f64;
+        [0, 1, 2, 3].map(mean)
+    });
+    let means: Vec<[f64; 4]> = means.filter(|mean| mean[0].hypot(mean[1]) > slowest).collect();
+    if means.len() < ENOUGH {
+        return None;
+    }
+    let seen = DVector::from_iterator(means.len(), means.iter().map(|mean| mean[2]));
+    let of_water = DMatrix::from_fn(means.len(), 4, |k, i| match i {
+        0 | 1 => 2.0 * means[k][i],
+        2 => -1.0,
+        _ => means[k][3],
+    });
+    let of_ground = of_water.columns(2, 2).into_owned();
+    let left = |h: &DMatrix<f64>| {
+        let x = h.clone().svd(true, true).solve(&seen, 1e-9).ok()?;
+        Some(((&seen - h * &x).norm_squared(), x))
+    };
+    let ((ground, _), (water, x)) = (left(&of_ground)?, left(&of_water)?);
+    let c = [x[0], x[1]];
+    (water < (1.0 - EXPLAINED) * ground && c[0].hypot(c[1]) > CURRENT).then_some(c)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ten minutes round in circles at 2 m/s through water that runs by `c`, and a log that reads 3 % too little.
+    fn circling(c: [f64; 2]) -> (Odometer, Track) {
+        let t: Vec<f64> = (0..600).map(f64::from).collect();
+        let noise = |k: f64| 0.05 * (12.9898 * k).sin();
+        let track = Track {
+            velocity: t
+                .iter()
+                .map(|t| {
+                    [
+                        2.0 * (0.03 * t).cos() + c[0] + noise(*t),
+                        2.0 * (0.03 * t).sin() + c[1] - noise(*t),
+                        0.0,
+                    ]
+                })
+                .collect(),
+            is_reported: true,
+            t: t.clone(),
+            ..Track::default()
+        };
+        let speed = t.iter().map(|t| 2.0 / 1.03 + noise(t + 0.3)).collect();
+        (Odometer::new(t, speed), track)
+    }
+
+    #[test]
+    fn a_current_is_found_and_wheels_have_none() {
+        let (speed, track) = circling([0.4, -0.3]);
+        let c = current(&speed, &track).unwrap();
+        // 5 cm/s of noise in 600 rows.
+        assert!((c[0] - 0.4).abs() < 0.02 && (c[1] + 0.3).abs() < 0.02, "{c:?}");
+        let (speed, track) = circling([0.0, 0.0]);
+        assert_eq!(current(&speed, &track), None);
+    }
+}
