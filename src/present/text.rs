@@ -8,7 +8,7 @@ use std::fmt::{self, Write};
 /// Characters in a line where the width of the terminal is not known.
 pub const WIDTH: usize = 100;
 /// Words longer than this may be broken.
-const LONG: usize = 24;
+const LONG: usize = 32;
 /// Before every line of a table.
 const INDENT: &str = "  ";
 
@@ -75,14 +75,16 @@ fn write_table(out: &mut String, table: &Table, width: usize) -> fmt::Result {
         drawn.set_padding((0, 2));
         if !column.is_text {
             drawn.set_cell_alignment(CellAlignment::Right);
-            // A heading may be wrapped, a number never; where a name stands in its place, neither fits.
-            let widest = table.rows().iter().map(|r| table.shown(r, k).chars().count() + 2).max();
-            let widest = u16::try_from(widest.unwrap_or(0).min(width)).unwrap_or(u16::MAX);
+            // A heading may be wrapped between its words, a number never; where a name stands in its place, neither fits.
+            let widest = table.rows().iter().map(|r| table.shown(r, k).chars().count()).max();
+            let widest = widest.unwrap_or(0).max(longest_word(&short(&column.heading()))) + 2;
+            let widest = u16::try_from(widest.min(width)).unwrap_or(u16::MAX);
             drawn.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(widest)));
         } else if !table.is_list() {
             // Words are wrapped between, not within, if they are names of a usual length.
-            let words = table.rows().iter().map(|r| longest_word(&table.shown(r, k)).min(LONG) + 2).max();
-            let widest = u16::try_from(words.unwrap_or(0).min(width)).unwrap_or(u16::MAX);
+            let words = table.rows().iter().map(|r| longest_word(&table.shown(r, k)).min(LONG)).max();
+            let widest = words.unwrap_or(0).max(longest_word(&short(&column.heading()))) + 2;
+            let widest = u16::try_from(widest.min(width)).unwrap_or(u16::MAX);
             drawn.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(widest)));
         }
     }
