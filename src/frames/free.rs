@@ -7,6 +7,7 @@ use super::judge::{Comparison, Judged};
 use crate::config::{Diagnostic, Diagnostics, Node};
 use crate::design::{Design, Named, SensorDesign, parameters};
 use crate::observe::{Heard, RunEvent, RunObserver};
+use crate::present::short;
 use crate::run::{Options, Run, Smoothing, examine};
 use fusion_core::runner::Halt;
 use fusion_core::state::{Belief, Block, Kind};
@@ -16,7 +17,11 @@ use serde_json::Value as Json;
 
 /// An arm that is so many σ on the other side of zero points there. Latencies that are not declared, and errors that are
 /// correlated, move an estimate by several σ.
-const CERTAIN: f64 = 10.0;
+const MIRRORED: f64 = 10.0;
+/// An arm that is declared, and so many σ elsewhere, is another one.
+const CERTAIN: f64 = 6.0;
+/// From so many σ on it is said why nothing is told.
+const NOTABLE: f64 = 3.0;
 /// A σ that is not below so much of its first one tells nothing.
 const LEARNT: f64 = 1.0 / 3.0;
 /// An estimate that goes so many of its first σ away is no estimate: the filter is.
@@ -67,7 +72,7 @@ const SORTS: [Sort; 5] = [
         si: 1.0,
         sigma: 0.3,
         least: 0.05,
-        certain: 10.0,
+        certain: 6.0,
     },
     Sort {
         unit: "m",
@@ -138,7 +143,19 @@ pub(super) fn judge(design: &Design, options: &Options, found: &mut Judged) -> R
         Run::open(&free, &options)?.go(&mut [&mut course], &mut |_| {})?.keep()?;
         let estimates: Vec<_> = tried.iter().filter_map(|t| Some((*t, course.estimate(&t.name())?))).collect();
         if !estimates.iter().any(|(_, e)| e.is_astray) {
-            estimates.iter().for_each(|(tried, estimate)| compare(tried, estimate, found));
+            // What the data tell nothing of is named, no more; declared arms were always listed.
+            let is_listed = |(tried, e): &&(&Tried<'_>, Estimate)| {
+                let is_declared_arm = tried.is_arm() && (0..3).any(|k| (e.value[k] - e.difference[k]).abs() >= SHORTEST);
+                is_declared_arm || e.is_learnt.contains(&true)
+            };
+            let (listed, unknown): (Vec<_>, Vec<_>) = estimates.iter().partition(is_listed);
+            listed.into_iter().for_each(|(tried, estimate)| compare(tried, estimate, found));
+            let unknown: Vec<String> = unknown.into_iter().map(|(tried, _)| tried.name()).collect();
+            if !unknown.is_empty() {
+                found
+                    .comparisons
+                    .push(untried(&format!("these data tell too little of {}", unknown.join(", "))));
+            }
             return Ok(());
         }
         is_astray = true;
@@ -313,33 +330,49 @@ enum Verdict {
 
 impl Tried<'_> {
     fn verdict(&self, e: &Estimate, k: usize) -> Verdict {
-        let (sort, declared) = (self.sort, e.value[k] - e.difference[k]);
-        let certain = |by: f64, times: f64| by.abs() > times * e.sigma[k];
+        let declared = e.value[k] - e.difference[k];
         if self.is_arm() && declared.abs() >= SHORTEST {
-            let is_mirrored = e.value[k] * declared < 0.0 && certain(e.value[k], CERTAIN) && e.value[k].abs() > declared.abs() / 2.0;
-            if is_mirrored {
+            let is_far = e.value[k].abs() > MIRRORED * e.sigma[k] && e.value[k].abs() > declared.abs() / 2.0;
+            if is_far && e.value[k] * declared < 0.0 {
                 return Verdict::Mirrored;
             }
         }
-        let is_other = !self.is_state && e.is_learnt[k] && e.is_steady[k] && e.difference[k].abs() >= sort.least * sort.si;
-        // Nothing is measured before it is.
-        let is_early = sort.unit == "s" && e.value[k] < -sort.least;
-        // Of what is left out less is claimed than of what is declared.
-        let times = if self.is_arm() && declared.abs() >= SHORTEST {
-            CERTAIN
-        } else {
-            sort.certain
-        };
-        if is_other && !is_early && certain(e.difference[k], times) {
+        if !self.is_state && e.is_learnt[k] && self.doubts(e, k).is_none() {
             Verdict::Other
         } else {
             Verdict::Fits
         }
     }
 
-    /// Values in its unit, as they are read.
-    fn shown(&self, values: &[f64]) -> String {
-        let words: Vec<String> = values.iter().map(|v| format!("{:.2}", v / self.sort.si)).collect();
+    /// Standard errors from which on another value is told: of what is left out less is claimed than of what is declared.
+    fn certain(&self, declared: f64) -> f64 {
+        if self.is_arm() && declared.abs() >= SHORTEST {
+            CERTAIN
+        } else {
+            self.sort.certain
+        }
+    }
+
+    /// Why a difference is not told.
+    fn doubts(&self, e: &Estimate, k: usize) -> Option<String> {
+        let (sort, by) = (self.sort, e.difference[k].abs());
+        let (times, certain) = (by / e.sigma[k], self.certain(e.value[k] - e.difference[k]));
+        if by < sort.least * sort.si {
+            return Some(format!("within {} {} of what is declared", sort.least, sort.unit));
+        }
+        if times < certain {
+            return Some(format!("{times:.1} σ from what is declared, {certain:.0} σ would be told"));
+        }
+        // Nothing is measured before it is.
+        if sort.unit == "s" && e.value[k] < -sort.least {
+            return Some("a negative delay is none".to_owned());
+        }
+        (!e.is_steady[k]).then(|| "it goes on moving".to_owned())
+    }
+
+    /// Values in its unit, as they are read, with two digits of their σ.
+    fn shown(&self, values: &[f64], sigma: &[f64]) -> String {
+        let words = self.rounded(values, sigma);
         match &words[..] {
             [one] => one.clone(),
             words => format!("[{}]", words.join(", ")),
@@ -347,28 +380,47 @@ impl Tried<'_> {
     }
 
     /// Values as they are written in TOML.
-    fn written(&self, values: &[f64]) -> String {
+    fn written(&self, values: &[f64], sigma: &[f64]) -> String {
         let unit = self.sort.unit;
-        let words: Vec<String> = values.iter().map(|v| format!("\"{:.2} {unit}\"", v / self.sort.si)).collect();
+        let words: Vec<String> = self.rounded(values, sigma).iter().map(|v| format!("\"{v} {unit}\"")).collect();
         match &words[..] {
             [one] => one.clone(),
             words => format!("[{}]", words.join(", ")),
         }
     }
+
+    fn rounded(&self, values: &[f64], sigma: &[f64]) -> Vec<String> {
+        let pairs = values.iter().zip(sigma);
+        pairs.map(|(v, sigma)| rounded(v / self.sort.si, sigma / self.sort.si)).collect()
+    }
+}
+
+/// A value to two digits of its σ.
+fn rounded(value: f64, sigma: f64) -> String {
+    let digits = if sigma > 0.0 { 1 - sigma.log10().floor() as i32 } else { 2 };
+    let text = format!("{value:.*}", digits.clamp(0, 9) as usize);
+    // What rounds to zero has no sign.
+    let is_zero = text.chars().all(|c| matches!(c, '-' | '0' | '.'));
+    text.strip_prefix('-').filter(|_| is_zero).map_or(text.clone(), str::to_owned)
 }
 
 fn compare(tried: &Tried<'_>, e: &Estimate, found: &mut Judged) {
-    // What the data tell nothing of is not listed; arms always were.
-    let is_declared_arm = tried.is_arm() && (0..3).any(|k| (e.value[k] - e.difference[k]).abs() >= SHORTEST);
-    if !is_declared_arm && !e.is_learnt.contains(&true) {
-        return;
-    }
     let verdicts: Vec<Verdict> = (0..e.difference.len()).map(|k| tried.verdict(e, k)).collect();
     let unit = tried.sort.unit;
-    let words = format!("{} {unit}, 1σ {} {unit}", tried.shown(&e.value), tried.shown(&e.sigma));
+    let words = format!(
+        "{} {unit}, 1σ {} {unit}",
+        tried.shown(&e.value, &e.sigma),
+        tried.shown(&e.sigma, &e.sigma)
+    );
     let away = |k: usize| if e.is_learnt[k] { e.difference[k].abs() / e.sigma[k] } else { 0.0 };
     let is_mirrored = verdicts.contains(&Verdict::Mirrored);
     let found_other = is_mirrored || verdicts.contains(&Verdict::Other);
+    // Of the axis that is furthest away, why nothing is said.
+    let furthest = (0..verdicts.len()).max_by(|a, b| away(*a).total_cmp(&away(*b)));
+    let why = furthest.filter(|k| away(*k) > NOTABLE && !tried.is_state);
+    let why = why
+        .and_then(|k| tried.doubts(e, k))
+        .map_or_else(String::new, |why| format!("; no warning: {why}"));
     found.comparisons.push(Comparison {
         what: tried.name(),
         with: "the estimate of this filter".to_owned(),
@@ -381,7 +433,7 @@ fn compare(tried: &Tried<'_>, e: &Estimate, found: &mut Judged) {
         verdict: match (is_mirrored, found_other) {
             (true, _) => format!("another sign: {words}"),
             (_, true) => format!("another value: {words}"),
-            _ => words.clone(),
+            _ => words.clone() + &why,
         },
     });
     if is_mirrored {
@@ -399,8 +451,9 @@ fn mirrored(tried: &Tried<'_>, e: &Estimate, verdicts: &[Verdict], words: &str) 
         .map(|k| ["x", "y", "z"][k])
         .collect();
     let sign = |k: usize| if verdicts[k] == Verdict::Mirrored { -1.0 } else { 1.0 };
+    // As it is declared: sums and differences of it leave 1e-17.
     let arm: Vec<String> = (0..3)
-        .map(|k| format!("\"{} m\"", sign(k) * (e.value[k] - e.difference[k])))
+        .map(|k| format!("\"{} m\"", short(sign(k) * (e.value[k] - e.difference[k]))))
         .collect();
     let key = if node.at(&format!("{ARM}.initial")).is_some() {
         "initial"
@@ -435,7 +488,7 @@ fn other(tried: &Tried<'_>, e: &Estimate, words: &str) -> Diagnostic {
     let initial = if tried.is_rotation {
         tried.declared.clone()
     } else {
-        tried.written(&e.value)
+        tried.written(&e.value, &e.sigma)
     };
     let help = format!(
         "try it as a state: `{key} = {{ estimate = true, initial = {initial}, sigma = \"{} {}\" }}`; where it then stays, and the \
@@ -443,4 +496,22 @@ fn other(tried: &Tried<'_>, e: &Estimate, words: &str) -> Diagnostic {
         sort.sigma, sort.unit
     );
     Diagnostic::warning(message).at(place).help(help)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::rounded;
+
+    #[test]
+    fn a_value_is_shown_to_two_digits_of_its_sigma() {
+        for (value, sigma, shown) in [
+            (0.3012, 0.0042, "0.3012"),
+            (-0.12345, 0.12, "-0.12"),
+            (2.861, 10.0, "3"),
+            (-0.0001, 0.01, "0.000"),
+            (1.0, 0.0, "1.00"),
+        ] {
+            assert_eq!(rounded(value, sigma), shown);
+        }
+    }
 }

@@ -1,14 +1,20 @@
 //! The comparisons, one after the other: what was found wrong before is put right for those that follow.
 
+use super::clock::{self, Clocks};
 use super::field::{self, Told};
 use super::free;
+use super::heading::Turned;
 use super::log::{self, Track};
-use super::mistake::{self, Axes, at, complete, differing, names, remedy, unit};
-use super::motion::{Attitudes, GRAVITY, MIN_SPEED, Velocities, course, headings};
-use super::regression::{Fit, fit};
+use super::mistake::{self, Axes, Whole, at, complete, differing, names, remedy, unit};
+use super::motion::{self, Attitudes, GRAVITY, Velocities};
+use super::regression::{FAR, Fit, NEAR, fit};
+use super::upright::Upright;
+use super::world::Moved;
 use crate::config::{Diagnostic, Diagnostics, Node};
 use crate::design::Design;
+use crate::present::short;
 use crate::run::Options;
+use fusion_models::units::Duration;
 use nalgebra::Vector3;
 
 /// What was compared, and what came of it.
@@ -51,6 +57,7 @@ pub fn judge(design: &Design, options: &Options) -> Result<Judged, Diagnostics> 
         tracks: log::read(design, options)?,
         found: Judged::default(),
     };
+    judge.places();
     let velocities = judge.velocities();
     let attitude = judge.attitude(&velocities);
     judge.instruments(&velocities, attitude.as_ref());
@@ -65,15 +72,15 @@ pub fn judge(design: &Design, options: &Options) -> Result<Judged, Diagnostics> 
     Ok(found)
 }
 
-struct Judge<'a> {
-    design: &'a Design,
-    tracks: Vec<Track>,
-    found: Judged,
+pub(super) struct Judge<'a> {
+    pub(super) design: &'a Design,
+    pub(super) tracks: Vec<Track>,
+    pub(super) found: Judged,
 }
 
 /// What is expected along some axes, with what was measured then.
 #[derive(Default)]
-struct Expected {
+pub(super) struct Expected {
     rows: [(Vec<f64>, Vec<Vector3<f64>>); 3],
 }
 
@@ -83,34 +90,28 @@ impl Expected {
         self.rows[row].1.push(measured);
     }
 
-    fn push_all(&mut self, expected: &Vector3<f64>, measured: Vector3<f64>) {
-        (0..3).for_each(|row| self.push(row, expected[row], measured));
+    pub(super) fn push_all(&mut self, expected: &Vector3<f64>, measured: Vector3<f64>) {
+        let rows = (0..3).filter(|row| expected[*row].is_finite());
+        rows.for_each(|row| self.push(row, expected[row], measured));
     }
 
-    fn fits(&self) -> [Option<Fit>; 3] {
+    /// What is told, with the means of what was measured `lag` before.
+    pub(super) fn of(measured: &Track, told: &[motion::Told], lag: f64) -> Self {
+        let mut expected = Self::default();
+        let pairs = told
+            .iter()
+            .filter_map(|(from, to, v)| Some((v, measured.mean(from - lag, to - lag)?)));
+        pairs.for_each(|(v, m)| expected.push_all(v, m));
+        expected
+    }
+
+    pub(super) fn fits(&self) -> [Option<Fit>; 3] {
         [0, 1, 2].map(|row| fit(row, &self.rows[row].0, &self.rows[row].1))
     }
 }
 
-/// How late a velocity or an attitude may be stamped against the instruments \[s\]: receivers are late by up to half a
-/// second, and what is smoothed in both directions is early.
-const LAGS: [f64; 9] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, -0.1, -0.2];
-
-/// The fits at the lag at which all axes together correlate best, whichever they are, with that lag.
-fn aligned(at: impl Fn(f64) -> Expected) -> ([Option<Fit>; 3], f64) {
-    let told = |fits: &[Option<Fit>; 3]| fits.iter().flatten().map(|f| f.correlation.powi(2)).sum::<f64>();
-    let mut best = (at(0.0).fits(), 0.0);
-    for lag in &LAGS[1..] {
-        let fits = at(*lag).fits();
-        if told(&fits) > told(&best.0) {
-            best = (fits, *lag);
-        }
-    }
-    best
-}
-
 /// Which axes the data tell.
-fn known(fits: &[Option<Fit>; 3]) -> [Option<(usize, bool)>; 3] {
+pub(super) fn known(fits: &[Option<Fit>; 3]) -> [Option<(usize, bool)>; 3] {
     [0, 1, 2].map(|row| {
         let fit = fits[row].filter(Fit::is_clear)?;
         let best = (fit.axis, fit.negative);
@@ -118,118 +119,120 @@ fn known(fits: &[Option<Fit>; 3]) -> [Option<(usize, bool)>; 3] {
     })
 }
 
-/// The velocity of a source, or the slope of its position.
-struct Moved {
-    name: String,
-    is_reference: bool,
-    velocities: Velocities,
+/// The factor that all clear axes are wrong by: of one among several it may be one of that comparison. And how well its logarithm is
+/// known.
+pub(super) fn wrong_factor(fits: &[Option<Fit>; 3], limit: f64) -> Option<(f64, f64)> {
+    let clear = || fits.iter().flatten().filter(|f| f.is_clear());
+    let is_wrong = clear().all(|f| f.wrong_factor(limit).is_some());
+    let first = clear().next().filter(|_| is_wrong)?;
+    let [least, most] = first.factor;
+    Some((first.wrong_factor(limit)?, (most / least).ln() / 2.0))
+}
+
+/// A factor in words.
+pub(super) fn sized(small: f64) -> String {
+    let (by, size) = if small > 1.0 { (small, "small") } else { (1.0 / small, "large") };
+    format!("too {size} by a factor of {}", short(by))
+}
+
+/// What a channel is compared with, and how.
+pub(super) struct Compared<'a> {
+    pub(super) with: &'a str,
+    pub(super) is_world: bool,
+    /// The factor from which on the numbers are wrong.
+    pub(super) limit: f64,
+    /// What is said where nothing could be compared.
+    pub(super) lack: &'a str,
+    /// How much later the stamps are \[s\].
+    pub(super) shift: f64,
+    /// Which sign an axis has, where the data do not decide.
+    pub(super) axes: Option<Axes>,
+    /// What to write instead, if what it is compared with is wrong.
+    pub(super) or: Option<&'a str>,
 }
 
 impl Judge<'_> {
-    fn node(&self, track: &Track) -> &Node {
+    pub(super) fn node(&self, track: &Track) -> &Node {
         &self.design.sources[track.source].node
     }
 
-    fn name(&self, track: &Track) -> String {
+    pub(super) fn name(&self, track: &Track) -> String {
         format!("{}.{}", self.design.sources[track.source].name, track.channel)
     }
 
-    fn is_reference(&self, track: &Track) -> bool {
+    pub(super) fn is_reference(&self, track: &Track) -> bool {
         let name = &self.design.sources[track.source].name;
         self.design.reference.as_ref().is_some_and(|r| r.block.source.has(name))
     }
 
-    fn all(&self, channel: &str) -> Vec<Track> {
+    pub(super) fn all(&self, channel: &str) -> Vec<Track> {
         self.tracks.iter().filter(|t| t.channel == channel).cloned().collect()
     }
 
-    fn beside(&self, track: &Track, channel: &str) -> Option<Track> {
+    pub(super) fn beside(&self, track: &Track, channel: &str) -> Option<Track> {
         self.tracks
             .iter()
             .find(|t| t.source == track.source && t.channel == channel)
             .cloned()
     }
 
-    /// Every velocity, compared with the position beside it, and put right; those of the filter's own data first.
-    fn velocities(&mut self) -> Vec<Moved> {
-        let mut all = Vec::new();
-        for track in self.all("velocity") {
-            let mut velocities = Velocities::of(&track);
-            if let Some(position) = self.beside(&track, "position") {
-                let slope = Velocities::slope(&position);
-                let mut expected = Expected::default();
-                let pairs = slope.times.iter().zip(&slope.values);
-                pairs
-                    .filter_map(|(t, v)| Some((v, velocities.at(*t)?)))
-                    .for_each(|(v, m)| expected.push_all(v, m));
-                let with = format!("the slope of {}", self.name(&position));
-                let (axes, factor) = self.compare(&track, &with, &expected.fits(), true, LONG);
-                velocities.values.iter_mut().for_each(|v| *v = turned(v, &axes) * factor);
-            }
-            let is_reference = self.is_reference(&track);
-            all.push(Moved {
-                name: self.name(&track),
-                is_reference,
-                velocities,
-            });
-        }
-        for track in self.all("position") {
-            if self.beside(&track, "velocity").is_none() {
-                let name = format!("the slope of {}", self.name(&track));
-                let is_reference = self.is_reference(&track);
-                all.push(Moved {
-                    name,
-                    is_reference,
-                    velocities: Velocities::slope(&track),
-                });
-            }
-        }
-        all.retain(|m| m.velocities.times.len() > 1);
-        all.sort_by_key(|m| m.is_reference);
-        all
-    }
-
     /// Tells what the fits of a channel say, or what they lack; the axes and the factor that put it right.
-    fn compare(&mut self, track: &Track, with: &str, fits: &[Option<Fit>; 3], is_world: bool, lack: &str) -> (Axes, f64) {
+    pub(super) fn compare(&mut self, track: &Track, fits: &[Option<Fit>; 3], compared: &Compared<'_>) -> (Axes, f64) {
         let known = known(fits);
         let fitted = || fits.iter().flatten();
         if fitted().next().is_none() {
-            self.untold(track, with, lack);
+            self.untold(track, compared.with, compared.lack);
             return (mistake::DECLARED, 1.0);
         }
-        let factors: Vec<f64> = fitted().filter_map(Fit::wrong_factor).collect();
-        let clear = fitted().filter(|f| f.is_clear()).count();
-        // Of one axis among several that were compared a factor may be one of that comparison.
-        let factor = factors.first().copied().filter(|_| factors.len() == clear);
-        let wrong = differing(&known, is_world);
-        let verdict = match (wrong.is_empty(), factor) {
-            _ if clear == 0 => "too little motion to tell".to_owned(),
+        let factor = wrong_factor(fits, compared.limit);
+        let wrong = differing(&known, compared.is_world);
+        let mut verdict = match (wrong.is_empty(), factor) {
+            _ if known == [None; 3] => "not decided: no agreement, or too little motion".to_owned(),
             (true, None) => "as declared".to_owned(),
-            (true, Some(factor)) => format!("too small by {factor:.3}"),
+            (true, Some((small, _))) => sized(small),
             (false, _) => wrong.clone(),
         };
+        let open = mistake::of_rows(compared.is_world, |row| known[row].is_none());
+        if known != [None; 3] && !open.is_empty() {
+            let decided = mistake::of_rows(compared.is_world, |row| known[row].is_some());
+            if wrong.is_empty() {
+                verdict = format!("{decided} {verdict}");
+            }
+            verdict += &format!("; {open} not decided");
+        }
+        if compared.shift != 0.0 {
+            verdict += &format!(", {:.2} s apart", compared.shift.abs());
+        }
         self.found.comparisons.push(Comparison {
             what: self.name(track),
-            with: with.to_owned(),
+            with: compared.with.to_owned(),
             samples: fitted().map(|f| f.count).max().unwrap_or(0),
             correlation: fitted().map(|f| f.correlation).collect(),
             margin: fitted().filter(|f| f.is_clear()).map(|f| f.margin).fold(0.0, f64::max),
             verdict,
         });
-        let whole = complete(known);
+        // The data, however little they say; else the rotation of what is in the same housing, where it says the same otherwise.
+        let housing = compared
+            .axes
+            .filter(|axes| (0..3).all(|row| known[row].is_none_or(|k| k == axes[row])));
+        let sign = |row: usize, axis: usize| {
+            let leans = fits[row].and_then(|f| f.leans(axis));
+            leans.or_else(|| housing.map(|axes| axes[row]).filter(|a| a.0 == axis).map(|a| a.1))
+        };
+        let whole = complete(known, sign);
         if !wrong.is_empty() {
-            let told = self.axes(track, with, &known, whole, is_world);
+            let told = self.axes(track, &known, whole, compared);
             self.found.mistakes.push(told);
         }
-        if let Some(small) = factor {
-            let told = self.factor(track, with, small);
+        if let Some((small, within)) = factor {
+            let told = self.factor(track, compared.with, small, within);
             self.found.mistakes.push(told);
         }
-        (whole.unwrap_or(mistake::DECLARED), factor.unwrap_or(1.0))
+        (whole.map_or(mistake::DECLARED, |w| w.axes), factor.map_or(1.0, |f| f.0))
     }
 
     /// Lists a comparison that could not be made, with what would help.
-    fn untold(&mut self, track: &Track, with: &str, why: &str) {
+    pub(super) fn untold(&mut self, track: &Track, with: &str, why: &str) {
         self.found.comparisons.push(Comparison {
             what: self.name(track),
             with: with.to_owned(),
@@ -241,9 +244,10 @@ impl Judge<'_> {
     }
 
     /// The axes of a channel are not those that are declared.
-    fn axes(&self, track: &Track, with: &str, known: &[Option<(usize, bool)>; 3], whole: Option<Axes>, is_world: bool) -> Diagnostic {
+    fn axes(&self, track: &Track, known: &[Option<(usize, bool)>; 3], whole: Option<Whole>, compared: &Compared<'_>) -> Diagnostic {
         let node = self.node(track);
         let channel = node.at(&format!("channels.{}", track.channel));
+        let &Compared { with, is_world, or, .. } = compared;
         let what = if is_world { "north, east, down" } else { "forward, right, down" };
         let message = format!(
             "the axes of `{}` are not {what}: compared with {with}, {}",
@@ -251,7 +255,13 @@ impl Judge<'_> {
             differing(known, is_world)
         );
         let help = match whole {
-            Some(axes) => remedy(channel, &axes),
+            Some(Whole { axes, open }) => {
+                let open = open.map(|row| mistake::of_rows(is_world, |other| other == row));
+                let open = open.map_or_else(String::new, |row| {
+                    format!("; the sign of {row} is not decided by these data: it is kept as declared")
+                });
+                remedy(channel, &axes) + &open
+            }
             None => {
                 let unknown: Vec<&str> = (0..3).filter(|i| known[*i].is_none()).map(|i| names(is_world)[i]).collect();
                 match unknown[..] {
@@ -263,40 +273,43 @@ impl Judge<'_> {
                 }
             }
         };
-        at(node, track.channel, "columns", message).help(help)
+        let or = or.map_or_else(String::new, |or| format!("; or, if it is the position that is wrong, {or} there"));
+        at(node, track.channel, "columns", message).help(help + &or)
     }
 
     /// The numbers of a channel are too small or too large by a factor.
-    fn factor(&self, track: &Track, with: &str, small: f64) -> Diagnostic {
-        let (by, size) = if small > 1.0 { (small, "small") } else { (1.0 / small, "large") };
-        let message = format!("`{}` is too {size} by a factor of {by:.3}, compared with {with}", self.name(track));
-        let position = with.contains(".position").then(|| unit("position", 1.0 / small, 1.0)).flatten();
-        let help = unit(track.channel, small, track.rate).map(str::to_owned);
-        let help = help.or_else(|| position.map(|p| format!("of the position {p}")));
-        at(self.node(track), track.channel, "unit", message).help(help.unwrap_or_else(|| "check `unit` and `scale`".to_owned()))
+    fn factor(&self, track: &Track, with: &str, small: f64, within: f64) -> Diagnostic {
+        let message = format!("`{}` is {}, compared with {with}", self.name(track), sized(small));
+        let node = self.node(track);
+        let channel = node.at(&format!("channels.{}", track.channel));
+        // A rate that a course is compared with slips and lags.
+        let within = if track.channel == "velocity" { within.max(0.05) } else { 0.25 };
+        let help = unit(channel, track.channel, small, within, track.rate);
+        at(node, track.channel, "unit", message).help(help.unwrap_or_else(|| "check `unit` and `scale`".to_owned()))
     }
 
     /// The attitude that the instruments are compared with: one that does not contradict the course.
-    fn attitude(&mut self, velocities: &[Moved]) -> Option<(String, Attitudes)> {
+    fn attitude(&mut self, velocities: &[Moved]) -> Option<Seen> {
         let mut found = Vec::new();
         for track in self.all("attitude").into_iter().chain(self.all("heading")) {
             let is_reference = self.is_reference(&track);
             let is_right = velocities.first().is_none_or(|moved| self.heading(&track, moved));
             if is_right && track.channel == "attitude" {
-                found.push((is_reference, self.name(&track), Attitudes::of(&track)));
+                let seen = Seen {
+                    source: track.source,
+                    name: self.name(&track),
+                    attitudes: Attitudes::of(&track),
+                };
+                found.push((is_reference, seen));
             }
         }
         found.sort_by_key(|f| f.0);
-        found.into_iter().next().map(|(_, name, attitudes)| (name, attitudes))
+        found.into_iter().next().map(|(_, seen)| seen)
     }
 
     /// Compares headings with the course; whether they do not contradict each other.
     fn heading(&mut self, track: &Track, moved: &Moved) -> bool {
-        let pairs = headings(track).into_iter().filter_map(|(t, heading)| {
-            let v = moved.velocities.at(t).filter(|v| v.xy().norm() > MIN_SPEED)?;
-            Some((heading, course(&v)))
-        });
-        let pairs: Vec<(f64, f64)> = pairs.collect();
+        let pairs = moved.headings(track);
         let Some(agreed) = Turned::of(&pairs) else {
             let why = "not judged: a course that goes round, at more than 2 m/s, would tell";
             self.untold(track, &format!("the course of {}", moved.name), why);
@@ -321,19 +334,97 @@ impl Judge<'_> {
     }
 
     /// Every inertial unit.
-    fn instruments(&mut self, velocities: &[Moved], attitude: Option<&(String, Attitudes)>) {
+    fn instruments(&mut self, velocities: &[Moved], attitude: Option<&Seen>) {
         for track in self.all("specific_force") {
             let rates = self.beside(&track, "angular_rate");
-            let force = self.force(&track, velocities.first(), attitude);
+            let shift = rates.as_ref().map_or(0.0, |rates| self.clocks(rates, velocities, attitude));
+            let force = self.force(&track, velocities.first(), attitude, shift);
             if let Some(rates) = rates {
-                self.rates(&rates, Some((&track, force)), velocities.first(), attitude);
+                self.rates(&rates, Some((&track, force)), velocities.first(), attitude, shift);
             }
         }
         for rates in self.all("angular_rate") {
             if self.beside(&rates, "specific_force").is_none() {
-                self.rates(&rates, None, velocities.first(), attitude);
+                let shift = self.clocks(&rates, velocities, attitude);
+                self.rates(&rates, None, velocities.first(), attitude, shift);
             }
         }
+    }
+
+    /// Compares the stamps of a unit with those of whatever tells of turns; by how much later what it is compared with is stamped \[s\].
+    fn clocks(&mut self, rates: &Track, velocities: &[Moved], attitude: Option<&Seen>) -> f64 {
+        let mut told: Vec<(usize, &str, Vec<motion::Told>)> = Vec::new();
+        if let Some(seen) = attitude {
+            told.push((seen.source, &seen.name, seen.attitudes.turns().collect()));
+        }
+        for moved in velocities {
+            if told.iter().all(|(source, ..)| *source != moved.track.source) {
+                told.push((moved.track.source, &moved.name, moved.velocities.course_rates(0.0)));
+            }
+        }
+        told.retain(|(source, ..)| *source != rates.source);
+        let clocks: Vec<Clocks> = told
+            .iter()
+            .map(|(source, _, legs)| clock::compare(rates, legs, &self.delays(*source)))
+            .collect();
+        let apart = told.iter().zip(&clocks).filter_map(|((source, name, _), clocks)| match clocks {
+            Clocks::Apart(shift) => Some((*source, *name, *shift)),
+            _ => None,
+        });
+        let is_alone = clocks.contains(&Clocks::Together);
+        // Where something goes together with the unit, the others are wrong; else the unit is.
+        let all: Vec<(usize, &str, f64)> = apart.collect();
+        let mistakes: Vec<Diagnostic> = match (&all[..], is_alone) {
+            (apart, true) => apart
+                .iter()
+                .map(|(source, name, shift)| self.shifted(*source, -shift, &self.name(rates), name))
+                .collect(),
+            ([(_, name, shift), ..], false) => vec![self.shifted(rates.source, *shift, name, &self.name(rates))],
+            ([], false) => Vec::new(),
+        };
+        self.found.mistakes.extend(mistakes);
+        match clocks.first() {
+            Some(Clocks::Apart(shift)) => *shift,
+            _ => 0.0,
+        }
+    }
+
+    /// The delays that the design declares of what a source measures \[s\].
+    fn delays(&self, source: usize) -> Vec<f64> {
+        let name = &self.design.sources[source].name;
+        let of = self
+            .design
+            .sensors
+            .iter()
+            .filter(|s| s.node.get("source").and_then(Node::as_str) == Some(name));
+        let declared = of.filter_map(|s| {
+            let offset = s.node.get("time_offset")?;
+            let offset: Duration = offset.get("initial").unwrap_or(offset).read(&mut Diagnostics::new())?;
+            Some(offset.si())
+        });
+        declared.collect()
+    }
+
+    /// The stamps of a source are not those of another clock.
+    fn shifted(&self, source: usize, shift: f64, with: &str, what: &str) -> Diagnostic {
+        let named = &self.design.sources[source];
+        let declared: Option<Duration> = named.node.at("time.offset").and_then(|n| n.read(&mut Diagnostics::new()));
+        let way = if shift > 0.0 { "early" } else { "late" };
+        let message = format!(
+            "the stamps of `{}` are about {:.2} s {way}: shifted by that, `{what}` agrees best with `{with}`",
+            named.name,
+            shift.abs()
+        );
+        let offset = declared.map_or(0.0, Duration::si) + shift;
+        let help = format!(
+            "write `source.{}.time.offset = \"{offset:.2} s\"`, or find out which of the two clocks is wrong",
+            named.name
+        );
+        let place = named
+            .node
+            .at("time.offset")
+            .map_or_else(|| named.node.place_of("time"), Node::place);
+        Diagnostic::warning(message).at(place).help(help)
     }
 
     /// Compares every magnetic field with the turns of the inertial unit, where nothing speaks against that.
@@ -366,40 +457,36 @@ impl Judge<'_> {
                 verdict,
             });
             if let Told::Other(axes) = told {
-                let mistake = self.axes(&track, &with, &axes.map(Some), Some(axes), false);
+                let compared = Compared {
+                    with: &with,
+                    is_world: false,
+                    limit: FAR,
+                    lack: LONG,
+                    shift: 0.0,
+                    axes: None,
+                    or: None,
+                };
+                let whole = Whole { axes, open: None };
+                let mistake = self.axes(&track, &axes.map(Some), Some(whole), &compared);
                 self.found.mistakes.push(mistake);
             }
         }
     }
 
     /// Compares a specific force with gravity and with the motion; what puts it right.
-    fn force(&mut self, track: &Track, moved: Option<&Moved>, attitude: Option<&(String, Attitudes)>) -> Force {
+    fn force(&mut self, track: &Track, moved: Option<&Moved>, attitude: Option<&Seen>, shift: f64) -> Force {
         let upright = Upright::of(track);
-        let by = |lag: f64, seconds: f64| {
-            let mut expected = Expected::default();
-            match (attitude, moved) {
-                (Some((_, attitudes)), moved) => {
-                    let forces = attitudes.forces(moved.map(|m| &m.velocities));
-                    let pairs = forces
-                        .into_iter()
-                        .filter_map(|(from, to, f)| Some((f, track.mean(from - lag, to - lag)?)));
-                    pairs.for_each(|(f, m)| expected.push_all(&f, m));
-                }
-                (None, Some(moved)) => {
-                    for leg in moved.velocities.strides(seconds) {
-                        if let Some(((_, ahead), measured)) = leg.turn().zip(track.mean(leg.from - lag, leg.to - lag)) {
-                            (0..2).for_each(|row| expected.push(row, ahead[row], measured));
-                        }
-                    }
-                }
-                (None, None) => {}
-            }
-            expected
+        let told = |seconds: f64| match (attitude, moved) {
+            (Some(seen), moved) => seen.attitudes.forces(moved.map(|m| &m.velocities)),
+            (None, Some(moved)) => moved.velocities.course_forces(seconds),
+            (None, None) => Vec::new(),
         };
-        let (mut fits, lag) = aligned(|lag| by(lag, 0.0));
-        let is_doubtful = attitude.is_none() && doubt(&mut fits, &by(lag, SLOW).fits());
+        let fast = told(0.0);
+        let lag = clock::usual(track, &fast, shift);
+        let mut fits = Expected::of(track, &fast, lag).fits();
+        let is_doubtful = attitude.is_none() && doubt(&mut fits, &Expected::of(track, &told(SLOW), lag).fits());
         let mut with = match (attitude, moved) {
-            (Some((name, _)), _) => format!("gravity in the attitude of `{name}`"),
+            (Some(seen), _) => format!("gravity in the attitude of `{}`", seen.name),
             (None, Some(moved)) => format!("the accelerations of {}", moved.name),
             (None, None) => "gravity".to_owned(),
         };
@@ -413,7 +500,16 @@ impl Judge<'_> {
                 with = format!("gravity and {with}");
             }
         }
-        self.compare(track, &with, &fits, false, LONG);
+        let compared = Compared {
+            with: &with,
+            is_world: false,
+            limit: if factor == 1.0 { FAR } else { NEAR },
+            lack: LONG,
+            shift,
+            axes: None,
+            or: None,
+        };
+        self.compare(track, &fits, &compared);
         if let (true, Some(moved), [None, None, Some(_)]) = (attitude.is_none(), moved, &fits) {
             let with = format!("the accelerations of {}", moved.name);
             self.untold(track, &with, FAST);
@@ -425,46 +521,53 @@ impl Judge<'_> {
     }
 
     /// Compares angular rates with the turns of the attitude, or of the course and of gravity.
-    fn rates(&mut self, track: &Track, force: Option<(&Track, Force)>, moved: Option<&Moved>, attitude: Option<&(String, Attitudes)>) {
+    fn rates(&mut self, track: &Track, force: Option<(&Track, Force)>, moved: Option<&Moved>, attitude: Option<&Seen>, shift: f64) {
         let with = match (attitude, moved) {
-            (Some((name, _)), _) => format!("the turns of `{name}`"),
+            (Some(seen), _) => format!("the turns of `{}`", seen.name),
             (None, Some(moved)) => format!("the turns of {}", moved.name),
             (None, None) => return,
         };
-        let by = |lag: f64, seconds: f64| {
-            let mut expected = Expected::default();
-            if let Some((_, attitudes)) = attitude {
-                let pairs = attitudes
-                    .turns()
-                    .filter_map(|(from, to, w)| Some((w, track.mean(from - lag, to - lag)?)));
-                pairs.for_each(|(w, m)| expected.push_all(&w, m));
-            } else if let Some(moved) = moved {
-                for leg in moved.velocities.strides(seconds) {
-                    if let Some(((rate, _), measured)) = leg.turn().zip(track.mean(leg.from - lag, leg.to - lag)) {
-                        expected.push(2, rate, measured);
-                    }
-                }
-            }
-            expected
+        let told = |seconds: f64| match (attitude, moved) {
+            (Some(seen), _) => seen.attitudes.turns().collect(),
+            (None, Some(moved)) => moved.velocities.course_rates(seconds),
+            (None, None) => Vec::new(),
         };
-        let (mut fits, lag) = aligned(|lag| by(lag, 0.0));
-        let is_doubtful = attitude.is_none() && doubt(&mut fits, &by(lag, SLOW).fits());
+        let fast = told(0.0);
+        let lag = clock::usual(track, &fast, shift);
+        let mut fits = Expected::of(track, &fast, lag).fits();
+        let is_doubtful = attitude.is_none() && doubt(&mut fits, &Expected::of(track, &told(SLOW), lag).fits());
+        let housing = force.and_then(|(_, (known, _))| Some([known[0]?, known[1]?, known[2]?]));
         if let (false, None, Some(moved), Some((forces, right))) = (is_doubtful, attitude, moved, force) {
             let tilts = tilts(track, forces, right, lag, &moved.velocities).fits();
             (fits[0], fits[1]) = (tilts[0], tilts[1]);
         }
-        let lack = if attitude.is_some() { LONG } else { FAST };
-        self.compare(track, &with, &fits, false, lack);
+        let compared = Compared {
+            with: &with,
+            is_world: false,
+            limit: if attitude.is_some() { NEAR } else { FAR },
+            lack: if attitude.is_some() { LONG } else { FAST },
+            shift,
+            axes: housing,
+            or: None,
+        };
+        self.compare(track, &fits, &compared);
         if is_doubtful {
             self.untold(track, &format!("the turns over {SLOW} s"), WAVES);
         }
     }
 }
 
+/// An attitude that the instruments are compared with.
+struct Seen {
+    source: usize,
+    name: String,
+    attitudes: Attitudes,
+}
+
 /// What would have given enough samples to judge by a course ...
 const FAST: &str = "not judged: a minute of turns at more than 2 m/s would tell";
 /// ... and by what needs none.
-const LONG: &str = "not judged: both together for a minute would tell";
+pub(super) const LONG: &str = "not judged: both together for a minute would tell";
 
 /// Longer than waves, and than the steps of a walk \[s\]: what is read off a course has to be true over such intervals too.
 const SLOW: f64 = 15.0;
@@ -530,103 +633,4 @@ fn tilts(rates: &Track, forces: &Track, (known, factor): Force, lag: f64, veloci
 /// Axes as they should have been declared.
 pub(super) fn turned(v: &Vector3<f64>, axes: &Axes) -> Vector3<f64> {
     Vector3::from_fn(|row, _| if axes[row].1 { -v[axes[row].0] } else { v[axes[row].0] })
-}
-
-/// The specific force of a body that keeps more or less upright.
-struct Upright {
-    axis: usize,
-    negative: bool,
-    size: f64,
-    count: usize,
-    steadiness: f64,
-}
-
-impl Upright {
-    /// Its mean over seconds; `None` where the direction changes too much, or is along no axis.
-    fn of(track: &Track) -> Option<Self> {
-        let times = track.times.iter().zip(track.times.iter().skip(10));
-        let seconds: Vec<Vector3<f64>> = times.step_by(10).filter_map(|(a, b)| track.mean(*a, *b)).collect();
-        let mut sizes: Vec<f64> = seconds.iter().map(|f| f.norm()).collect();
-        sizes.sort_by(f64::total_cmp);
-        let size = *sizes.get(sizes.len() / 2)?;
-        let mean = seconds.iter().sum::<Vector3<f64>>() / seconds.len() as f64;
-        let axis = mean.iamax();
-        let is_along = mean[axis].abs() > UPRIGHT * mean.norm() && mean.norm() > UPRIGHT * size && size > 0.0;
-        (is_along && seconds.len() >= 10).then(|| Self {
-            axis,
-            negative: mean[axis] > 0.0,
-            size,
-            count: seconds.len(),
-            steadiness: mean[axis].abs() / size,
-        })
-    }
-
-    fn is_wrong(&self) -> bool {
-        (self.size / GRAVITY).ln().abs() > 0.5
-    }
-
-    fn fit(&self) -> Fit {
-        let is_declared = self.axis == 2 && !self.negative;
-        Fit {
-            axis: self.axis,
-            negative: self.negative,
-            correlation: self.steadiness,
-            certainty: f64::INFINITY,
-            margin: if is_declared { 0.0 } else { f64::INFINITY },
-            factor: if self.is_wrong() { [GRAVITY / self.size; 2] } else { [1.0; 2] },
-            count: self.count,
-        }
-    }
-}
-
-/// What keeps upright has gravity within 26° of an axis on average: cos 26°.
-const UPRIGHT: f64 = 0.9;
-
-/// How headings go with courses: length and direction of the mean of e^{i(course − heading)} and e^{i(course + heading)}.
-struct Turned {
-    along: (f64, f64),
-    against: (f64, f64),
-}
-
-impl Turned {
-    /// `None` where the course did not go round enough to tell one from the other.
-    fn of(pairs: &[(f64, f64)]) -> Option<Self> {
-        let mean = |of: &dyn Fn(&(f64, f64)) -> f64| {
-            let (s, c) = pairs
-                .iter()
-                .map(|p| of(p).sin_cos())
-                .fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
-            (s.hypot(c) / pairs.len() as f64, s.atan2(c))
-        };
-        let has_turned = pairs.len() >= 50 && mean(&|p| p.1).0 < 0.8;
-        has_turned.then(|| Self {
-            along: mean(&|p| p.1 - p.0),
-            against: mean(&|p| p.1 + p.0),
-        })
-    }
-
-    /// What is wrong, and what to write.
-    fn wrong(&self) -> Option<(String, String)> {
-        const TIED: f64 = 0.9;
-        let quarters = |angle: f64| (angle / core::f64::consts::FRAC_PI_2).round();
-        let near = |angle: f64| (angle - quarters(angle) * core::f64::consts::FRAC_PI_2).abs() < 0.4;
-        let ((along, offset), (against, sum)) = (self.along, self.against);
-        if along > TIED && near(offset) && quarters(offset) != 0.0 {
-            let degrees = quarters(offset) * 90.0;
-            let help =
-                format!("add {degrees} deg to the heading: an `offset`, a `rotation` or a `navigation_rotation`; or the vehicle moves so");
-            return Some((format!("the course is {degrees}° clockwise of it"), help));
-        }
-        if against > TIED && along < 0.7 && near(sum) {
-            let from = ["north", "east", "south", "west"][(quarters(sum) as i64).rem_euclid(4) as usize];
-            let help = match from {
-                "east" => {
-                    "from east-north-up, write `navigation_rotation = { axes = [\"y\", \"x\", \"-z\"] }`; of roll, pitch, yaw: `\"-yaw\"` with the `offset` `\"90 deg\"`"
-                }
-                _ => "change the sign of the heading: `\"-yaw\"`, or of a quaternion the opposite of its `inverse`",
-            };
-            return Some((format!("it is counted anti-clockwise from {from}"), help.to_owned()));
-        }
-        None
-    }
 }

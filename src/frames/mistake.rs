@@ -1,6 +1,7 @@
 //! What is said of a mistake, and what to write instead.
 
 use crate::config::{Diagnostic, Node};
+use fusion_models::units::parse_unit;
 
 /// Where each body axis is found: the declared axis, and whether with the other sign.
 pub(super) type Axes = [(usize, bool); 3];
@@ -9,30 +10,35 @@ pub(super) type Axes = [(usize, bool); 3];
 pub(super) const DECLARED: Axes = [(0, false), (1, false), (2, false)];
 
 const NAMES: [&str; 3] = ["x", "y", "z"];
+const BODY: [&str; 3] = ["forward", "right", "down"];
 const WORLD: [&str; 3] = ["north", "east", "down"];
 
-/// Completes what is known by the right hand; `None` where it is too little, or an axis is there twice. Where no axis is
-/// exchanged for another a sign may be wrong alone, and the right hand tells nothing.
-pub(super) fn complete(known: [Option<(usize, bool)>; 3]) -> Option<Axes> {
+/// The axes as they should be declared.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Whole {
+    pub(super) axes: Axes,
+    /// The axis whose sign nothing decides: it is kept as declared.
+    pub(super) open: Option<usize>,
+}
+
+/// Completes what is known: of one axis that is missing it is known which one is left, and `sign` says whether as its negative. `None`
+/// where too little is known, or an axis is there twice.
+pub(super) fn complete(known: [Option<(usize, bool)>; 3], sign: impl Fn(usize, usize) -> Option<bool>) -> Option<Whole> {
     let missing: Vec<usize> = (0..3).filter(|i| known[*i].is_none()).collect();
     let mut axes = known.map(|k| k.unwrap_or((3, false)));
+    let mut open = None;
     match missing[..] {
         [] => {}
-        [row] if (0..3).all(|i| i == row || axes[i].0 == i) => {
-            axes[row] = (row, false);
-            return (axes == DECLARED).then_some(axes);
-        }
         [row] => {
             let used: usize = axes.iter().map(|(axis, _)| *axis).filter(|a| *a < 3).sum();
-            axes[row] = (3_usize.checked_sub(used)?, false);
-            if !is_permutation(&axes) {
-                return None;
-            }
-            axes[row].1 = handedness(&axes) < 0.0;
+            let left = 3_usize.checked_sub(used)?;
+            let told = sign(row, left);
+            axes[row] = (left, told.unwrap_or(false));
+            open = told.is_none().then_some(row);
         }
         _ => return None,
     }
-    is_permutation(&axes).then_some(axes)
+    is_permutation(&axes).then_some(Whole { axes, open })
 }
 
 fn is_permutation(axes: &Axes) -> bool {
@@ -48,7 +54,7 @@ pub(super) fn handedness(axes: &Axes) -> f64 {
     m.determinant()
 }
 
-fn signed(name: &str, negative: bool) -> String {
+pub(super) fn signed(name: &str, negative: bool) -> String {
     if negative { format!("-{name}") } else { name.to_owned() }
 }
 
@@ -57,10 +63,16 @@ pub(super) const fn names(is_world: bool) -> [&'static str; 3] {
     if is_world { WORLD } else { NAMES }
 }
 
+/// The axes that `is_one` says, with commas.
+pub(super) fn of_rows(is_world: bool, is_one: impl Fn(usize) -> bool) -> String {
+    let all = if is_world { WORLD } else { BODY };
+    let named: Vec<&str> = (0..3).filter(|row| is_one(*row)).map(|row| all[row]).collect();
+    named.join(", ")
+}
+
 /// What differs, an axis each: `north is the declared east`.
 pub(super) fn differing(known: &[Option<(usize, bool)>; 3], is_world: bool) -> String {
-    let bodies = ["forward", "right", "down"];
-    let (are, declared) = if is_world { (WORLD, WORLD) } else { (bodies, NAMES) };
+    let (are, declared) = if is_world { (WORLD, WORLD) } else { (BODY, NAMES) };
     let differ = known
         .iter()
         .enumerate()
@@ -140,23 +152,93 @@ pub(super) fn at(source: &Node, channel: &str, key: &str, message: String) -> Di
     Diagnostic::warning(message).at(place)
 }
 
-/// What a wrong factor may come from, and what to write; `small` is by how much the numbers are too small.
-pub(super) fn unit(channel: &str, small: f64, rate: f64) -> Option<&'static str> {
-    let is = |factor: f64| (small / factor).ln().abs() < 0.25;
-    let degrees = 1.0_f64.to_radians();
-    match channel {
-        "angular_rate" | "position" if is(1.0 / degrees) => Some("degrees are declared, the columns are radians: write `rad` in `unit`"),
-        "angular_rate" | "position" if is(degrees) => Some("radians are declared, the columns are degrees: write `deg` in `unit`"),
-        "specific_force" if is(9.81) => {
-            Some("metres per second squared are declared, the columns are in units of gravity: write `unit = \"g\"`")
+/// Units that the columns of a channel come in, as they are written.
+fn units(channel: &str, is_increment: bool) -> &'static [&'static str] {
+    match (channel, is_increment) {
+        ("angular_rate", true) => &["rad", "deg"],
+        ("angular_rate", false) => &["rad/s", "deg/s"],
+        ("specific_force", true) => &["m/s"],
+        ("specific_force", false) => &["m/s^2", "g", "mg"],
+        ("velocity", _) => &["m/s", "km/h", "kn", "mph", "ft/s", "cm/s", "mm/s"],
+        _ => &[],
+    }
+}
+
+/// What a wrong factor may come from, and what to write; `small` is by how much the numbers are too small, known to `within` in its
+/// logarithm, and `rate` how many samples a second has.
+pub(super) fn unit(node: Option<&Node>, channel: &str, small: f64, within: f64, rate: f64) -> Option<String> {
+    let is = |factor: f64| (small / factor).ln().abs() < within;
+    let is_increment = node.and_then(|n| n.get("increment")).is_some_and(|n| n.inline() == "true");
+    let all = units(channel, is_increment);
+    let declared = node.and_then(|n| n.get("unit")).and_then(Node::as_str).or(all.first().copied())?;
+    let size = |unit: &str| parse_unit(unit).ok().map(|(size, _)| size);
+    let scale: f64 = node.and_then(|n| n.get("scale")).map_or(Some(1.0), |n| n.inline().parse().ok())?;
+    if scale != 1.0 && is(1.0 / scale) {
+        return Some("it would fit without the `scale`: leave it out".to_owned());
+    }
+    if matches!(channel, "angular_rate" | "specific_force") && !is_increment && is(rate) {
+        return Some("the columns hold increments over a sample: write `increment = true`".to_owned());
+    }
+    if is_increment && is(1.0 / rate) {
+        return Some("the columns hold rates, no increments: leave out `increment`".to_owned());
+    }
+    let declared_size = size(declared)?;
+    let away = |unit: &str| Some((size(unit)? / (declared_size * scale * small)).ln().abs());
+    let nearest = all.iter().filter_map(|unit| Some((away(unit)?, *unit)));
+    let (_, unit) = nearest.filter(|(away, _)| *away < within).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    Some(format!(
+        "`{declared}` is declared, the numbers fit `{unit}`: write `unit = {unit:?}`"
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Document;
+
+    #[test]
+    fn of_a_missing_axis_no_sign_is_invented() {
+        let exchanged = [Some((1, false)), Some((0, false)), None];
+        let of = |sign: Option<bool>| complete(exchanged, |_, _| sign);
+        let axes = |down: bool| [(1, false), (0, false), (2, down)];
+        let whole = |down, open| Some(Whole { axes: axes(down), open });
+        assert_eq!(of(None), whole(false, Some(2)));
+        assert_eq!(of(Some(true)), whole(true, None));
+        assert_eq!(of(Some(false)), whole(false, None));
+        assert_eq!(complete([Some((1, false)), None, None], |_, _| None), None, "two are missing");
+        assert_eq!(
+            complete([Some((0, false)), Some((0, true)), None], |_, _| None),
+            None,
+            "one is there twice"
+        );
+    }
+
+    #[test]
+    fn a_factor_is_told_as_the_unit_that_fits() {
+        let told = |channel: &str, table: &str, small: f64| {
+            let (document, found) = Document::parse("design.toml", &format!("channel = {table}\n"));
+            assert_eq!(found, []);
+            unit(document.root().get("channel"), channel, small, 0.05, 100.0)
+        };
+        for (channel, table, small, write) in [
+            ("velocity", r#"{ unit = "m/s" }"#, 1852.0 / 3600.0, "write `unit = \"kn\"`"),
+            ("velocity", "{}", 1.0 / 3.6, "write `unit = \"km/h\"`"),
+            ("velocity", r#"{ unit = "kn" }"#, 3600.0 / 1852.0, "write `unit = \"m/s\"`"),
+            ("velocity", r#"{ unit = "m/s" }"#, 0.3048, "write `unit = \"ft/s\"`"),
+            ("velocity", r#"{ unit = "m/s", scale = 1.9 }"#, 1.0 / 1.9, "leave it out"),
+            ("angular_rate", r#"{ unit = "rad/s" }"#, 0.01745, "write `unit = \"deg/s\"`"),
+            ("specific_force", r#"{ unit = "g" }"#, 0.102, "write `unit = \"m/s^2\"`"),
+            ("specific_force", r#"{ unit = "m/s" }"#, 100.0, "write `increment = true`"),
+            (
+                "angular_rate",
+                r#"{ unit = "rad", increment = true }"#,
+                0.01,
+                "leave out `increment`",
+            ),
+        ] {
+            let told = told(channel, table, small).unwrap_or_default();
+            assert!(told.contains(write), "{channel} {table} {small}: {told}");
         }
-        "specific_force" if is(1.0 / 9.81) => {
-            Some("units of gravity are declared, the columns are metres per second squared: write `unit = \"m/s^2\"`")
-        }
-        "velocity" if is(1.0 / 3.6) => Some("metres per second are declared, the columns are kilometres per hour: write `unit = \"km/h\"`"),
-        "velocity" if is(3.6) => Some("kilometres per hour are declared, the columns are metres per second: write `unit = \"m/s\"`"),
-        "angular_rate" | "specific_force" if is(rate) => Some("the columns hold increments over a sample: write `increment = true`"),
-        "angular_rate" | "specific_force" if is(1.0 / rate) => Some("the columns hold rates, no increments: leave out `increment`"),
-        _ => None,
+        assert_eq!(told("velocity", r#"{ unit = "m/s" }"#, 1.43), None, "no unit is that large");
     }
 }

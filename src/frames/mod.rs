@@ -3,7 +3,9 @@
 //!
 //! | declared | compared with |
 //! |---|---|
-//! | velocity | the slope of the position of its source |
+//! | position | the origin of the design, the position of the reference (`place.rs`) |
+//! | velocity | the slope of the position of its source, or of another (`world.rs`) |
+//! | stamps of an inertial unit | whatever tells of turns, shifted against it (`clock.rs`) |
 //! | attitude, heading | the course |
 //! | specific force | gravity; the slope of the velocity, ahead and to the right of the course |
 //! | angular rate | the turn of the attitude, or of the course and of the direction of gravity |
@@ -18,14 +20,19 @@
 //!
 //! Without data, the units that the names of columns state are compared with those that are declared (`header.rs`).
 
+mod clock;
 mod field;
 mod free;
 mod header;
+mod heading;
 mod judge;
 mod log;
 mod mistake;
 mod motion;
+mod place;
 mod regression;
+mod upright;
+mod world;
 
 pub use header::units;
 pub use judge::{Comparison, Judged, judge};

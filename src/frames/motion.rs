@@ -13,6 +13,25 @@ const LONGEST: f64 = 3.0;
 /// Gravity \[m/s²\], to what a comparison needs.
 pub(super) const GRAVITY: f64 = 9.81;
 
+/// What is expected on the mean from one time to another, by axis; NaN where nothing is.
+pub(super) type Told = (f64, f64, Vector3<f64>);
+
+/// The mean velocity over intervals of `seconds` at least between two positions.
+pub(super) fn slopes(track: &Track, seconds: f64) -> Vec<Told> {
+    let (mut told, mut begun) = (Vec::new(), 0);
+    for next in 1..track.times.len() {
+        let [from, to] = [track.times[begun], track.times[next]];
+        if to - track.times[next - 1] > LONGEST {
+            begun = next;
+        } else if to - from >= seconds {
+            let [a, b] = [begun, next].map(|i| Geodetic::read(&track.values[i][..3]));
+            told.push((from, to, b.difference(&a) / (to - from)));
+            begun = next;
+        }
+    }
+    told
+}
+
 /// Velocities north, east, down over time.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Velocities {
@@ -39,15 +58,55 @@ impl Velocities {
 
     /// The slope between positions, half-way between them.
     pub(super) fn slope(track: &Track) -> Self {
-        let mut slopes = Self::default();
-        for (t, p) in track.times.windows(2).zip(track.values.windows(2)) {
-            if t[1] - t[0] <= LONGEST {
-                let [a, b] = [Geodetic::read(&p[0][..3]), Geodetic::read(&p[1][..3])];
-                slopes.times.push((t[0] + t[1]) / 2.0);
-                slopes.values.push(b.difference(&a) / (t[1] - t[0]));
-            }
+        let slopes = slopes(track, 0.0);
+        Self {
+            times: slopes.iter().map(|(from, to, _)| (from + to) / 2.0).collect(),
+            values: slopes.into_iter().map(|(_, _, v)| v).collect(),
         }
-        slopes
+    }
+
+    /// The mean over an interval between two of its samples; `None` where it is silent for long.
+    pub(super) fn mean(&self, from: f64, to: f64) -> Option<Vector3<f64>> {
+        let [first, last] = [from, to].map(|t| self.times.partition_point(|s| *s <= t));
+        let inside = self
+            .times
+            .get(first..last)?
+            .iter()
+            .copied()
+            .zip(self.values[first..last].iter().copied());
+        let (mut before, mut sum) = ((from, self.at(from)?), Vector3::zeros());
+        for (t, v) in inside.chain([(to, self.at(to)?)]) {
+            sum += (before.1 + v) * ((t - before.0) / 2.0);
+            before = (t, v);
+        }
+        let is_whole = self.times[first.saturating_sub(1)..=last]
+            .windows(2)
+            .all(|t| t[1] - t[0] <= LONGEST);
+        (is_whole && to > from).then(|| sum / (to - from))
+    }
+
+    /// The mean over intervals of `seconds` at least between its samples.
+    pub(super) fn means(&self, seconds: f64) -> Vec<Told> {
+        let legs = self.strides(seconds);
+        legs.filter_map(|leg| Some((leg.from, leg.to, self.mean(leg.from, leg.to)?)))
+            .collect()
+    }
+
+    /// What gyros read of a body that points along its course: nothing is told of roll and pitch.
+    pub(super) fn course_rates(&self, seconds: f64) -> Vec<Told> {
+        let legs = self.strides(seconds);
+        legs.filter_map(|leg| Some((leg.from, leg.to, Vector3::new(f64::NAN, f64::NAN, leg.turn()?.0))))
+            .collect()
+    }
+
+    /// What accelerometers read of it, ahead and to the right.
+    pub(super) fn course_forces(&self, seconds: f64) -> Vec<Told> {
+        let legs = self.strides(seconds);
+        let force = |leg: Leg| {
+            leg.turn()
+                .map(|(_, [ahead, right])| (leg.from, leg.to, Vector3::new(ahead, right, f64::NAN)))
+        };
+        legs.filter_map(force).collect()
     }
 
     /// From each velocity to the next.
@@ -124,7 +183,7 @@ impl Attitudes {
     }
 
     /// The mean turn between two samples \[rad/s\], body axes, with the interval.
-    pub(super) fn turns(&self) -> impl Iterator<Item = (f64, f64, Vector3<f64>)> + '_ {
+    pub(super) fn turns(&self) -> impl Iterator<Item = Told> + '_ {
         let steps = self.times.windows(2).zip(self.values.windows(2));
         let turns = steps.map(|(t, q)| (t[0], t[1], log(&(q[0].inverse() * q[1])) / (t[1] - t[0])));
         // Half a turn may be one the other way round; the mean of a fast turn is none of its axes.
@@ -139,7 +198,7 @@ impl Attitudes {
 
     /// The mean specific force of a body that moves so, body axes \[m/s²\], over each leg, or over each step of the
     /// attitude of what does not accelerate for long.
-    pub(super) fn forces(&self, velocities: Option<&Velocities>) -> Vec<(f64, f64, Vector3<f64>)> {
+    pub(super) fn forces(&self, velocities: Option<&Velocities>) -> Vec<Told> {
         let gravity = Vector3::new(0.0, 0.0, GRAVITY);
         let force = |from: f64, to: f64, acceleration: Vector3<f64>| {
             let q = self.at((from + to) / 2.0)?;

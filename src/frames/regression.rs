@@ -17,8 +17,16 @@ const SHORTEST: usize = 6;
 pub(super) const CERTAIN: f64 = 6.0;
 /// ... and from this correlation on: a small one that is certain may be one of sensitive axes that are not square.
 pub(super) const CLEAR: f64 = 0.4;
-/// How far from 1 a factor is wrong for certain: scale errors of instruments, and delays, are far below.
-const FACTOR: f64 = 2.0;
+/// ... or so many, where the correlation is as high as that: what rises and falls once or twice scatters between the parts of the log.
+const LIKELY: f64 = 4.0;
+const PLAIN: f64 = 0.9;
+/// From which factor on the numbers are wrong, not just inexact: of two channels that tell of the same thing, as a velocity and the
+/// slope of a position. Scale errors of instruments are below.
+pub(super) const NEAR: f64 = 1.25;
+/// ... and of what a course tells, which slips, lags and cuts corners.
+pub(super) const FAR: f64 = 2.0;
+/// Standard errors from which on a correlation tells a sign, where nothing else does.
+const LEANS: f64 = 3.0;
 
 /// What is expected along one axis, best explained.
 #[derive(Clone, Copy, Debug)]
@@ -36,6 +44,8 @@ pub(super) struct Fit {
     /// By how much the numbers are too small: between the slopes of both regressions, which noise in the one or in the
     /// other lets be too flat.
     pub(super) factor: [f64; 2],
+    /// How well each axis explains it, in standard errors, with the sign of the correlation.
+    pub(super) along: [f64; 3],
     /// Samples.
     pub(super) count: usize,
 }
@@ -43,18 +53,28 @@ pub(super) struct Fit {
 impl Fit {
     /// Whether the data can tell.
     pub(super) fn is_clear(&self) -> bool {
-        self.certainty >= CERTAIN && self.correlation >= CLEAR
+        self.certainty >= self.certain() && self.correlation >= CLEAR
     }
 
     /// Whether the data speak clearly for another signed axis than the declared one.
     pub(super) fn is_other(&self) -> bool {
-        self.is_clear() && self.margin >= CERTAIN
+        self.is_clear() && self.margin >= self.certain()
     }
 
-    /// The factor, where 1 is clearly excluded.
-    pub(super) fn wrong_factor(&self) -> Option<f64> {
+    fn certain(&self) -> f64 {
+        if self.correlation >= PLAIN { LIKELY } else { CERTAIN }
+    }
+
+    /// Whether an axis explains it with the other sign; `None` where the data do not decide.
+    pub(super) fn leans(&self, axis: usize) -> Option<bool> {
+        let z = self.along[axis];
+        (z.abs() >= LEANS).then_some(z < 0.0)
+    }
+
+    /// The factor, where all from 1/`limit` to `limit` are excluded.
+    pub(super) fn wrong_factor(&self, limit: f64) -> Option<f64> {
         let [least, most] = self.factor;
-        let is_wrong = least > FACTOR || most < 1.0 / FACTOR;
+        let is_wrong = least > limit || most < 1.0 / limit;
         (self.is_clear() && is_wrong).then(|| (least * most).sqrt())
     }
 }
@@ -90,6 +110,7 @@ pub(super) fn fit(own: usize, expected: &[f64], measured: &[Vector3<f64>]) -> Op
             certainty(&all, &without, |m| best(m) - m.fisher(own))
         },
         factor: [slope, all.ee / all.em[axis].abs()],
+        along: [0, 1, 2].map(|axis| certainty(&all, &without, |m| m.fisher(axis))),
         count: expected.len(),
     })
 }

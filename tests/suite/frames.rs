@@ -63,7 +63,10 @@ fn provoked() -> Vec<(Vec<String>, Vec<&'static str>)> {
         ),
         (
             vec![format!("{RATE}.unit=\"deg\"")],
-            vec!["too small by a factor of 5", "degrees are declared, the columns are radians"],
+            vec![
+                "too small by a factor of 5",
+                "`deg` is declared, the numbers fit `rad`: write `unit = \"rad\"`",
+            ],
         ),
         (
             vec![format!("{FORCE}.increment=false"), format!("{FORCE}.unit=\"m/s^2\"")],
@@ -134,6 +137,130 @@ fn every_frame_mistake_on_the_car_is_named_with_and_without_a_reference() {
                 count, channels,
                 "reference {has_reference}, {sets:?}: as many channels are wrong:\n{warnings}"
             );
+        }
+    }
+}
+
+const POSITION: &str = "source.gnss.channels.position";
+
+#[test]
+fn a_position_that_everything_else_contradicts_is_what_is_wrong() {
+    let cases = [
+        (vec!["longitude=\"-lon_rad\""], "write `longitude = \"lon_rad\"`"),
+        (vec!["latitude=\"-lat_rad\""], "write `latitude = \"lat_rad\"`"),
+        (
+            vec!["latitude=\"lon_rad\"", "longitude=\"lat_rad\""],
+            "write `latitude = \"lat_rad\", longitude = \"lon_rad\"`",
+        ),
+        (vec!["unit=\"deg\""], "write `unit = \"rad\"`"),
+        (vec!["height=\"-h_m\""], "write `height = \"h_m\"`"),
+    ];
+    for (sets, help) in cases {
+        let sets: Vec<String> = sets.iter().map(|set| format!("{POSITION}.{set}")).collect();
+        for has_reference in [true, false] {
+            let Some((design, options)) = car(has_reference, &sets) else {
+                return;
+            };
+            let (warnings, found) = told(&design, &options);
+            assert_eq!(warnings.matches("warning: ").count(), 1, "{has_reference} {sets:?}:\n{warnings}");
+            assert!(warnings.contains(help), "{has_reference} {sets:?}:\n{warnings}");
+            // Without a reference nothing but the velocity tells which way up is.
+            let is_open = !has_reference && sets[0].contains("height");
+            assert!(warnings.contains("the position"), "{sets:?}:\n{warnings}");
+            let accused = found.comparisons.iter().find(|c| c.what == "gnss.velocity").unwrap();
+            assert_eq!(accused.verdict == "as declared", !is_open, "{has_reference} {sets:?}: {accused:?}");
+        }
+    }
+}
+
+#[test]
+fn wrong_local_coordinates_are_told_by_the_inertial_unit() {
+    let workspace = Workspace::new("frames-local");
+    drive(&workspace);
+    for (position, help) in [
+        (
+            "{ north = \"e\", east = \"n\", down = \"d\" }",
+            "write `north = \"n\", east = \"e\"`",
+        ),
+        ("{ north = \"n\", east = \"-e\", down = \"d\" }", "write `east = \"e\"`"),
+    ] {
+        let (warnings, _) = told_of(&workspace, DRIVE, &[format!("{POSITION}={position}")]);
+        assert_eq!(warnings.matches("warning: ").count(), 1, "{position}:\n{warnings}");
+        assert!(
+            warnings.contains("the position of `gnss.position` contradicts"),
+            "{position}:\n{warnings}"
+        );
+        assert!(warnings.contains(help), "{position}:\n{warnings}");
+    }
+}
+
+#[test]
+fn a_velocity_in_a_file_of_its_own_is_compared_with_the_position_and_no_sign_is_invented() {
+    let workspace = Workspace::new("frames-two-files");
+    drive(&workspace);
+    let own = "[source.doppler]\ntype = \"csv\"\npath = \"gnss.csv\"\ntime = { column = \"t\" }\n[source.doppler.channels]\nvelocity";
+    let two = DRIVE.replace("velocity = { columns", &format!("{own} = {{ columns"));
+    assert!(two.contains("[source.doppler.channels]\nvelocity"));
+    let (warnings, found) = told_of(&workspace, &two, &[]);
+    assert_eq!(warnings, "", "{:?}", found.comparisons);
+    let with = found.comparisons.iter().find(|c| c.what == "doppler.velocity").unwrap();
+    assert_eq!(with.with, "the slope of gnss.position");
+    // The road is level: nothing tells of down.
+    assert_eq!(with.verdict, "north, east as declared; down not decided");
+    let exchanged = "source.doppler.channels.velocity.columns=[\"ve\", \"vn\", \"vd\"]".to_owned();
+    let (warnings, _) = told_of(&workspace, &two, &[exchanged]);
+    assert!(warnings.contains("write `columns = [\"vn\", \"ve\", \"vd\"]`"), "{warnings}");
+    assert!(warnings.contains("the sign of down is not decided by these data"), "{warnings}");
+}
+
+#[test]
+fn exchanged_gyros_are_exchanged_back_without_a_sign() {
+    let set = format!("{RATE}.columns=[\"dthy_rad\", \"dthx_rad\", \"dthz_rad\"]");
+    let Some((design, options)) = car(false, &[set]) else { return };
+    let (warnings, _) = told(&design, &options);
+    assert!(
+        warnings.contains("write `columns = [\"dthx_rad\", \"dthy_rad\", \"dthz_rad\"]`"),
+        "{warnings}"
+    );
+}
+
+#[test]
+fn a_shifted_clock_is_told_and_hides_no_axes() {
+    for (has_reference, source) in [(true, "imu"), (false, "imu"), (true, "reference")] {
+        for (shift, way) in [("1.5 s", "late"), ("-1.5 s", "early")] {
+            let set = format!("source.{source}.time.offset=\"{shift}\"");
+            let Some((design, options)) = car(has_reference, &[set]) else {
+                return;
+            };
+            let (warnings, found) = told(&design, &options);
+            assert_eq!(warnings.matches("warning: ").count(), 1, "{source} {shift}:\n{warnings}");
+            assert!(
+                warnings.contains(&format!("the stamps of `{source}` are about ")),
+                "{source} {shift}:\n{warnings}"
+            );
+            assert!(warnings.contains(&format!(" s {way}: ")), "{source} {shift}:\n{warnings}");
+            let rates = found.comparisons.iter().find(|c| c.what == "imu.angular_rate").unwrap();
+            assert!(rates.verdict.starts_with("as declared, "), "{rates:?}");
+        }
+    }
+}
+
+#[test]
+fn a_velocity_in_another_unit_is_told_with_the_unit_that_fits() {
+    for (set, says, help) in [
+        ("unit=\"kn\"", "too small by a factor of 1.94", "write `unit = \"m/s\"`"),
+        ("scale=0.5", "too small by a factor of 2", "leave it out"),
+        ("scale=1.5", "too large by a factor of 1.5", "leave it out"),
+    ] {
+        for has_reference in [true, false] {
+            let Some((design, options)) = car(has_reference, &[format!("{VELOCITY}.{set}")]) else {
+                return;
+            };
+            let (warnings, found) = told(&design, &options);
+            assert_eq!(warnings.matches("warning: ").count(), 1, "{set}:\n{warnings}");
+            assert!(warnings.contains(says) && warnings.contains(help), "{set}:\n{warnings}");
+            let listed = found.comparisons.iter().find(|c| c.what == "gnss.velocity").unwrap();
+            assert!(listed.verdict.contains(says), "{listed:?}");
         }
     }
 }
@@ -421,6 +548,9 @@ fn what_does_not_move_is_not_judged() {
     assert_eq!(warnings, "", "{:?}", found.comparisons);
     let channels = found.comparisons.iter().filter(|c| c.samples > 0);
     assert_eq!(channels.count(), 3, "{:?}", found.comparisons);
+    let said = |what: &str| found.comparisons.iter().find(|c| c.what == what).unwrap().verdict.clone();
+    assert_eq!(said("imu.specific_force"), "down as declared; forward, right not decided");
+    assert_eq!(said("imu.angular_rate"), "not decided: no agreement, or too little motion");
 }
 
 #[test]

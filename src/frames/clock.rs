@@ -1,0 +1,82 @@
+//! Clocks that do not go together: at which shift of the stamps two channels tell of the same motion.
+
+use super::judge::Expected;
+use super::log::Track;
+use super::motion::Told;
+use super::regression::{CERTAIN, Fit, fit};
+use nalgebra::Vector3;
+
+/// How late a velocity or an attitude may be stamped against the instruments \[s\]: receivers are late by up to half a
+/// second, and what is smoothed in both directions is early.
+const LAGS: [f64; 9] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, -0.1, -0.2];
+/// Shifts that are searched \[s\], and how closely.
+const WIDEST: f64 = 5.0;
+const COARSE: f64 = 0.25;
+const FINE: f64 = 0.05;
+/// A shift that is further from all that is usual or declared is told \[s\].
+const UNUSUAL: f64 = 0.3;
+/// The correlation from which on a shift is told: waves, which repeat themselves, agree with a shifted log by less.
+const PLAIN: f64 = 0.9;
+
+/// What two channels say of their clocks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Clocks {
+    /// Too little.
+    Untold,
+    /// The stamps go together, as well as is usual.
+    Together,
+    /// What is expected is stamped so much later than what is measured \[s\].
+    Apart(f64),
+}
+
+/// The usual lag at which all axes together correlate best, whichever they are; `shift` is that of the clocks.
+pub(super) fn usual(measured: &Track, told: &[Told], shift: f64) -> f64 {
+    best(measured, told, LAGS.into_iter().map(|lag| lag + shift))
+}
+
+fn best(measured: &Track, told: &[Told], lags: impl Iterator<Item = f64>) -> f64 {
+    let size = |lag: f64| {
+        let fits = Expected::of(measured, told, lag).fits();
+        fits.iter().flatten().map(|f| f.correlation.powi(2)).sum::<f64>()
+    };
+    // The first of several that are as good.
+    let sizes = lags.map(|lag| (lag, size(lag)));
+    sizes.fold((0.0, 0.0), |best, next| if next.1 > best.1 { next } else { best }).0
+}
+
+/// Compares the clocks; `declared` are the delays that the design knows of.
+pub(super) fn compare(measured: &Track, told: &[Told], declared: &[f64]) -> Clocks {
+    let clearest = |lag: f64| {
+        let fits = Expected::of(measured, told, lag).fits();
+        let clear = fits
+            .into_iter()
+            .enumerate()
+            .filter_map(|(row, f)| Some((row, f.filter(Fit::is_clear)?)));
+        clear.max_by(|a, b| a.1.correlation.total_cmp(&b.1.correlation))
+    };
+    let near = usual(measured, told, 0.0);
+    let steps = |from: f64, to: f64, step: f64| (0..=((to - from) / step).round() as u32).map(move |k| from + step * f64::from(k));
+    let coarse = best(measured, told, steps(-WIDEST, WIDEST, COARSE));
+    let far = best(measured, told, steps(coarse - COARSE, coarse + COARSE, FINE));
+    let is_usual = |lag: f64| {
+        let delays = declared.iter().flat_map(|d| LAGS.map(|lag| lag + d));
+        LAGS.into_iter().chain(delays).any(|usual| (lag - usual).abs() < UNUSUAL)
+    };
+    match clearest(far) {
+        Some((row, fit)) if !is_usual(far) && fit.correlation >= PLAIN && is_better(measured, told, row, fit.axis, [near, far]) => {
+            Clocks::Apart(far)
+        }
+        _ if clearest(near).is_some() => Clocks::Together,
+        _ => Clocks::Untold,
+    }
+}
+
+/// Whether the second lag is better for certain: as if both were axes that one is to be chosen of.
+fn is_better(measured: &Track, told: &[Told], row: usize, axis: usize, lags: [f64; 2]) -> bool {
+    let both = told.iter().filter(|t| t.2[row].is_finite()).filter_map(|(from, to, expected)| {
+        let at = |lag: f64| Some(measured.mean(from - lag, to - lag)?[axis]);
+        Some((expected[row], Vector3::new(at(lags[0])?, at(lags[1])?, 0.0)))
+    });
+    let (expected, measured): (Vec<f64>, Vec<Vector3<f64>>) = both.unzip();
+    fit(0, &expected, &measured).is_some_and(|f| f.axis == 1 && f.margin >= CERTAIN)
+}

@@ -1,0 +1,57 @@
+//! Headings against courses.
+
+/// How headings go with courses: length and direction of the mean of e^{i(course − heading)} and e^{i(course + heading)}.
+pub(super) struct Turned {
+    pub(super) along: (f64, f64),
+    pub(super) against: (f64, f64),
+}
+
+/// From here on headings go with courses, not by chance.
+const TIED: f64 = 0.9;
+
+impl Turned {
+    /// `None` where the course did not go round enough to tell one from the other.
+    pub(super) fn of(pairs: &[(f64, f64)]) -> Option<Self> {
+        let mean = |of: &dyn Fn(&(f64, f64)) -> f64| {
+            let (s, c) = pairs
+                .iter()
+                .map(|p| of(p).sin_cos())
+                .fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+            (s.hypot(c) / pairs.len() as f64, s.atan2(c))
+        };
+        let has_turned = pairs.len() >= 50 && mean(&|p| p.1).0 < 0.8;
+        has_turned.then(|| Self {
+            along: mean(&|p| p.1 - p.0),
+            against: mean(&|p| p.1 + p.0),
+        })
+    }
+
+    /// What is wrong, and what to write.
+    pub(super) fn wrong(&self) -> Option<(String, String)> {
+        let quarters = |angle: f64| (angle / core::f64::consts::FRAC_PI_2).round();
+        let near = |angle: f64| (angle - quarters(angle) * core::f64::consts::FRAC_PI_2).abs() < 0.4;
+        let ((along, offset), (against, sum)) = (self.along, self.against);
+        if along > TIED && near(offset) && quarters(offset) != 0.0 {
+            let degrees = quarters(offset) * 90.0;
+            let help =
+                format!("add {degrees} deg to the heading: an `offset`, a `rotation` or a `navigation_rotation`; or the vehicle moves so");
+            return Some((format!("the course is {degrees}° clockwise of it"), help));
+        }
+        if against > TIED && along < 0.7 && near(sum) {
+            let from = ["north", "east", "south", "west"][(quarters(sum) as i64).rem_euclid(4) as usize];
+            let help = match from {
+                "east" => {
+                    "from east-north-up, write `navigation_rotation = { axes = [\"y\", \"x\", \"-z\"] }`; of roll, pitch, yaw: `\"-yaw\"` with the `offset` `\"90 deg\"`"
+                }
+                _ => "change the sign of the heading: `\"-yaw\"`, or of a quaternion the opposite of its `inverse`",
+            };
+            return Some((format!("it is counted anti-clockwise from {from}"), help.to_owned()));
+        }
+        None
+    }
+
+    /// Whether the heading is that of the course.
+    pub(super) fn is_right(&self) -> bool {
+        self.along.0 > TIED && self.wrong().is_none()
+    }
+}
