@@ -11,7 +11,7 @@ use crate::health::{FilterHealth, State};
 use crate::observe::{RunObserver, SensorStatistics};
 use crate::provenance::Provenance;
 use crate::run::{Options, Smoothing, Summary, run_sharing};
-use crate::score::{Axes, BlockScore, Consistency, Convergence, Episodes, median};
+use crate::score::{Axes, BlockScore, Consistency, Convergence, Drift, Episodes, median};
 use fusion_models::sim::{Record, SharedCourse};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -58,6 +58,10 @@ pub struct RunRow {
     pub sensors: Vec<SensorStatistics>,
     /// How well a controlled vehicle did what it was to do; none where nothing is steered.
     pub control: Option<Record>,
+    /// Samples of the input that were taken for spikes.
+    pub spikes: u64,
+    /// The drift in each declared outage.
+    pub drift: Vec<Drift>,
 }
 
 /// What the filter of a run said of itself.
@@ -71,6 +75,8 @@ pub struct RunHealth {
     pub at_the_end: State,
     /// Share of the time in a state worse than aligning.
     pub ill: f64,
+    /// Whether it was degraded or lost within declared outages alone.
+    pub as_declared: bool,
 }
 
 impl RunHealth {
@@ -90,6 +96,7 @@ impl RunHealth {
             } else {
                 0.0
             },
+            as_declared: health.is_ill_as_declared(),
         }
     }
 }
@@ -118,6 +125,8 @@ impl RunRow {
             blocks: score.blocks,
             sensors: summary.sensors.clone(),
             control: summary.control.clone(),
+            spikes: summary.spikes,
+            drift: score.drift,
         }
     }
 }
@@ -371,6 +380,25 @@ impl Campaign {
             runs: duel.runs + 1,
         });
         (duel.runs > 0).then_some(duel)
+    }
+
+    /// The runs whose worst state was this one, but for those that were in ill health within declared outages alone.
+    pub fn undeclared(&self, state: State) -> impl Iterator<Item = &RunRow> {
+        self.with_worst(state).filter(|row| !row.health.as_declared)
+    }
+
+    /// The declared outages of all runs, in order of their beginnings, each with its drift in every run that has it.
+    #[must_use]
+    pub fn outages(&self) -> Vec<Vec<Drift>> {
+        let mut all: Vec<Vec<Drift>> = Vec::new();
+        for drift in self.rows.iter().flat_map(|row| &row.drift) {
+            match all.iter_mut().find(|known| (known[0].from, known[0].to) == (drift.from, drift.to)) {
+                Some(known) => known.push(*drift),
+                None => all.push(vec![*drift]),
+            }
+        }
+        all.sort_by(|a, b| a[0].from.total_cmp(&b[0].from).then(a[0].to.total_cmp(&b[0].to)));
+        all
     }
 
     /// The runs whose worst state was this one.

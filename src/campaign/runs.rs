@@ -37,7 +37,9 @@ impl Campaign {
             for values in [row.rms, row.max, row.velocity_rms, row.attitude_rms, nees] {
                 values.into_iter().try_for_each(|value| real(&mut cells, value))?;
             }
-            let RunHealth { worst, at_the_end, ill } = &row.health;
+            let RunHealth {
+                worst, at_the_end, ill, ..
+            } = &row.health;
             cells.texts([worst.word(), at_the_end.word()])?;
             for value in [Some(*ill), row.drift_percent, row.drift_rms] {
                 real(&mut cells, value.unwrap_or(f64::NAN))?;

@@ -19,6 +19,8 @@ pub struct Counters {
     pub epochs: u64,
     /// Rows that came too late or held no number, by consumer: `stage.consumer` inside a stage.
     pub unused_rows: Vec<(String, u64)>,
+    /// Samples of the input that were taken for spikes.
+    pub spikes: u64,
     /// Why a filter could not go on: the first ten.
     pub failures: Vec<String>,
     /// How many more there were.
@@ -50,6 +52,7 @@ fusion_core::memory!(Counters {
     start_angle,
     epochs,
     unused_rows,
+    spikes,
     failures,
     further_failures
 });
@@ -70,7 +73,10 @@ impl RunObserver for Counters {
                 Event::Discarded {
                     why: Discard::BeforeStart, ..
                 } => {}
-                Event::Discarded { consumer, .. } => self.not_used(filter.named(consumer)),
+                Event::Discarded { consumer, why, .. } => {
+                    self.spikes += u64::from(filter.is_outermost() && matches!(why, Discard::Spike { .. }));
+                    self.not_used(filter.named(consumer));
+                }
                 Event::Failed { .. } if self.failures.len() >= REASONS => self.further_failures += 1,
                 Event::Failed { error } => {
                     let why = error.to_string();

@@ -10,6 +10,9 @@ use fusion_core::runner::{Event, Halt, StreamId};
 use fusion_core::time::Time;
 use serde::Serialize;
 
+/// Re-acquisitions whose times are kept.
+const REACQUIRED: usize = 10;
+
 /// How the filter took the rows that declared faults changed, and the others.
 ///
 /// Only numbers that the sensor itself reads count: its channel, and the 1σ that comes with it.
@@ -65,8 +68,12 @@ pub struct SensorStatistics {
     pub accepted: u64,
     /// Those its gate rejected.
     pub rejected: u64,
+    /// Those of them that its gate did not judge: its leader's measurement (`only_with`) was rejected.
+    pub with_leader: u64,
     /// Those its gate believed against the estimate.
     pub reacquired: u64,
+    /// When its gate did so after it had rejected some \[s\]: the first ten times.
+    pub reacquired_at: Vec<f64>,
     /// Those without a value at the estimate, or that could not be used.
     pub unusable: u64,
     /// Of disturbed rows, where a declared fault may change what it reads.
@@ -121,7 +128,9 @@ fusion_core::memory!(Follower { statistics, nis, power, squares, pairs, streak; 
 fusion_core::memory!(SensorStatistics {
     accepted,
     rejected,
+    with_leader,
     reacquired,
+    reacquired_at,
     unusable,
     disturbed,
     longest_rejection_streak,
@@ -240,10 +249,15 @@ impl Follower {
             }
             Verdict::Reacquired => {
                 statistics.reacquired += 1;
+                // A bank believes one against the estimate without a rejection before.
+                if self.streak.is_some() && statistics.reacquired_at.len() < REACQUIRED {
+                    statistics.reacquired_at.push(time.seconds());
+                }
                 true
             }
             Verdict::Rejected => {
                 statistics.rejected += 1;
+                statistics.with_leader += u64::from(update.threshold == f64::INFINITY);
                 false
             }
             Verdict::Undefined(_) | Verdict::Unusable => {
@@ -303,6 +317,9 @@ impl Follower {
         innovations.rms = self.squares.iter().map(|s| (s / count).sqrt()).collect();
         innovations.lag_1 = self.pairs.iter().map(Pairs::correlation).collect();
         self.statistics.gate_power = self.power.iter_mut().filter_map(median).collect();
+        // Where every row is disturbed, none is left that a gate could tell it from.
+        let judged = self.statistics.accepted + self.statistics.rejected + self.statistics.reacquired;
+        self.statistics.disturbed = (self.statistics.disturbed).filter(|d| judged == 0 || d.missed + d.caught < judged);
         self.statistics.nis = Consistency::of(&self.nis, innovations.unit.len());
         self.statistics
     }

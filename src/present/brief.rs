@@ -3,11 +3,11 @@
 use super::control;
 use super::health;
 use super::number::short;
-use super::run::converged;
+use super::run::{RPY, converged};
 use super::sensors::{count_columns, counted, counts};
 use super::tree::{Cell, Column, Page, Section, Table};
 use crate::run::Summary;
-use crate::score::{Axes, Consistency, Drift, Score};
+use crate::score::{Axes, Consistency, Drift, Score, Verdict};
 
 /// Findings that are shown; all of them are with the other tables.
 const FINDINGS: usize = 4;
@@ -132,11 +132,13 @@ fn errors(t: &mut Table, whose: &str, score: &Score) {
             score.nees_velocity.as_ref(),
         );
     }
-    if score.attitude_deg.is_some() {
+    if let Some(attitude) = &score.attitude_deg {
         let of = |name: &str, value: Option<f64>| value.map(|v| format!("{name} {}°", short(v)));
         let parts = [of("heading", score.heading_rmse_deg), of("tilt", score.inclination_rmse_deg)];
         let parts: Vec<String> = parts.into_iter().flatten().collect();
-        line("attitude", vec![format!("{} RMS", parts.join(", "))], score.nees_attitude.as_ref());
+        let inside = score.nees_attitude.is_none().then(|| inside(attitude)).flatten();
+        let parts = [format!("{} RMS", parts.join(", "))].into_iter().chain(inside);
+        line("attitude", parts.collect(), score.nees_attitude.as_ref());
     }
     if let (Some(rms), Some(median)) = (score.drift_rms, score.drift_median) {
         let outages = score.drift.len();
@@ -161,6 +163,16 @@ fn errors(t: &mut Table, whose: &str, score: &Score) {
     if let Some(convergence) = &score.convergence {
         line("convergence", vec![converged(convergence)], None);
     }
+}
+
+/// `inside 3σ 75 % (yaw), overconfident`: the axis of an attitude with the least share, where there is no NEES.
+fn inside(attitude: &Axes) -> Option<String> {
+    let known = (0..3).filter(|k| attitude.inside[*k].is_finite());
+    let k = known.min_by(|a, b| attitude.inside[*a].total_cmp(&attitude.inside[*b]))?;
+    let share = attitude.inside[k];
+    let verdict = Verdict::of_share(share).filter(|v| *v != Verdict::Consistent);
+    let verdict = verdict.map_or(String::new(), |v| format!(", {}", v.word()));
+    Some(format!("inside 3σ {:.1} % ({}){verdict}", 100.0 * share, RPY[k]))
 }
 
 /// `NEES 13.6 of 3, overconfident`.

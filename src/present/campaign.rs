@@ -10,8 +10,10 @@ use super::unit::Unit;
 use crate::campaign::{Campaign, Duel, Independence, Pace, Pooled, RunRow};
 use crate::health::State;
 use crate::observe::Innovations;
-use crate::score::{Consistency, Verdict};
+use crate::score::{Consistency, Drift, Verdict};
 
+/// Outages listed one by one.
+const OUTAGES: usize = 40;
 /// Seeds of ill runs that are named.
 const SEEDS: usize = 3;
 
@@ -118,10 +120,20 @@ pub fn health(campaigns: &[(&str, &Campaign)]) -> Section {
         let shares = [ill.map(|s| s.mean), ill.map(|s| s.max)].map(|s| s.map_or(Cell::Empty, Cell::Share));
         t.row([Cell::text(*name)].into_iter().chain(counts).chain(shares));
     }
-    Section::new(
+    let section = Section::new(
         "Health: runs by their worst state after aligning; ill: share of the time coasting or worse",
         [t],
-    )
+    );
+    let declared = campaigns
+        .iter()
+        .map(|(name, c)| (name, c.rows.iter().filter(|r| r.health.as_declared).count(), c.rows.len()));
+    let notes = declared
+        .filter(|(_, n, _)| *n > 0)
+        .map(|(name, n, all)| format!("{name}: degraded or lost within declared outages alone in {n} of {all} runs."));
+    Section {
+        notes: notes.collect(),
+        ..section
+    }
 }
 
 /// A description before what follows it.
@@ -170,7 +182,7 @@ impl Campaign {
                 .map(|verdict| Section::new("", []).note(verdict))
                 .into_iter()
                 .chain([pooled(&[("all runs", self)]), health(&[("all runs", self)])])
-                .chain([Section::new("Errors over the runs", [self.errors()])])
+                .chain([Section::new("Errors over the runs", [self.errors()]), self.drift()])
                 .chain(control::spread(self))
                 .chain([
                     Section::new(
@@ -199,7 +211,24 @@ impl Campaign {
                 self.rows.len()
             )),
         };
-        shared.into_iter().chain(self.ill()).collect()
+        shared.into_iter().chain(self.ill()).chain(self.spikes()).collect()
+    }
+
+    /// In how many runs samples of the input were taken for spikes.
+    fn spikes(&self) -> Option<String> {
+        let runs = self.rows.iter().filter(|row| row.spikes > 0).count();
+        let all: u64 = self.rows.iter().map(|row| row.spikes).sum();
+        let nees: Vec<Consistency> = (0..3).filter_map(|i| self.judge(|row| row.nees[i])).collect();
+        // Where errors are as the filter says, they did no harm.
+        let is_harmful = nees.is_empty() || nees.iter().any(|c| c.verdict() == Some(Verdict::Overconfident));
+        (runs > 0 && is_harmful).then(|| {
+            format!(
+                "in {runs} of {} runs samples of the process input were taken for spikes and not used, {} in a run on average: \
+                 the vehicle moves faster than `process.agility` says, unless they are faults that are declared",
+                self.rows.len(),
+                significant(all as f64 / runs as f64)
+            )
+        })
     }
 
     /// In how many runs the filter was degraded, lost, or never good, and how to look at one of the worst.
@@ -209,17 +238,17 @@ impl Campaign {
             (State::Degraded, "degraded"),
             (State::Aligning, "never aligned"),
         ];
-        let counts = kinds.map(|(state, word)| (self.with_worst(state).count(), word));
+        let counts = kinds.map(|(state, word)| (self.undeclared(state).count(), word));
         let told: Vec<String> = counts
             .iter()
             .filter(|(n, _)| *n > 0)
             .map(|(n, word)| format!("{word} in {n}"))
             .collect();
-        let (worst, word) = kinds.into_iter().find(|(state, _)| self.with_worst(*state).next().is_some())?;
-        let seeds: Vec<String> = self.with_worst(worst).take(SEEDS).map(|row| row.seed.to_string()).collect();
-        let more = match self.with_worst(worst).count().saturating_sub(SEEDS) {
+        let (worst, word) = kinds.into_iter().find(|(state, _)| self.undeclared(*state).next().is_some())?;
+        let seeds: Vec<String> = self.undeclared(worst).take(SEEDS).map(|row| row.seed.to_string()).collect();
+        let more = match self.undeclared(worst).count().saturating_sub(SEEDS) {
             0 => String::new(),
-            n => format!(" and {n} more, in runs.csv of `--out DIR`"),
+            n => format!(" and {n} more"),
         };
         Some(format!(
             "health: of {} runs the filter was {}; repeat one that was {word} with `fusion run … --seed SEED`: {}{more}",
@@ -311,6 +340,52 @@ impl Campaign {
             }
         }
         t
+    }
+
+    /// Each declared outage over the runs: the error at its end, and what the filter says of it.
+    fn drift(&self) -> Section {
+        let metres = |name: &str| Column::with_unit(name, Unit::of_si("m"));
+        let seconds = |name: &str| Column::with_unit(name, Unit::of_si("s"));
+        let columns = [
+            seconds("from"),
+            seconds("to"),
+            Column::number("runs"),
+            metres("at the end, RMS"),
+            metres("max"),
+            metres("mean 3σ there"),
+            Column::number("error/σ, RMS"),
+            Column::number("inside 3σ"),
+        ];
+        let mut t = Table::new(columns);
+        let outages = self.outages();
+        for outage in outages.iter().take(OUTAGES) {
+            let mean = |value: &dyn Fn(&Drift) -> f64| outage.iter().map(value).sum::<f64>() / outage.len() as f64;
+            let max = outage.iter().map(|d| d.end_horizontal).fold(0.0, f64::max);
+            let errors = [
+                mean(&|d| d.end_horizontal.powi(2)).sqrt(),
+                max,
+                mean(&|d| 3.0 * d.end_sigma),
+                mean(&|d| d.end_ratio().powi(2)).sqrt(),
+            ];
+            let inside = mean(&|d| f64::from(d.end_ratio() <= 3.0));
+            let times = [outage[0].from, outage[0].to].map(Cell::Seconds);
+            t.row(
+                times
+                    .into_iter()
+                    .chain([Cell::from(outage.len())])
+                    .chain(errors.map(Cell::Real))
+                    .chain([Cell::Share(inside)]),
+            );
+        }
+        let section = Section::new("Drift in outages, over the runs", [t]);
+        match outages.len() {
+            0 => section,
+            n if n > OUTAGES => section.note(format!("The first {OUTAGES} of {n} outages are listed.")),
+            _ => section.note(
+                "At the end: the horizontal error at the last epoch of the outage, its 3σ in its own direction, and how many σ it is: \
+                 of a consistent filter between 1 and 1.4 by the RMS.",
+            ),
+        }
     }
 
     fn consistency(&self) -> Section {

@@ -85,6 +85,7 @@ fn axes(what: &str, names: [&str; 3], unit: &str) -> [Column; 3] {
 fn position_columns() -> Vec<Column> {
     let mut columns = axis_columns("RMS", ["N", "E", "D"], "m");
     columns.extend(axes("max", ["N", "E", "D"], "m"));
+    columns.push(Column::with_unit("RMS horizontal", Unit::shown("m")));
     columns.push(Column::with_unit("drift", Unit::of_si("m")));
     columns
 }
@@ -94,7 +95,11 @@ fn position(score: &Score) -> Vec<Cell> {
         let axes = score.position.map(|a| [a.rms, a.max].concat());
         Cell::real(axes.map(|values| values[k]))
     };
-    (0..6).map(axis).chain([Cell::real(score.drift_rms)]).collect()
+    let horizontal = score.position.map(|_| score.horizontal_rms).filter(|v| !v.is_nan());
+    (0..6)
+        .map(axis)
+        .chain([Cell::real(horizontal), Cell::real(score.drift_rms)])
+        .collect()
 }
 
 fn travelled_columns() -> Vec<Column> {

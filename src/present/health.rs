@@ -58,9 +58,16 @@ pub(super) fn warnings(all: &[FilterHealth]) -> impl Iterator<Item = String> {
 
 /// The first few reasons.
 fn named(reasons: &[NamedReason]) -> String {
-    let mut named = reasons.iter().take(REASONS).map(ToString::to_string).collect::<Vec<_>>().join(", ");
-    if reasons.len() > REASONS {
-        named += &format!(" and {} more", reasons.len() - REASONS);
+    first(reasons, REASONS)
+}
+
+/// The first `most` reasons. One that holds for two states is told once, with the worse of them.
+fn first(reasons: &[NamedReason], most: usize) -> String {
+    let is_worse = |a: &NamedReason, b: &NamedReason| (a.reason, &a.of) == (b.reason, &b.of) && a.state > b.state;
+    let kept: Vec<&NamedReason> = reasons.iter().filter(|r| !reasons.iter().any(|other| is_worse(other, r))).collect();
+    let mut named = kept.iter().take(most).map(ToString::to_string).collect::<Vec<_>>().join(", ");
+    if kept.len() > most {
+        named += &format!(" and {} more", kept.len() - most);
     }
     named
 }
@@ -77,9 +84,19 @@ pub(super) fn shares<'a>(what: &str, all: impl IntoIterator<Item = (&'a str, &'a
     t
 }
 
-/// What happened when; nothing of filters that were good since they aligned.
+/// What happened when, with the first few reasons of each; nothing of filters that were good since they aligned.
 #[must_use]
 pub fn section(all: &[FilterHealth]) -> Section {
+    spells(all, REASONS)
+}
+
+/// The same with all reasons.
+#[must_use]
+pub(super) fn whole(all: &[FilterHealth]) -> Section {
+    spells(all, usize::MAX)
+}
+
+fn spells(all: &[FilterHealth], most: usize) -> Section {
     let ill = || all.iter().filter(|h| !h.is_good() && !h.transitions.is_empty());
     fn name(health: &FilterHealth) -> &str {
         if health.filter.is_empty() {
@@ -100,7 +117,7 @@ pub fn section(all: &[FilterHealth]) -> Section {
         let spells = health.spells();
         for spell in spells.iter().take(SPELLS) {
             let times = [spell.from, spell.to - spell.from].map(Cell::Seconds);
-            let words = [Cell::text(spell.state.word()), Cell::text(named(&spell.reasons))];
+            let words = [Cell::text(spell.state.word()), Cell::text(first(&spell.reasons, most))];
             t.row([Cell::text(name(health))].into_iter().chain(times).chain(words));
         }
         if spells.len() > SPELLS {
@@ -116,5 +133,27 @@ pub fn section(all: &[FilterHealth]) -> Section {
     Section {
         notes,
         ..Section::new("Health", [shares("filter", ill().map(|h| (name(h), h))), t])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reason_is_told_once_with_the_worse_of_its_states_and_all_of_them_where_all_is_asked_for() {
+        let reason = |reason, of: &str, state| NamedReason {
+            reason,
+            of: of.to_owned(),
+            state,
+        };
+        let mut all = vec![
+            reason("silent", "gnss", State::Good),
+            reason("silent", "gnss", State::Degraded),
+            reason("silent", "log", State::Good),
+        ];
+        assert_eq!(named(&all), "`gnss` silent, `log` silent, and others measure what it does");
+        all.extend(["a", "b", "c"].map(|of| reason("rejected", of, State::Degraded)));
+        assert!(named(&all).ends_with("and 1 more") && first(&all, usize::MAX).ends_with("`c` rejected"));
     }
 }

@@ -41,7 +41,7 @@ impl Summary {
                 self.verdict(),
                 self.look_next(usize::MAX),
                 self.facts(),
-                health::section(&self.health),
+                health::whole(&self.health),
                 self.data(),
             ]
             .into_iter()

@@ -17,6 +17,13 @@ impl Stress {
                 self.rows.len()
             ));
         }
+        if !self.is_free {
+            warnings.push(
+                "the faults meet a declared fault, or the end of the log before the filter has had its recovery time: what is silent \
+                 already is not disturbed, and what ends too soon cannot fail; another moment is given by `at` under [stress]"
+                    .to_owned(),
+            );
+        }
         for row in &self.rows {
             if let Some(why) = &row.outcome.stopped {
                 warnings.push(format!("{} on {}: the run stopped: {why}", row.case.fault, row.case.on));
@@ -45,7 +52,8 @@ impl Stress {
         };
         let section = section.note(format!(
             "worst: the largest error against {reference} that the undisturbed run does not have, in σ of the filter; \
-             of \"none\" its own. position: the largest error. recovered: from the end of the fault until the error is within \
+             of \"none\" its own. position: the largest error, and that at the end of the watch; survived: that is within 3σ, \
+             however large they are. recovered: from the end of the fault until the error is within \
              3σ for good. health: the worst state, and when it was no longer good. FAILED: beyond 3σ, or no estimate, for \
              longer than the recovery time while the health was good; and how long in all."
         ));
@@ -72,6 +80,7 @@ fn outcomes<'a>(rows: impl Iterator<Item = &'a Row>) -> Table {
         Column::text("survived"),
         Column::with_unit("worst", Unit::shown("σ")),
         Column::with_unit("position", Unit::of_si("m")),
+        Column::with_unit("end", Unit::of_si("m")),
         Column::with_unit("recovered", Unit::of_si("s")),
         Column::text("health"),
         Column::with_unit("after", Unit::of_si("s")),
@@ -90,6 +99,7 @@ fn outcomes<'a>(rows: impl Iterator<Item = &'a Row>) -> Table {
             },
             outcome.worst.map_or(Cell::Empty, |(ratio, _)| decimal(ratio)),
             outcome.metres.map_or(Cell::Empty, decimal),
+            outcome.metres_at_end.map_or(Cell::Empty, decimal),
             outcome
                 .recovered
                 .filter(|_| !case.sets.is_empty())

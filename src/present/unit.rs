@@ -15,10 +15,13 @@ impl Unit {
     /// Angles are shown in degrees, pressures in hectopascals, magnetic fields in microteslas, pure numbers without a unit.
     #[must_use]
     pub fn of_si(si: &str) -> Self {
+        // As it is written in base units: a rate of a unit that has a name.
+        let named = [("kg/m/s^2", "Pa"), ("kg/m/s^3", "Pa/s"), ("kg/s^2/A", "T"), ("kg/s^3/A", "T/s")];
+        let si = named.iter().find(|(base, _)| *base == si).map_or(si, |(_, name)| name);
         let (factor, symbol) = match (si, si.strip_prefix("rad")) {
             ("" | "1", _) => (1.0, String::new()),
-            ("Pa", _) => (0.01, "hPa".to_owned()),
-            ("T", _) => (1e6, "µT".to_owned()),
+            ("Pa" | "Pa/s", _) => (0.01, format!("h{si}")),
+            ("T" | "T/s", _) => (1e6, format!("µ{si}")),
             (_, Some(rest)) => (1_f64.to_degrees(), format!("deg{rest}")),
             _ => (1.0, si.to_owned()),
         };
@@ -81,6 +84,9 @@ mod tests {
         assert_eq!((rate.symbol(), rate.of(core::f64::consts::PI)), ("deg/s", 180.0));
         let pressure = Unit::of_si("Pa");
         assert_eq!(pressure.list(&[101_325.0]), "1013 hPa");
+        // As a dimension writes them.
+        assert_eq!(Unit::of_si("kg/m/s^3").list(&[20.34]), "0.2034 hPa/s");
+        assert_eq!(Unit::of_si("kg/s^3/A").list(&[5e-7]), "0.5 µT/s");
         assert_eq!(Unit::of_si("m/s^2").list(&[2.0, 2.0]), "2 m/s²");
         assert_eq!(Unit::of_si("1").list(&[0.5, 1.0]), "0.5, 1");
     }

@@ -300,6 +300,7 @@ impl<'a> Run<'a> {
             parameters,
             consumers: consumers.finish(),
             unused_rows: counters.unused_rows,
+            spikes: counters.spikes,
             failures: counters.failures,
             further_failures: counters.further_failures,
             wall_seconds: self.begun.elapsed().as_secs_f64(),

@@ -131,6 +131,9 @@ pub struct Summary {
     pub consumers: Vec<ConsumerCounts>,
     /// Rows that came too late or held no number, by consumer.
     pub unused_rows: Vec<(String, u64)>,
+    /// Samples of the input that were taken for spikes; `consumers` tell it, too, but for one run of many.
+    #[serde(skip)]
+    pub spikes: u64,
     /// What the estimator could not do: the first ten reasons.
     pub failures: Vec<String>,
     /// How many more failures there were.

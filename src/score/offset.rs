@@ -15,6 +15,8 @@ use serde::Serialize;
 
 /// Unknowns: l, d, τ.
 const N: usize = 6;
+/// The number of τ.
+const LATENCY: usize = 5;
 /// 1σ of what each may be before an error is seen: 10 m, 100 m, 1 s.
 const PRIOR: [f64; N] = [10.0, 10.0, 10.0, 100.0, 100.0, 1.0];
 /// Errors of a position that is fixed by a receiver and carried by an inertial unit are alike for some seconds; of
@@ -30,6 +32,12 @@ pub struct Offset {
     pub sigma: [f64; 3],
     /// The share of the squares of the horizontal error that it explains, besides a constant error and a latency.
     pub explained: f64,
+    /// By how much the estimate is ahead of the reference \[s\], of a vehicle whose speed changes.
+    pub latency: f64,
+    /// Its 1σ \[s\].
+    pub latency_sigma: f64,
+    /// The share of the squares that it explains, besides a constant error and an offset.
+    pub latency_explained: f64,
 }
 
 /// Sums of the normal equations.
@@ -76,12 +84,16 @@ impl OffsetFit {
         let (first, last) = self.span?;
         let share = (last.seconds_since(first) / INDEPENDENT / self.count).clamp(f64::MIN_POSITIVE, 1.0);
         let without = self.fit(share, |unknown| unknown >= 3)?;
+        let without_latency = self.fit(share, |unknown| unknown != LATENCY)?;
         let with = self.fit(share, |_| true)?;
-        let explained = 1.0 - with.left / without.left;
-        explained.is_finite().then(|| Offset {
+        let explained = |without: &Fit| 1.0 - with.left / without.left;
+        explained(&without).is_finite().then(|| Offset {
             body: core::array::from_fn(|k| with.x[k]),
             sigma: core::array::from_fn(|k| with.sigma[k]),
-            explained,
+            explained: explained(&without),
+            latency: with.x[LATENCY],
+            latency_sigma: with.sigma[LATENCY],
+            latency_explained: explained(&without_latency),
         })
     }
 
@@ -157,6 +169,8 @@ mod tests {
             // A fifth of the noise of a row, which has 20 independent ones.
             assert!((found.body[k] - arm[k]).abs() < 0.06 && found.sigma[k] < 0.2, "{found:?}");
         }
+        // A 25th of what 3 m/s RMS of speed make of the noise.
+        assert!((found.latency - 0.2).abs() < 0.01 && found.latency_explained > 0.5, "{found:?}");
         // Nothing tells a height in horizontal errors of a vehicle that is level.
         assert!(found.sigma[2] > 9.9 && found.explained > 0.9, "{found:?}");
     }

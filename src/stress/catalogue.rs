@@ -18,7 +18,7 @@ const BUILT_IN: &str = include_str!("catalogue.toml");
 #[serde(deny_unknown_fields)]
 pub struct CatalogueSpec {
     /// The moment of the faults, in the time of the log. By default the first moment in motion,
-    /// `settle` after the filter has started.
+    /// `settle` after the filter has started, that is apart from declared faults and leaves the time to recover.
     pub at: Option<Duration>,
     /// A filter that is beyond 3σ for longer than this while its health is good has failed.
     pub recovery: Option<NonNegative<dim::Duration>>,
@@ -133,6 +133,15 @@ impl Catalogue {
             apart: spec.apart.map_or(0.0, |a| a.si()),
             kinds,
         })
+    }
+
+    /// The longest fault that ends, and the recovery after it \[s\].
+    pub(super) fn span(&self) -> f64 {
+        let longest = self.kinds.iter().map(|kind| {
+            let lasts = if let Extent::Seconds(seconds) = kind.extent { seconds } else { 0.0 };
+            lasts + kind.recovery
+        });
+        longest.fold(0.0, f64::max)
     }
 
     /// Keeps the faults with these names; no names keep all.

@@ -96,6 +96,8 @@ pub struct Stress {
     pub rows: Vec<Row>,
     /// The moment of the faults.
     pub at: Time,
+    /// Whether it is apart from declared faults, with enough time to recover before the log ends.
+    pub is_free: bool,
     /// Whether there is a reference; else the undisturbed run is one.
     pub has_reference: bool,
     /// Faults of the catalogue that fit no stream of the design.
@@ -171,6 +173,7 @@ pub fn stress(
         },
         rows: rows?,
         at,
+        is_free: survey.is_free(catalogue, at),
         has_reference: !survey.errors.is_empty(),
         unfit,
     })

@@ -10,7 +10,7 @@ use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::runner::{Event, Halt};
 use fusion_core::state::Manifold;
-use fusion_core::time::Time;
+use fusion_core::time::{Time, nanos};
 use fusion_models::block::Shape;
 use nalgebra::UnitQuaternion;
 
@@ -102,6 +102,8 @@ pub(super) struct Survey {
     pub(super) innovations: Vec<(String, Vec<f64>)>,
     /// In order of time; empty where there is no reference.
     pub(super) errors: Vec<Errors>,
+    /// When declared faults are at work \[s\].
+    declared: Vec<(f64, f64)>,
 }
 
 impl Survey {
@@ -117,6 +119,7 @@ impl Survey {
             mounting: UnitQuaternion::identity(),
             innovations: Vec::new(),
             errors: Vec::new(),
+            declared: Vec::new(),
         }
     }
 
@@ -124,6 +127,7 @@ impl Survey {
     pub(super) fn finish(&mut self, summary: &Summary) {
         let told = summary.sensors.iter().filter(|s| s.innovations.count > 0);
         self.innovations = told.map(|s| (s.name.clone(), s.innovations.rms.clone())).collect();
+        self.declared = summary.faults.iter().map(|w| (w.from, w.to)).collect();
         let mounting = summary.score.as_ref().and_then(|score| score.mounting_deg);
         let [roll, pitch, yaw] = mounting.unwrap_or_default().map(f64::to_radians);
         self.mounting = so3::from_rpy(roll, pitch, yaw);
@@ -143,14 +147,18 @@ impl Survey {
         last.copied().max().unwrap_or_default()
     }
 
-    /// The moment of the faults: the declared one, or the first at which the vehicle has been moving
-    /// for 5 s and goes on for 5 s, once the filter has converged; where it never does, half-way.
+    /// The moment of the faults: the declared one, or the first that [is free](Self::is_free) at which the vehicle has
+    /// been moving for 5 s and goes on for 5 s, once the filter has converged; where none is free, the first of them,
+    /// and where it never moves, half-way.
     pub(super) fn moment(&self, catalogue: &Catalogue, from: Option<Time>) -> Time {
         if let Some(at) = catalogue.at {
             return Time::from_seconds(at);
         }
         let started = self.started.unwrap_or_default();
-        let earliest = started.shifted((catalogue.settle * 1e9) as i64).max(from.unwrap_or(Time::MIN));
+        // A log that ends too soon gives the filter less time to converge.
+        let latest = self.end().shifted(-nanos(catalogue.span())).max(started);
+        let settled = started.shifted(nanos(catalogue.settle)).min(latest);
+        let earliest = settled.max(from.unwrap_or(Time::MIN));
         let speeds: Vec<(Time, f64)> = self.estimates.iter().filter_map(|e| Some((e.time, e.velocity?.norm()))).collect();
         let squares = speeds.iter().map(|(_, v)| v * v).sum::<f64>();
         let moving = 0.5 * (squares / speeds.len().max(1) as f64).sqrt();
@@ -163,12 +171,22 @@ impl Survey {
             let since = *since.get_or_insert(time);
             let middle = time.shifted(-5_000_000_000);
             if since.max(earliest) <= middle && time.seconds_since(since) >= 10.0 {
-                found = Some(middle);
-                break;
+                if self.is_free(catalogue, middle) {
+                    return middle;
+                }
+                found.get_or_insert(middle);
             }
         }
         let end = self.end();
         found.unwrap_or_else(|| Time::from_seconds(0.5 * (earliest.min(end).seconds() + end.seconds())))
+    }
+
+    /// Whether no declared fault is at work, nor the log at its end, while the faults that begin `at` this moment last and
+    /// the filter recovers.
+    pub(super) fn is_free(&self, catalogue: &Catalogue, at: Time) -> bool {
+        let (from, to) = (at.seconds(), at.seconds() + catalogue.span());
+        let is_apart = |(begin, end): &(f64, f64)| *end <= from || to <= *begin;
+        to <= self.end().seconds() && self.declared.iter().all(is_apart)
     }
 }
 
@@ -210,5 +228,39 @@ impl RunObserver for Survey {
             _ => {}
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Document;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn faults_begin_apart_from_declared_ones_and_leave_the_time_to_recover() {
+        let at = |seconds: f64, declared: Vec<(f64, f64)>| {
+            let mut survey = Survey::new(Vec::new());
+            survey.started = Some(Time::default());
+            survey.declared = declared;
+            let epoch = |k: i32| ReferenceEpoch {
+                time: Time::from_seconds(f64::from(k)),
+                velocity: Some(Vector3::new(1.0, 0.0, 0.0)),
+                ..ReferenceEpoch::default()
+            };
+            survey.estimates = (0..seconds as i32).map(epoch).collect();
+            survey.streams = vec![Learnt {
+                times: vec![Time::from_seconds(seconds)],
+                ..Learnt::default()
+            }];
+            let catalogue = Catalogue::read(Catalogue::built_in(), &Document::parse("empty", "").0).unwrap();
+            let at = survey.moment(&catalogue, None);
+            (at.seconds(), survey.is_free(&catalogue, at))
+        };
+        assert_eq!(at(600.0, Vec::new()), (60.0, true));
+        // Each lasts for 45 s at most, and 30 s are left to recover.
+        assert_eq!(at(600.0, vec![(80.0, 200.0)]), (200.0, true));
+        assert_eq!(at(95.0, Vec::new()), (20.0, true));
+        assert_eq!(at(600.0, vec![(0.0, 600.0)]), (60.0, false));
     }
 }

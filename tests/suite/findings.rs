@@ -21,13 +21,13 @@ const SIMULATED: &[Case] = &[
     ),
     // With states for both errors.
     ("ins-gps-outlier", "correlated-bias", &[]),
-    // Without a gate the outliers are seen in the innovations, and nothing else is blamed.
+    // Without a gate the outliers are seen in the innovations, and nothing else is blamed: the cause comes first.
     (
         "ins-gps-outlier",
         "correlated-bias+no-gate",
         &[
-            ("NEES position", "begin with the innovations of `gps_position`"),
             ("gps_position", "outliers, which a `gate` would refuse"),
+            ("NEES position", "begin with what is said of `gps_position`"),
         ],
     ),
     ("ins-gps", "base", &[]),
@@ -49,7 +49,11 @@ const RECORDED: &[Case] = &[
     ("real/pntos-car", "base", &[]),
     ("real/rtklib-drive", "base", &[]),
     // Its attitude reference is that of another body, 0.6° off.
-    ("real/tumvi", "base", &[("NEES attitude", "an error of a sensor has no state")]),
+    (
+        "real/tumvi",
+        "base",
+        &[("NEES attitude", "errors of its own (`sigma`), other axes (`remove_mean_mounting`)")],
+    ),
 ];
 
 fn check(cases: &[Case], data: Option<&Path>) {

@@ -62,6 +62,7 @@ impl InitialiserSpec for CourseSpec {
             sigma,
             mounting_yaw: self.mounting_yaw.si(),
             yaw: None,
+            fastest: 0.0,
         }))
     }
 }
@@ -72,20 +73,33 @@ struct Course {
     sigma: f64,
     mounting_yaw: f64,
     yaw: Option<f64>,
+    /// The largest speed heard.
+    fastest: f64,
 }
-memory!(Course { yaw; min_speed, sigma, mounting_yaw });
+memory!(Course { yaw, fastest; min_speed, sigma, mounting_yaw });
 
 impl Initialiser for Course {
     fn row(&mut self, _: usize, _: Time, row: &[f64]) {
         // The latest course counts, and a slow one is none.
-        let fast = row[0].hypot(row[1]) >= self.min_speed;
+        let speed = row[0].hypot(row[1]);
+        let fast = speed >= self.min_speed;
+        self.fastest = self.fastest.max(speed);
         self.yaw = fast.then(|| wrap(row[1].atan2(row[0]) - self.mounting_yaw));
     }
 
     fn waits_for(&self) -> Option<String> {
-        self.yaw
-            .is_none()
-            .then(|| format!("a GNSS speed of {} m/s, for the course", self.min_speed))
+        let what = if self.fastest < self.min_speed {
+            ", for the course"
+        } else {
+            " while all else is there"
+        };
+        let told = || {
+            format!(
+                "a GNSS speed of {} m/s{what}; the largest so far was {:.1} m/s",
+                self.min_speed, self.fastest
+            )
+        };
+        self.yaw.is_none().then(told)
     }
 
     fn write(&self, _: Time, layout: &Layout, belief: &mut Belief) {

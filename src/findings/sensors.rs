@@ -1,0 +1,257 @@
+//! What gates and innovations say of a sensor.
+
+use super::instrument::{Bias, Instrument, Measures};
+use super::{CHECK, FAR, Finding, Judged, is_large, ratio};
+use crate::observe::SensorStatistics;
+use crate::present::short;
+use crate::score::{Consistency, Score, Verdict};
+
+/// The share of rejected measurements from which on a gate does more than to remove outliers: a gate of 99 %
+/// refuses 1 % of the good ones.
+const REJECTED: f64 = 0.05;
+/// Fewer measurements say little about a share: of 20, one rejected is already 5 %.
+const FEW: u64 = 20;
+/// The mean statistic over its degrees of freedom below which it is worth a change: errors are √0.5 = 0.71 times the 1σ.
+const SMALL: f64 = 0.5;
+/// The autocorrelation at lag 1 from which on innovations are no noise: half of the error of one is left in the next. Below the
+/// other they are.
+const LASTING: f64 = 0.5;
+const WHITE: f64 = 0.2;
+/// Fewer innovations do not tell one from the other: 2/√n is then more than what lies between.
+const ENOUGH: u64 = 50;
+/// An error stands out from so many times the median on: of a normal one the largest of a million are five times the 1σ,
+/// which is less than eight times the median.
+const OUTSTANDING: f64 = 8.0;
+/// It follows from a re-acquisition that was so long before it, at most \[s\].
+const SOON: f64 = 60.0;
+
+impl Judged<'_> {
+    /// Disturbed rows that were used while declared faults were at work, where errors are too large.
+    pub(super) fn disturbed(&self) -> Option<Finding> {
+        if !Measures::ALL.into_iter().filter_map(|what| self.nees(what)).any(is_large) {
+            return None;
+        }
+        let (mut used, mut faults) = (Vec::new(), Vec::new());
+        for (sensor, s) in self.sensors() {
+            let missed = s.disturbed.map_or(0, |d| d.missed);
+            let windows = self.summary.faults.iter();
+            let own: Vec<_> = windows.filter(|w| w.stream == sensor.source || w.stream == sensor.name).collect();
+            if missed == 0 || own.is_empty() {
+                continue;
+            }
+            used.push(format!("{missed} of `{}`", sensor.name));
+            for window in own {
+                let name = format!("`{}`", window.fault);
+                if !faults.iter().any(|(known, _)| *known == name) {
+                    faults.push((name, window.from));
+                }
+            }
+        }
+        if used.is_empty() {
+            return None;
+        }
+        let faults: Vec<String> = faults.iter().map(|(name, from)| format!("{name} (from {from:.1} s on)")).collect();
+        Some(Finding {
+            about: "faults".to_owned(),
+            evidence: format!(
+                "disturbed rows were used while faults were at work: {}; {}",
+                used.join(", "),
+                faults.join(", ")
+            ),
+            advice:
+                "errors follow from them: look at how gates took them (`missed` in the table of sensors), and judge the rest of the run \
+                     apart from them (`[reference] episodes`)"
+                    .to_owned(),
+        })
+    }
+
+    /// Gates that refuse more than some outliers, and sensors that were believed against the estimate.
+    pub(super) fn refused(&self) -> Vec<Finding> {
+        self.sensors()
+            .filter(|(i, _)| i.has_gate)
+            .filter_map(|(_, s)| self.reacquired(s).or_else(|| self.rejected(s)))
+            .collect()
+    }
+
+    fn rejected(&self, s: &SensorStatistics) -> Option<Finding> {
+        let (good, all) = refused_by_its_gate(s);
+        let share = rejected_share(s)?;
+        Some(Finding {
+            about: s.name.clone(),
+            evidence: format!(
+                "the gate of `{}` rejected {good} of {all} measurements, {:.0} %",
+                s.name,
+                100.0 * share
+            ),
+            advice: format!("if they are not outliers, {}, then look at its `noise`", self.look()),
+        })
+    }
+
+    /// A sensor that was believed against the estimate, where a large error follows, or nothing tells of errors.
+    fn reacquired(&self, s: &SensorStatistics) -> Option<Finding> {
+        let last_before = |at: f64| s.reacquired_at.iter().copied().rev().find(|t| (0.0..SOON).contains(&(at - t)));
+        let (time, error) = match &self.summary.score {
+            None => (*s.reacquired_at.first()?, String::new()),
+            Some(score) => {
+                outstanding(score).find_map(|(at, error)| Some((last_before(at)?, format!("; {error} followed at {at:.1} s"))))?
+            }
+        };
+        let (refused, all) = refused_by_its_gate(s);
+        Some(Finding {
+            about: s.name.clone(),
+            evidence: format!(
+                "`{}` was believed against the estimate at {time:.1} s (re-acquired), its gate rejected {refused} of {all} measurements{error}",
+                s.name
+            ),
+            advice: format!(
+                "if it was disturbed then, forbid it with `gate.recovery.never_reacquire = true`; if it was right, {}, then look at its \
+                 `noise`",
+                self.look()
+            ),
+        })
+    }
+
+    /// The first thing to do about a sensor that disagrees.
+    const fn look(&self) -> &'static str {
+        if self.is_recorded {
+            "let `fusion check DESIGN --data DIR` judge its time stamps, lever arm and axes"
+        } else {
+            "look at its time stamps, lever arm and axes"
+        }
+    }
+
+    /// Innovations that are larger than the filter expects.
+    pub(super) fn large(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
+        let (name, nis) = (&sensor.name, s.nis.as_ref()?);
+        // Of a gate that refuses nothing the power is infinite.
+        let is_gated = s.gate_power.iter().any(|power| power.is_finite());
+        let look = self.look();
+        let advice = if sensor.is_constraint {
+            "the vehicle does not keep this constraint so well; raise its `noise`, or apply it less often".to_owned()
+        } else if ratio(nis) > FAR {
+            format!(
+                "so much is hardly noise: look first at its axes, signs and units, at its time stamps ({CHECK} compares its channels with \
+                 others) and its lever arm; leave its `noise` until they are right"
+            )
+        } else if lag_1(s).is_some_and(|rho| rho > LASTING) {
+            format!(
+                "each is like the one before, so it is no noise: {look}, and its scale, then look for a slow error without a state, such \
+                 as its `bias`"
+            )
+        } else if !is_gated {
+            format!("are there outliers, which a `gate` would refuse? Else {look}, then look at its `noise`")
+        } else {
+            format!("{look}; if they are right, raise its `noise` or that of the process")
+        };
+        is_large(nis).then(|| Finding {
+            about: name.clone(),
+            evidence: format!(
+                "NIS of `{name}` is {} of {}, innovations are {} times what is expected",
+                short(nis.mean),
+                nis.dof,
+                short(nis.error_ratio())
+            ),
+            advice,
+        })
+    }
+
+    /// Whether the innovations of a sensor are all that tells of it: where errors are known, they judge, and what measures no part
+    /// of the solution may be slow on purpose.
+    fn is_judged_by_innovations(&self, sensor: &Instrument) -> bool {
+        let is_judged = Measures::ALL.into_iter().any(|what| self.nees(what).is_some());
+        !sensor.is_constraint && sensor.measures.is_some() && !is_judged
+    }
+
+    /// Innovations that are smaller than the filter expects.
+    pub(super) fn small(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
+        let nis = s.nis.as_ref()?;
+        if !self.is_judged_by_innovations(sensor) || !is_small(nis) {
+            return None;
+        }
+        let name = &sensor.name;
+        let slow = "they change slowly and the estimate follows them";
+        let state = match sensor.bias {
+            Some(Bias::Fixed) => "; then declare its `bias` as a state with a `correlation_time`",
+            _ => "",
+        };
+        let lag_1 = lag_1(s);
+        let advice = match lag_1 {
+            Some(rho) if rho > LASTING => format!("{slow}{state}"),
+            Some(rho) if rho < WHITE => "its `noise` is larger than its errors".to_owned(),
+            _ => format!("its `noise` is larger than its errors, or {slow}{state}"),
+        };
+        let correlated = lag_1.map_or_else(String::new, |rho| format!(", lag-1 autocorrelation {rho:.2}"));
+        Some(Finding {
+            about: name.clone(),
+            evidence: format!("NIS of `{name}` is {} of {}{correlated}", short(nis.mean), nis.dof),
+            advice,
+        })
+    }
+
+    /// Innovations that are as large as expected, but not independent of each other.
+    pub(super) fn lasting(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
+        let nis = s.nis.as_ref()?;
+        let rho = lag_1(s).filter(|rho| *rho > LASTING)?;
+        if !self.is_judged_by_innovations(sensor) || is_small(nis) || is_large(nis) {
+            return None;
+        }
+        let name = &sensor.name;
+        let until = "until then the 1σ is too small";
+        let advice = match sensor.bias {
+            Some(Bias::Fixed) => format!("an error that lasts has no state: declare its `bias` with a `correlation_time`; {until}"),
+            _ => format!("an error that lasts has no state: a latency, an arm, a scale, a heading (of a log, {CHECK} tries them); {until}"),
+        };
+        Some(Finding {
+            about: name.clone(),
+            evidence: format!(
+                "innovations of `{name}` are as large as expected, but each is like the one before, lag-1 autocorrelation {rho:.2}"
+            ),
+            advice,
+        })
+    }
+}
+
+/// How many good measurements a sensor's own gate rejected, of how many that it judged.
+fn refused_by_its_gate(s: &SensorStatistics) -> (u64, u64) {
+    let own = s.rejected.saturating_sub(s.with_leader);
+    // Rejected rows that a declared fault disturbed are what the gate is there for.
+    let good = own - s.disturbed.map_or(0, |d| d.caught).min(own);
+    (good, s.accepted + s.reacquired + own)
+}
+
+/// The share of good measurements that its own gate rejected, where it is more than some outliers.
+pub(super) fn rejected_share(s: &SensorStatistics) -> Option<f64> {
+    let (good, all) = refused_by_its_gate(s);
+    let share = good as f64 / all as f64;
+    (all >= FEW && share > REJECTED).then_some(share)
+}
+
+/// Errors that stand out among those of a run: when, and what they are.
+fn outstanding(score: &Score) -> impl Iterator<Item = (f64, String)> {
+    let horizontal = score.position.as_ref().and_then(|axes| {
+        let larger = usize::from(axes.max[1] > axes.max[0]);
+        let is_one = score.horizontal_max > OUTSTANDING * score.horizontal_median?;
+        is_one.then(|| {
+            (
+                axes.max_time[larger],
+                format!("a horizontal error of {} m", short(score.horizontal_max)),
+            )
+        })
+    });
+    let heading = score.attitude_deg.as_ref().and_then(|axes| {
+        let is_one = axes.max[2] > OUTSTANDING * score.spread.heading_deg?.median;
+        is_one.then(|| (axes.max_time[2], format!("a heading error of {}°", short(axes.max[2]))))
+    });
+    horizontal.into_iter().chain(heading)
+}
+
+/// The largest autocorrelation at lag 1 of the innovations of a sensor, where there are enough to tell.
+fn lag_1(s: &SensorStatistics) -> Option<f64> {
+    let rows = s.innovations.lag_1.iter().filter(|_| s.innovations.count >= ENOUGH);
+    rows.copied().reduce(f64::max)
+}
+
+/// Whether innovations are so much smaller than expected that it is worth a change.
+fn is_small(nis: &Consistency) -> bool {
+    nis.verdict() == Some(Verdict::Conservative) && ratio(nis) < SMALL
+}
