@@ -54,6 +54,7 @@ impl Truth {
             let schema = schema_of(sensor);
             let laid = Laid {
                 name,
+                root: &schema,
                 is_plain: &mut is_other,
                 given: &mut given,
             };
@@ -98,6 +99,8 @@ fn is_estimated(declared: &Node) -> bool {
 /// Lays what is true over a sensor.
 struct Laid<'a> {
     name: &'a str,
+    /// The schema of its block, to which others refer.
+    root: &'a Json,
     /// Parameters whose true value is told; and whether one of the other figures is another.
     given: &'a mut Vec<String>,
     is_plain: &'a mut bool,
@@ -119,9 +122,10 @@ impl Laid<'_> {
             return;
         }
         let fields = schema["properties"].as_object().into_iter().flatten();
-        let known: Vec<&str> = fields.filter(|(_, field)| may_differ(field)).map(|(key, _)| key.as_str()).collect();
+        let fields = fields.map(|(key, field)| (key.as_str(), resolved(self.root, field)));
+        let known: Vec<&str> = fields.filter(|(_, field)| may_differ(field)).map(|(key, _)| key).collect();
         for Entry { key, node } in truth.entries() {
-            let field = &schema["properties"][key];
+            let field = resolved(self.root, &schema["properties"][key]);
             if !known.contains(&key.as_str()) {
                 let message = format!(
                     "`{key}` is no figure of `{}{path}`, and only these may truly differ from what the filter believes",
@@ -151,6 +155,12 @@ impl Laid<'_> {
             }
         }
     }
+}
+
+/// The schema that a field refers to, or its own.
+fn resolved<'a>(root: &'a Json, field: &'a Json) -> &'a Json {
+    let named = field["$ref"].as_str().and_then(|path| root.pointer(path.strip_prefix('#')?));
+    named.unwrap_or(field)
 }
 
 /// Whether a field of a block may be another in truth: a parameter, a figure with a unit, or a table of such.

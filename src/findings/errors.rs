@@ -32,7 +32,8 @@ impl Judged<'_> {
     pub(super) fn all_errors(&self, causes: &[String]) -> Vec<Finding> {
         let Some(score) = &self.summary.score else { return Vec::new() };
         let heading = constant_heading(score).or_else(|| self.wrong_heading(score));
-        let offset = score.offset.as_ref().filter(|_| causes.is_empty());
+        // A simulated truth is that of the body origin, and in time.
+        let offset = score.offset.as_ref().filter(|_| causes.is_empty() && self.is_recorded);
         let latency = offset.and_then(wrong_latency);
         let arm = offset
             .filter(|_| latency.is_none())

@@ -177,8 +177,8 @@ impl Judged<'_> {
         let lag_1 = lag_1(s);
         let advice = match lag_1 {
             Some(rho) if rho > LASTING => format!("{slow}{state}"),
-            Some(rho) if rho < WHITE => "its `noise` is larger than its errors".to_owned(),
-            _ => format!("its `noise` is larger than its errors, or {slow}{state}"),
+            Some(rho) if rho < WHITE => "its `noise`, or that of the process, is larger than need be".to_owned(),
+            _ => format!("its `noise`, or that of the process, is larger than need be, or {slow}{state}"),
         };
         let correlated = lag_1.map_or_else(String::new, |rho| format!(", lag-1 autocorrelation {rho:.2}"));
         Some(Finding {

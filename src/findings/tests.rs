@@ -117,7 +117,7 @@ fn a_reference_outranks_innovations() {
     };
     assert!(found(slow_on_purpose, sensor(0.07), None).is_empty());
     assert!(
-        alone.len() == 1 && alone[0].contains("larger than its errors, or they change slowly"),
+        alone.len() == 1 && alone[0].contains("larger than need be, or they change slowly"),
         "{alone:?}"
     );
     let conservative = found(instrument(Some(Bias::Fixed)), sensor(0.07), Some(0.6));
@@ -143,6 +143,8 @@ fn a_judge_of_the_same_receiver_shows_no_noise_that_is_too_large() {
             summary: &summary,
             point: [0.0; 3],
             linearises_once: false,
+            is_recorded: true,
+            is_exact: [false; 3],
         };
         judged.findings().len()
     };
@@ -185,7 +187,10 @@ fn what_each_innovation_has_of_the_one_before_tells_noise_from_an_error_that_las
         "{slow}"
     );
     let white = of(0.07, 0.1, 300);
-    assert!(white.ends_with("its `noise` is larger than its errors"), "{white}");
+    assert!(
+        white.ends_with("its `noise`, or that of the process, is larger than need be"),
+        "{white}"
+    );
     for undecided in [of(0.07, 0.3, 300), of(0.07, 0.9, 20)] {
         assert!(undecided.contains("its errors, or they change slowly"), "{undecided}");
     }

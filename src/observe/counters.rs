@@ -42,7 +42,7 @@ fn least_known(filter: &Heard, belief: &Belief) -> Option<(String, f64)> {
         .layout
         .blocks()
         .iter()
-        .filter(|b| matches!(b.kind, Kind::Attitude | Kind::Angle));
+        .filter(|b| matches!(b.kind, Kind::Attitude | Kind::Angle) || b.unit == "rad");
     let known = angles.map(|b| (b.name.clone(), belief.covariance.sigmas(b).fold(0.0, f64::max)));
     known.max_by(|a, b| a.1.total_cmp(&b.1))
 }

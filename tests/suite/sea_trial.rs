@@ -103,9 +103,10 @@ fn the_figures_of_the_sea_trial_are_those_of_the_paper() {
         "fix to estimate: largest {:.2} m, trenching {:.2} m; {beyond} of {all} above 1 m",
         most[0], most[1]
     );
-    // 1.25 m: noise of 0.3 m on either axis, as doubled while trenching, in 1900 fixes.
+    // Noise of 0.3 m on either axis, as doubled while trenching: of 1900 fixes one is beyond 1.38 m = 0.3 m √(2 ln(1900/0.05))
+    // with a probability of 5 %.
     assert!(
-        most[0] < most[1] && most[0] < 1.0 && most[1] < 1.25 && beyond * 500 < all,
+        most[0] < most[1] && most[0] < 1.0 && most[1] < 1.38 && beyond * 500 < all,
         "{most:?} {beyond}"
     );
 

@@ -119,6 +119,17 @@ impl Fix {
         Geodetic::read(&place)
     }
 
+    /// What a residual without a height has of a metre north, east, down: an arc on the ellipsoid below over that at the body.
+    fn below(&self, at: &View<'_>) -> Option<Matrix3<f64>> {
+        if self.values == 3 {
+            return None;
+        }
+        let place = at.get(&self.position);
+        let below = Place { height: 0.0, ..place };
+        let ((north, east), (north_below, east_below)) = (place.metres_per_radian(), below.metres_per_radian());
+        Some(Matrix3::from_diagonal(&Vector3::new(north_below / north, east_below / east, 1.0)))
+    }
+
     fn write(&self, place: &Place, numbers: &mut [f64]) {
         let mut all = [0.0; 3];
         Geodetic::write(place, &mut all);
@@ -150,12 +161,14 @@ impl Measurement for Fix {
     }
 
     fn jacobian(&self, at: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined> {
-        h.add(0, &self.position, &Matrix3::identity());
-        h.add(0, &self.bias, &Matrix3::identity());
+        let below = self.below(at);
+        let seen = |block: Matrix3<f64>| below.map_or(block, |below| below * block);
+        h.add(0, &self.position, &seen(Matrix3::identity()));
+        h.add(0, &self.bias, &seen(Matrix3::identity()));
         if let Some(attitude) = &self.attitude {
             let c_nb = rotation(&at.get(attitude));
-            h.add(0, attitude, &-times_skew(&c_nb, &at.get(&self.lever_arm)));
-            h.add(0, &self.lever_arm, &c_nb);
+            h.add(0, attitude, &seen(-times_skew(&c_nb, &at.get(&self.lever_arm))));
+            h.add(0, &self.lever_arm, &seen(c_nb));
         }
         Ok(())
     }

@@ -2,7 +2,8 @@
 //!
 //! Measured   z = latitude and longitude \[rad\] of the antenna a
 //! Predicted  those of r_eb ⊕ (C_nb l_ba_b + b), ⊕ in metres NED at r_eb, as `gnss_position`
-//! Valid      metres are those on the ellipsoid: at a height h an innovation is short by h/6.4e6 of itself
+//! Jacobian   as `gnss_position`, times M/(M + h) north and N/(N + h) east: metres of the residual are those on the
+//!            ellipsoid
 //! Not here   the height, which something else has to know: `depth`, `barometer`, `height`
 //! Source     Groves 2013, §14.3.1
 
