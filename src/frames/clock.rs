@@ -15,6 +15,8 @@ const COARSE: f64 = 0.25;
 const FINE: f64 = 0.05;
 /// A shift that is further from all that is usual or declared is told \[s\].
 const UNUSUAL: f64 = 0.3;
+/// A vehicle that slips points where it goes that much later \[s\]: its course tells no shift below that.
+const SLIP: f64 = 1.5;
 /// The correlation from which on a shift is told: waves, which repeat themselves, agree with a shifted log by less.
 const PLAIN: f64 = 0.9;
 
@@ -44,8 +46,8 @@ fn best(measured: &Track, told: &[Told], lags: impl Iterator<Item = f64>) -> f64
     sizes.fold((0.0, 0.0), |best, next| if next.1 > best.1 { next } else { best }).0
 }
 
-/// Compares the clocks; `declared` are the delays that the design knows of.
-pub(super) fn compare(measured: &Track, told: &[Told], declared: &[f64]) -> Clocks {
+/// Compares the clocks; `declared` are the delays that the design knows of, and `is_course` says that a course is what tells.
+pub(super) fn compare(measured: &Track, told: &[Told], declared: &[f64], is_course: bool) -> Clocks {
     let clearest = |lag: f64| {
         let fits = Expected::of(measured, told, lag).fits();
         let clear = fits
@@ -60,7 +62,7 @@ pub(super) fn compare(measured: &Track, told: &[Told], declared: &[f64]) -> Cloc
     let far = best(measured, told, steps(coarse - COARSE, coarse + COARSE, FINE));
     let is_usual = |lag: f64| {
         let delays = declared.iter().flat_map(|d| LAGS.map(|lag| lag + d));
-        LAGS.into_iter().chain(delays).any(|usual| (lag - usual).abs() < UNUSUAL)
+        is_course && (0.0..SLIP).contains(&lag) || LAGS.into_iter().chain(delays).any(|usual| (lag - usual).abs() < UNUSUAL)
     };
     match clearest(far) {
         Some((row, fit)) if !is_usual(far) && fit.correlation >= PLAIN && is_better(measured, told, row, fit.axis, [near, far]) => {

@@ -354,6 +354,7 @@ impl Judge<'_> {
     /// Compares the stamps of a unit with those of whatever tells of turns; by how much later what it is compared with is stamped \[s\].
     fn clocks(&mut self, rates: &Track, velocities: &[Moved], attitude: Option<&Seen>) -> f64 {
         let mut told: Vec<(usize, &str, Vec<motion::Told>)> = Vec::new();
+        let seen = attitude.map(|seen| seen.source);
         if let Some(seen) = attitude {
             told.push((seen.source, &seen.name, seen.attitudes.turns().collect()));
         }
@@ -365,7 +366,7 @@ impl Judge<'_> {
         told.retain(|(source, ..)| *source != rates.source);
         let clocks: Vec<Clocks> = told
             .iter()
-            .map(|(source, _, legs)| clock::compare(rates, legs, &self.delays(*source)))
+            .map(|(source, _, legs)| clock::compare(rates, legs, &self.delays(*source), seen != Some(*source)))
             .collect();
         let apart = told.iter().zip(&clocks).filter_map(|((source, name, _), clocks)| match clocks {
             Clocks::Apart(shift) => Some((*source, *name, *shift)),

@@ -185,7 +185,9 @@ pub(super) fn unit(node: Option<&Node>, channel: &str, small: f64, within: f64, 
     let declared_size = size(declared)?;
     let away = |unit: &str| Some((size(unit)? / (declared_size * scale * small)).ln().abs());
     let nearest = all.iter().filter_map(|unit| Some((away(unit)?, *unit)));
-    let (_, unit) = nearest.filter(|(away, _)| *away < within).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let (_, unit) = nearest
+        .filter(|(away, unit)| *away < within && *unit != declared)
+        .min_by(|a, b| a.0.total_cmp(&b.0))?;
     Some(format!(
         "`{declared}` is declared, the numbers fit `{unit}`: write `unit = {unit:?}`"
     ))

@@ -2,7 +2,7 @@
 
 use super::log::Track;
 use super::motion::GRAVITY;
-use super::regression::{Fit, NEAR};
+use super::regression::Fit;
 use nalgebra::Vector3;
 
 /// The specific force of a body that keeps more or less upright.
@@ -34,8 +34,9 @@ impl Upright {
         })
     }
 
+    /// Whoever walks shakes the median by a quarter.
     pub(super) fn is_wrong(&self) -> bool {
-        (self.size / GRAVITY).ln().abs() > NEAR.ln()
+        (self.size / GRAVITY).ln().abs() > 0.5
     }
 
     pub(super) fn fit(&self) -> Fit {
