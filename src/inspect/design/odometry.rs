@@ -29,6 +29,7 @@ impl Inspection {
         text.line("yaw_rate_sigma = \"0.2 rad/s\"", "guessed");
         text.table("initial.fix");
         text.line("type = \"first_fix\"\nsource = \"gnss\"", "");
+        self.first_height(text);
         text.line(&format!("position_sigma = \"{whole:.2} m\""), "of a fix");
         text.table("initial.heading");
         text.line("type = \"baseline\"\nsource = \"gnss\"", "");

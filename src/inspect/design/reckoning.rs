@@ -56,6 +56,7 @@ impl Inspection {
         text.line("input.longest_interval = \"5 s\"", "guessed: gaps of the reference");
         text.table("initial.fix");
         text.line("type = \"first_fix\"\nsource = \"gnss\"", "");
+        self.first_height(text);
         text.line(&format!("position_sigma = \"{whole:.2} m\""), "of a fix");
         text.section("aids");
         self.position_sensors(text, false);

@@ -72,9 +72,15 @@ impl Inspection {
         let log = &self.logs[*k];
         let (white, why) = self.white(log, track);
         text.table("sensor.gnss_position");
-        text.quoted("type", if is_local(log) { "usbl_position" } else { "gnss_position" });
+        let is_flat = !self.has_height() && !is_local(log);
+        let kind = match (is_local(log), is_flat) {
+            (true, _) => "usbl_position",
+            (false, true) => "horizontal_position",
+            (false, false) => "gnss_position",
+        };
+        text.quoted("type", kind);
         text.quoted("source", "gnss");
-        if !self.has_height() || !is_moving {
+        if !is_flat && (!self.has_height() || !is_moving) {
             text.line("horizontal = true", "guessed: no height, or one that is not needed");
         }
         let arm = is_moving && track.is_reported;
@@ -326,6 +332,14 @@ impl Inspection {
                 "noise = { sigma = \"0.3 m/s\" }",
                 "guessed: a hull hardly slips sideways through the water",
             );
+        }
+    }
+
+    /// The height of the first fix, where the fixes have none.
+    pub(super) fn first_height(&self, text: &mut Text) {
+        let is_local = self.position.as_ref().is_some_and(|(k, _)| is_local(&self.logs[*k]));
+        if !self.has_height() && !is_local {
+            text.line("height = \"0 m\"", "guessed: no file tells it");
         }
     }
 

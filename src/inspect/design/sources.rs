@@ -155,7 +155,6 @@ impl Inspection {
 
     fn channel(&self, text: &mut Text, source: &str, log: &Log, signal: &Signal) {
         let names = signal.names(&log.table);
-        let is_judge = matches!(source, "withheld" | "reference" | "truth");
         let unit = |u: &str| if u.is_empty() { String::new() } else { format!(", unit = \"{u}\"") };
         let columns = format!("columns = {}{}", array(&names), unit(&signal.unit));
         let body = match signal.kind {
@@ -179,17 +178,9 @@ impl Inspection {
             Kind::Velocity | Kind::BodyVelocity | Kind::PositionSigma | Kind::VelocitySigma => columns,
             Kind::Speed | Kind::YawRate | Kind::Depth | Kind::Pressure => format!("column = {}{}", quoted(&names[0]), unit(&signal.unit)),
             Kind::Geodetic => {
-                let height = match names.get(2) {
-                    Some(height) => Some(height.clone()),
-                    None if is_judge => None,
-                    None => {
-                        text.comment(
-                            "This file has no height: another column stands for one, and the sensor does not read it (`horizontal`).",
-                        );
-                        Some(stand_in(log))
-                    }
-                };
-                let height = height.map_or_else(String::new, |height| format!(", height = {}", quoted(&height)));
+                let height = names
+                    .get(2)
+                    .map_or_else(String::new, |height| format!(", height = {}", quoted(height)));
                 format!(
                     "latitude = {}, longitude = {}{height}, unit = \"{}\"",
                     quoted(&names[0]),
@@ -229,7 +220,7 @@ impl Inspection {
             }
             Kind::Wheels => return,
         };
-        let is_horizontal = signal.kind == Kind::Geodetic && signal.columns.len() < 3 && is_judge;
+        let is_horizontal = signal.kind == Kind::Geodetic && signal.columns.len() < 3;
         let name = if is_horizontal {
             "horizontal_position"
         } else {
@@ -337,17 +328,6 @@ const fn channel_name(kind: Kind) -> &'static str {
         Kind::Wheels => "wheels",
         Kind::Pressure => "pressure",
     }
-}
-
-/// A column that stands for a height which no sensor reads: the one whose largest number is the smallest, but no 1σ.
-fn stand_in(log: &Log) -> String {
-    let is_sigma = |name: &str| contains(&Words::of(name).stem, &["std", "sigma", "sd", "var", "cov", "acc", "accuracy"]);
-    let reach = |values: &[f64]| values.iter().map(|v| v.abs()).fold(0.0, f64::max);
-    let columns = log.table.columns.iter().filter(|c| c.values.iter().all(|v| v.is_finite()));
-    let least = columns
-        .filter(|c| !is_sigma(&c.name))
-        .min_by(|a, b| reach(&a.values).total_cmp(&reach(&b.values)));
-    least.map_or_else(String::new, |c| c.name.clone())
 }
 
 /// `latency` of a channel that is late \[s\].

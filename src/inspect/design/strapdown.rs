@@ -119,6 +119,7 @@ impl Inspection {
         text.table("initial.fix");
         text.quoted("type", "first_fix");
         text.quoted("source", "gnss");
+        self.first_height(text);
         let sigma = self.whole(&self.logs[*k], track);
         text.line(
             &format!("position_sigma = \"{:.2} m\"", 1.5 * sigma),
