@@ -91,11 +91,32 @@ fn describe(name: &str) -> Result<String, Failure> {
             .chain(tables(&whole).map(|(name, _)| name))
             .collect();
         let unknown = Diagnostic::error(format!("no block and no table is called `{name}`"));
-        let unknown = unknown.meant(name, &names).and_help("`fusion blocks` lists them all");
+        let speak = speaking_of(name);
+        let unknown = if speak.is_empty() {
+            unknown.meant(name, &names)
+        } else {
+            unknown.help(format!("blocks that speak of it: {}", speak.join(", ")))
+        };
+        let unknown = unknown.and_help("`fusion blocks` lists them all");
         return Err(Failure::Mistakes(unknown.into()));
     }
     let section = section.map(|(name, schema)| table(name, schema, &whole));
     Ok(found.into_iter().map(one).chain(section).collect::<Vec<_>>().join("\n\n"))
+}
+
+/// The blocks with this word in their description, each with its role.
+fn speaking_of(word: &str) -> Vec<String> {
+    /// Shorter ones are in every text.
+    const SHORTEST: usize = 3;
+    let word = word.to_lowercase();
+    let has_it = |r: &&Registration| {
+        let text = fusion::schema::block(r)["description"].as_str().unwrap_or_default().to_lowercase();
+        // From its beginning on: "spoof" is in "spoofed", "range" not in "arrange".
+        text.split(|c: char| !c.is_alphanumeric()).any(|known| known.starts_with(&word))
+    };
+    let found = registry::all().into_iter().filter(has_it);
+    let named = found.map(|r| format!("`{}` ({})", r.name, r.role.name()));
+    if word.len() < SHORTEST { Vec::new() } else { named.collect() }
 }
 
 /// The tables of a design, with their schemas.

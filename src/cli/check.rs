@@ -189,6 +189,14 @@ fn facts(design: &Design, assembly: &mut Assembly, unjudged: Option<&str>) -> Ta
         ]);
         t.row(["", &format!("one late row replays {} s of data at most", short(needs.replay))]);
     }
+    let held_back = assembly.runner.lag();
+    if assembly.runner.rewind_needs().is_none() && held_back > 0.0 {
+        let age = format!(
+            "every row is held back for {} s: so old is the estimate that a vehicle has",
+            short(held_back)
+        );
+        t.row(["late rows", &age]);
+    }
     if design.simulation.is_some() {
         t.row(["reference", "the simulated truth"]);
     } else if let Some(r) = &design.reference {

@@ -63,6 +63,13 @@ impl Summary {
             None => t.row(["started", "never"]),
         }
         t.row([Cell::text("epochs"), Cell::Count(self.epochs)]);
+        if self.held_back > 0.0 {
+            let age = [
+                Cell::text("age of the estimate, for rows are held back"),
+                Cell::Fixed(self.held_back, 3),
+            ];
+            t.row_in(Unit::of_si("s"), age);
+        }
         if let Some(current) = &self.current {
             let Current {
                 rewinds,

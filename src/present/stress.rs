@@ -52,8 +52,8 @@ impl Stress {
         };
         let section = section.note(format!(
             "worst: the largest error against {reference} that the undisturbed run does not have, in σ of the filter; \
-             of \"none\" its own. position: the largest error, and that at the end of the watch; survived: that is within 3σ, \
-             however large they are. recovered: from the end of the fault until the error is within \
+             of \"none\" its own. position: the largest error. survived: within 3σ at the end of the watch, \
+             however large it is. recovered: from the end of the fault until the error is within \
              3σ for good. health: the worst state, and when it was no longer good. FAILED: beyond 3σ, or no estimate, for \
              longer than the recovery time while the health was good; and how long in all."
         ));
@@ -80,7 +80,6 @@ fn outcomes<'a>(rows: impl Iterator<Item = &'a Row>) -> Table {
         Column::text("survived"),
         Column::with_unit("worst", Unit::shown("σ")),
         Column::with_unit("position", Unit::of_si("m")),
-        Column::with_unit("end", Unit::of_si("m")),
         Column::with_unit("recovered", Unit::of_si("s")),
         Column::text("health"),
         Column::with_unit("after", Unit::of_si("s")),
@@ -99,7 +98,6 @@ fn outcomes<'a>(rows: impl Iterator<Item = &'a Row>) -> Table {
             },
             outcome.worst.map_or(Cell::Empty, |(ratio, _)| decimal(ratio)),
             outcome.metres.map_or(Cell::Empty, decimal),
-            outcome.metres_at_end.map_or(Cell::Empty, decimal),
             outcome
                 .recovered
                 .filter(|_| !case.sets.is_empty())

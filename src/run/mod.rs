@@ -271,6 +271,7 @@ impl<'a> Run<'a> {
             started: counters.started,
             start_angle: counters.start_angle,
             waiting: if has_started { Vec::new() } else { runner.waits_for() },
+            held_back: if rewinds { 0.0 } else { runner.lag() },
             epochs: counters.epochs,
             judged_by: crate::design::of_a_sensor(self.design).map(str::to_owned),
             score,

@@ -104,6 +104,9 @@ pub struct Summary {
     pub start_angle: Option<(String, f64)>,
     /// What it was still waiting for at the end.
     pub waiting: Vec<(String, String)>,
+    /// For how long rows are held back, so that late ones are used in order of time \[s\]: so old is the estimate that a
+    /// vehicle has. 0 where rows are used as they arrive.
+    pub held_back: f64,
     /// Estimates made.
     pub epochs: u64,
     /// The source of a sensor whose other rows are the reference, where they are: the slow errors of both are the same.

@@ -24,8 +24,6 @@ pub struct Outcome {
     pub worst: Option<(f64, &'static str)>,
     /// The greatest position error \[m\], against the reference or else the undisturbed run.
     pub metres: Option<f64>,
-    /// The last of them \[m\].
-    pub metres_at_end: Option<f64>,
     /// The greatest attitude error \[rad\].
     pub angle: Option<f64>,
     /// From the end of the faults until it is right for good \[s\]; `None` if it is not in the end.
@@ -155,7 +153,6 @@ impl<'a> Watch<'a> {
             ends_wrong = ratio.is_none_or(|(ratio, _)| ratio > WRONG);
             if let Some(errors) = errors {
                 out.metres = greatest(out.metres, errors.metres());
-                out.metres_at_end = errors.metres();
                 out.angle = greatest(out.angle, errors.angle());
             } else {
                 out.missing += lasted;

@@ -13,7 +13,7 @@ use serde::Deserialize;
 /// end of the window it is gone.
 ///
 /// The offset after the time t in the window is `rate`·t. A gate that judges each measurement by
-/// itself follows a slow ramp.
+/// itself follows a slow ramp. A spoofed receiver is led away like this.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RampSpec {

@@ -48,7 +48,7 @@ impl FaultSpec for BiasStepSpec {
     }
 }
 
-/// During a window, a constant is added to a channel.
+/// During a window, a constant is added to a channel: a jump, of a spoofed receiver too.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpikeSpec {
