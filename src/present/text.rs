@@ -1,12 +1,14 @@
 //! A page as text for a terminal: aligned columns, numbers to the right, no line wider than asked.
 
-use super::tree::{Page, Section, Table};
+use super::tree::{Column, Page, Section, Table};
 use comfy_table::{CellAlignment, ColumnConstraint, ContentArrangement, Width, presets};
 use std::borrow::Cow;
 use std::fmt::{self, Write};
 
 /// Characters in a line where the width of the terminal is not known.
 pub const WIDTH: usize = 100;
+/// Blanks behind each column.
+const GAP: usize = 2;
 /// Words longer than this may be broken.
 const LONG: usize = 32;
 /// Before every line of a table.
@@ -71,22 +73,14 @@ fn write_table(out: &mut String, table: &Table, width: usize) -> fmt::Result {
     for row in table.rows() {
         drawn.add_row(table.columns().map(|(k, _)| short(&table.shown(row, k)).into_owned()));
     }
-    for ((k, column), drawn) in table.columns().zip(drawn.column_iter_mut()) {
-        drawn.set_padding((0, 2));
+    let widths = widths(table, width - INDENT.len());
+    for (((_, column), drawn), width) in table.columns().zip(drawn.column_iter_mut()).zip(widths) {
+        drawn.set_padding((0, u16::try_from(GAP).unwrap_or(u16::MAX)));
         if !column.is_text {
             drawn.set_cell_alignment(CellAlignment::Right);
-            // A heading may be wrapped between its words, a number never; where a name stands in its place, neither fits.
-            let widest = table.rows().iter().map(|r| table.shown(r, k).chars().count()).max();
-            let widest = widest.unwrap_or(0).max(longest_word(&short(&column.heading()))) + 2;
-            let widest = u16::try_from(widest.min(width)).unwrap_or(u16::MAX);
-            drawn.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(widest)));
-        } else if !table.is_list() {
-            // Words are wrapped between, not within, if they are names of a usual length.
-            let words = table.rows().iter().map(|r| longest_word(&table.shown(r, k)).min(LONG)).max();
-            let widest = words.unwrap_or(0).max(longest_word(&short(&column.heading()))) + 2;
-            let widest = u16::try_from(widest.min(width)).unwrap_or(u16::MAX);
-            drawn.set_constraint(ColumnConstraint::LowerBoundary(Width::Fixed(widest)));
         }
+        let width = u16::try_from(width + GAP).unwrap_or(u16::MAX);
+        drawn.set_constraint(ColumnConstraint::Absolute(Width::Fixed(width)));
     }
     for line in drawn.lines() {
         writeln!(out, "{}", format!("{INDENT}{line}").trim_end())?;
@@ -106,6 +100,36 @@ fn short(text: &str) -> Cow<'_, str> {
 
 fn longest_word(text: &str) -> usize {
     text.split_whitespace().map(|word| word.chars().count()).max().unwrap_or(0)
+}
+
+/// How wide each column is: as its longest text, or as one level that is the same for all, such that the table is no wider than
+/// `width`; but never narrower than its numbers, and the words of its head and of its texts.
+fn widths(table: &Table, width: usize) -> Vec<usize> {
+    let head = |column: &Column| {
+        let heading = if table.is_list() { String::new() } else { column.heading() };
+        short(&heading).into_owned()
+    };
+    let of = |(k, column): (usize, &Column)| {
+        let head = head(column);
+        let cells: Vec<String> = table.rows().iter().map(|row| short(&table.shown(row, k)).into_owned()).collect();
+        let longest = |length: fn(&str) -> usize| cells.iter().map(|cell| length(cell)).max().unwrap_or(0);
+        let words = if column.is_text {
+            longest(longest_word).min(LONG)
+        } else {
+            longest(longest_line)
+        };
+        let least = words.max(longest_word(&head));
+        (least, longest(longest_line).max(longest_line(&head)).max(least))
+    };
+    let columns: Vec<(usize, usize)> = table.columns().map(of).collect();
+    let at = |level: usize| -> Vec<usize> { columns.iter().map(|(least, most)| level.clamp(*least, *most)).collect() };
+    let room = width.saturating_sub(GAP * columns.len());
+    let fits = |level: &usize| at(*level).iter().sum::<usize>() <= room;
+    at((0..=width).rev().find(fits).unwrap_or(0))
+}
+
+fn longest_line(text: &str) -> usize {
+    text.lines().map(|line| line.chars().count()).max().unwrap_or(0)
 }
 
 /// `text` in lines of at most `width` characters, broken at blanks; its own line breaks and the
