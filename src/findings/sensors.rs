@@ -169,7 +169,7 @@ impl Judged<'_> {
             return None;
         }
         let name = &sensor.name;
-        let slow = "they change slowly and the estimate follows them";
+        let slow = "its errors change slowly and the estimate follows them";
         let state = match sensor.bias {
             Some(Bias::Fixed) => "; then declare its `bias` as a state with a `correlation_time`",
             _ => "",

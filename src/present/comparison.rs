@@ -85,7 +85,7 @@ fn axes(what: &str, names: [&str; 3], unit: &str) -> [Column; 3] {
 fn position_columns() -> Vec<Column> {
     let mut columns = axis_columns("RMS", ["N", "E", "D"], "m");
     columns.extend(axes("max", ["N", "E", "D"], "m"));
-    columns.push(Column::with_unit("RMS horizontal", Unit::shown("m")));
+    columns.push(Column::with_unit("2D RMS", Unit::shown("m")));
     columns.push(Column::with_unit("drift", Unit::of_si("m")));
     columns
 }

@@ -9,6 +9,8 @@ use std::fmt::{self, Write};
 pub const WIDTH: usize = 100;
 /// Blanks behind each column.
 const GAP: usize = 2;
+/// Texts of a column up to this length are not broken.
+const SHORT: usize = 12;
 /// Words longer than this may be broken.
 const LONG: usize = 32;
 /// Before every line of a table.
@@ -102,8 +104,9 @@ fn longest_word(text: &str) -> usize {
     text.split_whitespace().map(|word| word.chars().count()).max().unwrap_or(0)
 }
 
-/// How wide each column is: as its longest text, or as one level that is the same for all, such that the table is no wider than
-/// `width`; but never narrower than its numbers, and the words of its head and of its texts.
+/// How wide each column is, such that the table is no wider than `width`: as its longest text; else the heads of numbers are
+/// broken; else the texts. A level that is the same for all says where. But no column is narrower than its numbers, and the
+/// words of its head and of its texts.
 fn widths(table: &Table, width: usize) -> Vec<usize> {
     let head = |column: &Column| {
         let heading = if table.is_list() { String::new() } else { column.heading() };
@@ -113,19 +116,28 @@ fn widths(table: &Table, width: usize) -> Vec<usize> {
         let head = head(column);
         let cells: Vec<String> = table.rows().iter().map(|row| short(&table.shown(row, k)).into_owned()).collect();
         let longest = |length: fn(&str) -> usize| cells.iter().map(|cell| length(cell)).max().unwrap_or(0);
-        let words = if column.is_text {
+        let whole = longest(longest_line);
+        let words = if column.is_text && whole > SHORT {
             longest(longest_word).min(LONG)
         } else {
-            longest(longest_line)
+            whole
         };
         let least = words.max(longest_word(&head));
-        (least, longest(longest_line).max(longest_line(&head)).max(least))
+        (column.is_text, least, whole.max(longest_line(&head)).max(least))
     };
-    let columns: Vec<(usize, usize)> = table.columns().map(of).collect();
-    let at = |level: usize| -> Vec<usize> { columns.iter().map(|(least, most)| level.clamp(*least, *most)).collect() };
-    let room = width.saturating_sub(GAP * columns.len());
-    let fits = |level: &usize| at(*level).iter().sum::<usize>() <= room;
-    at((0..=width).rev().find(fits).unwrap_or(0))
+    let columns: Vec<(bool, usize, usize)> = table.columns().map(of).collect();
+    let room = (width + GAP).saturating_sub(GAP * columns.len());
+    let at = |of_numbers: usize, of_texts: usize| -> Vec<usize> {
+        let level = |is_text: bool| if is_text { of_texts } else { of_numbers };
+        columns
+            .iter()
+            .map(|(is_text, least, most)| level(*is_text).clamp(*least, *most))
+            .collect()
+    };
+    let fits = |widths: &Vec<usize>| widths.iter().sum::<usize>() <= room;
+    let heads = (0..=width).rev().map(|level| at(level, usize::MAX));
+    let texts = (0..=width).rev().map(|level| at(0, level));
+    heads.chain(texts).find(fits).unwrap_or_else(|| at(0, 0))
 }
 
 fn longest_line(text: &str) -> usize {
