@@ -190,7 +190,8 @@ fn facts(design: &Design, assembly: &mut Assembly, unjudged: Option<&str>) -> Ta
         t.row(["", &format!("one late row replays {} s of data at most", short(needs.replay))]);
     }
     let held_back = assembly.runner.lag();
-    if assembly.runner.rewind_needs().is_none() && held_back > 0.0 {
+    // Less than a millisecond is rounding of times.
+    if assembly.runner.rewind_needs().is_none() && held_back > 1e-3 {
         let age = format!(
             "every row is held back for {} s: so old is the estimate that a vehicle has",
             short(held_back)

@@ -63,7 +63,8 @@ impl Summary {
             None => t.row(["started", "never"]),
         }
         t.row([Cell::text("epochs"), Cell::Count(self.epochs)]);
-        if self.held_back > 0.0 {
+        // Less than a millisecond is rounding of times.
+        if self.held_back > 1e-3 {
             let age = [
                 Cell::text("age of the estimate, for rows are held back"),
                 Cell::Fixed(self.held_back, 3),
