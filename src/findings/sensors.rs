@@ -25,6 +25,9 @@ const OUTSTANDING: f64 = 8.0;
 /// It follows from a re-acquisition that was so long before it, at most \[s\].
 const SOON: f64 = 60.0;
 
+/// What bears good measurements that are worse than declared.
+const SOFTER: &str = "a gate that refuses good ones lets the estimate run away, which `two_condition` or a `loss` in its place does not";
+
 impl Judged<'_> {
     /// Disturbed rows that were used while declared faults were at work, where errors are too large.
     pub(super) fn disturbed(&self) -> Option<Finding> {
@@ -83,7 +86,7 @@ impl Judged<'_> {
                 s.name,
                 100.0 * share
             ),
-            advice: format!("if they are not outliers, {}, then look at its `noise`", self.look()),
+            advice: format!("if they are not outliers, {}, then look at its `noise`; {SOFTER}", self.look()),
         })
     }
 
@@ -105,7 +108,7 @@ impl Judged<'_> {
             ),
             advice: format!(
                 "if it was disturbed then, forbid it with `gate.recovery.never_reacquire = true`; if it was right, {}, then look at its \
-                 `noise`",
+                 `noise`; {SOFTER}",
                 self.look()
             ),
         })

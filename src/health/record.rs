@@ -8,7 +8,7 @@ use fusion_core::filter::Verdict;
 use fusion_core::health::{Health, State};
 use fusion_core::memory::Memory;
 use fusion_core::runner::{Event, Halt};
-use fusion_core::time::Time;
+use fusion_core::time::{Time, nanos};
 use serde::Serialize;
 
 /// Changes that are kept of a filter; the others are counted.
@@ -88,7 +88,7 @@ pub struct FilterHealth {
     /// Time spent in each state \[s\], from the first row to the last estimate.
     pub spent: Spent,
     /// Time of those degraded and lost that fell within declared outages \[s\]: from the first of its silence to the
-    /// first measurement used after it.
+    /// first measurement used after it, and for as long as reasons are told after they have ceased.
     pub in_outages: f64,
     /// The time of the last estimate \[s\].
     pub until: f64,
@@ -177,6 +177,8 @@ impl HealthRecord {
         let silence = |outage: &Outage| Silence {
             outage: outage.clone(),
             running: None,
+            told: None,
+            hold: assembly.runner.limits().hold,
         };
         let followed = filters.iter().map(|filter| Followed {
             silences: declared(filter).iter().map(silence).collect(),
@@ -204,6 +206,9 @@ impl HealthRecord {
 struct Silence {
     outage: Outage,
     running: Option<Time>,
+    /// Until when it is told, as reasons of health are for a while after they have ceased to hold, and how long that is \[s\].
+    told: Option<Time>,
+    hold: f64,
 }
 
 impl Silence {
@@ -211,14 +216,14 @@ impl Silence {
     fn holds(&mut self, time: Time) -> bool {
         let begun = self.outage.windows.containing(time).map(|window| window.to);
         self.running = begun.or(self.running);
-        self.running.is_some()
+        self.running.is_some() || self.told.is_some_and(|until| time <= until)
     }
 
-    /// A measurement of `sensor`, stamped `stamp`, was used.
-    fn used(&mut self, sensor: usize, stamp: Time) {
+    /// A measurement of `sensor`, stamped `stamp`, was used at `time`.
+    fn used(&mut self, sensor: usize, stamp: Time, time: Time) {
         let is_over = self.running.is_some_and(|to| stamp >= to);
         if is_over && (self.outage.sensors.is_empty() || self.outage.sensors.contains(&sensor)) {
-            self.running = None;
+            (self.running, self.told) = (None, Some(time.shifted(nanos(self.hold))));
         }
     }
 }
@@ -262,7 +267,7 @@ impl Followed {
 
 fusion_core::memory!(HealthRecord { followed });
 fusion_core::memory!(Followed { health, counted, silences; names });
-fusion_core::memory!(Silence { running; outage });
+fusion_core::memory!(Silence { running, told; outage, hold });
 fusion_core::memory!(FilterHealth {
     state,
     aligned,
@@ -305,7 +310,10 @@ impl RunObserver for HealthRecord {
             } if matches!(update.verdict, Verdict::Accepted | Verdict::Reacquired) => {
                 let followed = &mut self.followed[filter.number];
                 followed.reach(*time);
-                followed.silences.iter_mut().for_each(|silence| silence.used(*sensor, row.stamp));
+                followed
+                    .silences
+                    .iter_mut()
+                    .for_each(|silence| silence.used(*sensor, row.stamp, *time));
             }
             _ => {}
         }

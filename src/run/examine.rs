@@ -138,28 +138,33 @@ pub fn is_pipe(file: &Path) -> bool {
 }
 
 /// The mistakes of the variants of `file` besides those in `selected`, each laid over the base
-/// alone; what is wrong with the base itself is not repeated.
+/// alone; what is wrong with the base itself is not repeated. A variant that is right on top of
+/// another one, as `bank+late`, has none.
 #[must_use]
 pub fn variants(file: &Document, selected: &[&str]) -> Diagnostics {
     let mut all = Diagnostics::new();
-    let names = file
-        .root()
-        .get("variant")
-        .map_or(&[][..], Node::entries)
-        .iter()
-        .map(|e| e.key.as_str());
-    let mut base: Option<Diagnostics> = None;
-    for name in names.filter(|name| !selected.contains(name)) {
+    let entries = file.root().get("variant").map_or(&[][..], Node::entries);
+    let names: Vec<&str> = entries.iter().map(|e| e.key.as_str()).collect();
+    let with = |layers: &[&str]| {
         let mut document = file.clone();
-        let laid = document.overlay(&format!("variant.{name}"));
-        let mistakes = match laid {
-            Ok(()) => draft(document).1,
-            Err(mistake) => mistake.into(),
-        };
+        let mut laid = layers.iter().map(|name| document.overlay(&format!("variant.{name}")));
+        match laid.find_map(Result::err) {
+            None => draft(document).1,
+            Some(mistake) => mistake.into(),
+        }
+    };
+    let mut base: Option<Diagnostics> = None;
+    for name in names.iter().filter(|name| !selected.contains(name)) {
+        let mistakes = with(&[name]);
         if mistakes.is_empty() {
             continue;
         }
-        let base = base.get_or_insert_with(|| draft(file.clone()).1);
+        let base = base.get_or_insert_with(|| with(&[]));
+        let is_new = |mistakes: &Diagnostics| mistakes.iter().any(|m| !is_among(m, base));
+        let others = || names.iter().filter(|other| *other != name);
+        if is_new(&mistakes) && others().any(|other| !is_new(&with(&[other, name]))) {
+            continue;
+        }
         for mistake in mistakes.iter().filter(|m| !is_among(m, base)) {
             let message = format!("variant `{name}`: {}", mistake.message);
             let named = Diagnostic {

@@ -108,7 +108,8 @@ fn variants_are_compared_in_one_table_and_one_page() {
     let w = Workspace::new("command-compare");
     let ran = w.fusion(&["compare", "--variant", "base,ekf", "--out", "both"]);
     let ran = ran.success().stderr("").stdout(narrow());
-    shows(ran, &["base", "ekf", "RMS N [m]", "rejected", "epoch [ns]"]);
+    // Heads are broken where there are many columns.
+    shows(ran, &["base", "ekf", "RMS N", "rejected", "epoch"]);
     assert!(w.read("both/report.html").contains("ekf"));
     w.fusion(&["compare", "--variant", "base,nobody"]).code(2);
     // Where one design is wanted, several are no name of one.
@@ -197,8 +198,7 @@ fn parameters_are_scored_against_the_truth_that_the_simulation_drew() {
     let args = ["montecarlo", design, "-n", "4", "--out", "out", "--set", estimated];
     let drawn = w.fusion(&args).success();
     let drawn = shows(drawn, &["NEES gyro_bias", "position.lever_arm x [m]"]);
-    // A long name is broken over two lines of its column.
-    let judged = |text: &str| squeezed(text).iter().any(|line| line == "position.lever_arm");
+    let judged = |text: &str| squeezed(text).iter().any(|line| line.starts_with("NEES position.lever_arm "));
     assert!(judged(&stdout(&drawn)));
     let mut runs = csv::Reader::from_path(w.path("out/runs.csv")).unwrap();
     let header = runs.headers().unwrap().clone();
@@ -251,7 +251,9 @@ fn every_row_is_in_exactly_one_count() {
     shows(
         ran,
         &[
-            "consumer stream rows before the run after the run before the start late not finite",
+            // Long heads are broken between words.
+            "consumer stream rows before the after the run before the late not finite",
+            "run start",
             "initial.fix gnss 60 5 9 2",
             "gnss gnss 60 5 9 3 1 3",
         ],

@@ -289,6 +289,18 @@ fn a_walk_that_zero_velocities_no_longer_hold_is_told_half_a_minute_later() {
 }
 
 #[test]
+fn what_a_declared_outage_leaves_behind_is_of_that_outage() {
+    let w = Workspace::new("health-declared");
+    w.fusion(&["new", "mine", "--from", "drone"]).success();
+    let minute = ["position", "velocity"].map(|what| format!("simulation.sensor.gnss_{what}.fault.jammed.window.duration=60 s"));
+    let sets = minute.iter().flat_map(|set| ["--set", set.as_str()]);
+    let arguments: Vec<&str> = ["run", "mine.toml", "--variant", "jammed"].into_iter().chain(sets).collect();
+    let said = crate::support::stdout(&w.fusion(&arguments).success());
+    // Silence is told for 5 s after it has ended.
+    assert!(said.contains("all within declared outages"), "{said}");
+}
+
+#[test]
 fn declared_faults_are_in_the_report_and_the_summary() {
     let w = Workspace::new("health-faults");
     let fault = "simulation.sensor.compass.fault.stuck={ type = \"frozen\", window = [{ from = \"100 s\", to = \"130 s\" }, { from = \"200 s\", duration = \"1 h\" }] }";

@@ -410,6 +410,13 @@ fn variants_that_are_not_asked_for() {
         asked.contains("error: unknown name `josef`") && !asked.contains("variant `slip`: "),
         "{asked}"
     );
+    // One that is meant to be laid over another is right there.
+    let layers = "[variant.far]\nsensor.gnss.gate.min_distance = \"9 m\"\n\n[variant.robust]\nsensor.gnss.gate = { type = \"two_condition\", \
+                  probability = 0.99, min_distance = \"5 m\" }\n\n[variant.ekf]";
+    w.write("design.toml", replaced("[variant.ekf]", layers));
+    let warned = stderr(&w.fusion(&["run", "design.toml"]).success());
+    assert!(!warned.contains("variant `far`"), "{warned}");
+    w.fusion(&["check", "design.toml", "--variant", "far"]).code(2);
     // What is wrong with the base is not repeated for each of them.
     w.write("design.toml", replaced("sigma = \"2 m\"", "sigma = \"2 s\""));
     let once = stderr(&w.fusion(&["check", "design.toml"]).code(2));

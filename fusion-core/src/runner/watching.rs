@@ -39,6 +39,12 @@ impl Runner {
         self.limits = limits;
     }
 
+    /// What the health is judged by.
+    #[must_use]
+    pub const fn limits(&self) -> Limits {
+        self.limits
+    }
+
     /// The health of the filter, by the newest belief.
     #[must_use]
     pub fn health(&self) -> &Health {
