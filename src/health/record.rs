@@ -201,6 +201,9 @@ impl HealthRecord {
     }
 }
 
+/// Health is judged ten times a second: so much later than it ceases, at most, a reason is gone \[s\].
+const LATE: f64 = 0.2;
+
 /// A declared outage, and the end of the one that has not been overcome.
 #[derive(Debug)]
 struct Silence {
@@ -223,7 +226,7 @@ impl Silence {
     fn used(&mut self, sensor: usize, stamp: Time, time: Time) {
         let is_over = self.running.is_some_and(|to| stamp >= to);
         if is_over && (self.outage.sensors.is_empty() || self.outage.sensors.contains(&sensor)) {
-            (self.running, self.told) = (None, Some(time.shifted(nanos(self.hold))));
+            (self.running, self.told) = (None, Some(time.shifted(nanos(self.hold + LATE))));
         }
     }
 }

@@ -4,6 +4,7 @@
 //! one after the other, a sensor that measures the attitude alone is not believed against the estimate, however
 //! well its measurements agree with each other: a magnet beside a compass is as constant as the field of the Earth.
 
+use super::reacquire::Growing;
 use crate::linear::Jacobian;
 use crate::state::{Block, Kind, Layout, StateRole};
 use crate::time::Time;
@@ -18,27 +19,22 @@ const INTERVALS: f64 = 3.0;
 /// Follows the fixes that a filter uses.
 #[derive(Clone, Debug)]
 pub(super) struct Fixes {
-    /// Axes of the horizontal position, of what moves other than by turning, and of attitudes and angles.
+    /// Axes of the horizontal position.
     horizontal: Arc<[usize]>,
-    linear: Arc<[usize]>,
-    angular: Arc<[usize]>,
     /// Fixes used since the last that was not, when the latest was, and the interval before it \[s\].
     in_a_row: u32,
     latest: Option<Time>,
     interval: f64,
 }
-crate::memory!(Fixes { in_a_row, latest, interval; horizontal, linear, angular });
+crate::memory!(Fixes { in_a_row, latest, interval; horizontal });
 
 impl Fixes {
     pub(super) fn of(layout: &Layout) -> Self {
-        let is_angle = |b: &&Block| matches!(b.kind, Kind::Attitude | Kind::Angle);
         let is_place = |b: &&Block| matches!(b.kind, Kind::Geodetic | Kind::Position);
-        let motion = || layout.blocks().iter().filter(|b| b.role == StateRole::Kinematic);
-        let horizontal = motion().filter(is_place).flat_map(|b| b.tangent_range().take(2));
+        let motion = layout.blocks().iter().filter(|b| b.role == StateRole::Kinematic);
+        let horizontal = motion.filter(is_place).flat_map(|b| b.tangent_range().take(2));
         Self {
             horizontal: horizontal.collect(),
-            linear: motion().filter(|b| !is_angle(b)).flat_map(Block::tangent_range).collect(),
-            angular: motion().filter(is_angle).flat_map(Block::tangent_range).collect(),
             in_a_row: 0,
             latest: None,
             interval: 0.0,
@@ -63,11 +59,12 @@ impl Fixes {
         }
     }
 
-    /// Whether they tell that a measurement with this H is not to be believed against the estimate.
-    pub(super) fn contradict(&self, time: Time, h: &Jacobian) -> bool {
+    /// Whether they tell that a measurement with this H is not to be believed against the estimate; `motion` has the axes of
+    /// turns and of all else that moves.
+    pub(super) fn contradict(&self, time: Time, h: &Jacobian, motion: &Growing) -> bool {
         let sees_any = |axes: &[usize]| axes.iter().any(|axis| h.sees(*axis));
         let is_recent = |latest: Time| time.seconds_since(latest) <= RECENT.max(INTERVALS * self.interval);
         let are_used = self.in_a_row >= ENOUGH && self.latest.is_some_and(is_recent);
-        are_used && sees_any(&self.angular) && !sees_any(&self.linear)
+        are_used && sees_any(&motion.angular) && !sees_any(&motion.linear)
     }
 }

@@ -614,7 +614,7 @@ impl Estimator for Filter {
         let (verdict, weight) = match answer.decision {
             Decision::Reject => (Verdict::Rejected, 0.0),
             Decision::Accept => self.use_it(observed, nis, loss),
-            Decision::Reacquire if self.fixes.contradict(self.belief.time, &self.work.jacobian) => {
+            Decision::Reacquire if self.fixes.contradict(self.belief.time, &self.work.jacobian, &self.growing) => {
                 answer.mode = Mode::Denied;
                 (Verdict::Rejected, 0.0)
             }

@@ -36,9 +36,9 @@ const MOST_GROWTH_OF_SEEN: f64 = 1e4;
 #[derive(Clone, Debug)]
 pub(super) struct Growing {
     /// Axes of positions, velocities and whatever else moves.
-    linear: Arc<[usize]>,
+    pub(super) linear: Arc<[usize]>,
     /// Axes of orientations, which grow up to [`MOST_TURN`].
-    angular: Arc<[usize]>,
+    pub(super) angular: Arc<[usize]>,
     /// The axes of each block, and whether it is a parameter; and those that the measurement sees.
     blocks: Arc<[(Range<usize>, bool)]>,
     seen: Vec<Range<usize>>,
