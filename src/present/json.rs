@@ -59,7 +59,7 @@ fn cell(cell: &Cell, unit: &Unit) -> Value {
         Cell::Text(text) => text.as_str().into(),
         Cell::Count(n) => (*n).into(),
         Cell::Real(v) | Cell::Fixed(v, _) => unit.of(*v).into(),
-        Cell::Seconds(v) | Cell::Share(v) => (*v).into(),
+        Cell::Seconds(v) | Cell::Ratio(v) | Cell::Share(v) => (*v).into(),
         Cell::Band(low, high) => json!([unit.of(*low), unit.of(*high)]),
         Cell::Verdict(v) => v.word().into(),
         Cell::Judged(c) => json!({ "mean": c.mean, "expected": c.dof, "verdict": c.verdict().map(|v| v.word()) }),

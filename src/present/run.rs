@@ -380,7 +380,7 @@ fn innovations(sensors: &[SensorStatistics]) -> Table {
                 Cell::Real(innovations.rms[k]),
                 Cell::Real(innovations.max[k]),
                 Cell::Seconds(innovations.max_time[k]),
-                Cell::Fixed(innovations.lag_1[k], 2),
+                Cell::Ratio(innovations.lag_1[k]),
             ];
             t.row_in(unit, [row_name(s, &row)].into_iter().chain(values).chain(power));
         }

@@ -137,6 +137,8 @@ pub enum Cell {
     Fixed(f64, usize),
     /// A time of the run, or a span of it \[s\]: to the tenth of a second.
     Seconds(f64),
+    /// A pure number, whatever the unit of its row: with two decimals.
+    Ratio(f64),
     /// A share, 1 being the whole: in percent.
     Share(f64),
     /// From, to.
@@ -198,6 +200,7 @@ impl Cell {
             Self::Real(v) => significant(unit.of(*v)),
             Self::Fixed(v, decimals) => fixed(unit.of(*v), *decimals),
             Self::Seconds(t) => fixed(*t, 1),
+            Self::Ratio(v) => fixed(*v, 2),
             Self::Share(s) if s.is_finite() => format!("{} %", fixed(100.0 * s, 1)),
             Self::Share(_) => NONE.to_owned(),
             Self::Band(low, high) => format!("{} … {}", significant(unit.of(*low)), significant(unit.of(*high))),
@@ -317,20 +320,23 @@ mod tests {
             Column::with_unit("at", Unit::of_si("s")),
             Column::number("inside"),
             Column::text("never"),
+            Column::number("lag 1"),
         ]);
         let cells = [
             Cell::text("yaw"),
             Cell::Real(core::f64::consts::PI),
             Cell::Real(2.0),
             Cell::Share(0.9973),
+            Cell::Empty,
+            Cell::Ratio(-0.4),
         ];
         t.row_in(Unit::of_si("rad"), cells);
         let shown: Vec<String> = t.columns().map(|(k, _)| t.shown(&t.rows()[0], k)).collect();
-        assert_eq!(shown, ["yaw [deg]", "180.0", "2.000", "99.7 %"]);
+        assert_eq!(shown, ["yaw [deg]", "180.0", "2.000", "99.7 %", "-0.40"]);
         let headings: Vec<String> = t.columns().map(|(_, c)| c.heading()).collect();
         assert_eq!(
             headings,
-            ["what", "RMS", "at [s]", "inside"],
+            ["what", "RMS", "at [s]", "inside", "lag 1"],
             "a column without content is not there"
         );
     }

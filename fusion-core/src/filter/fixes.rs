@@ -21,12 +21,12 @@ const INTERVALS: f64 = 3.0;
 pub(super) struct Fixes {
     /// Axes of the horizontal position.
     horizontal: Arc<[usize]>,
-    /// Fixes used since the last that was not, when the latest was, and the interval before it \[s\].
+    /// Fixes used since the last that was not, when the latest was, and when the one before it.
     in_a_row: u32,
     latest: Option<Time>,
-    interval: f64,
+    before: Option<Time>,
 }
-crate::memory!(Fixes { in_a_row, latest, interval; horizontal });
+crate::memory!(Fixes { in_a_row, latest, before; horizontal });
 
 impl Fixes {
     pub(super) fn of(layout: &Layout) -> Self {
@@ -37,13 +37,13 @@ impl Fixes {
             horizontal: horizontal.collect(),
             in_a_row: 0,
             latest: None,
-            interval: 0.0,
+            before: None,
         }
     }
 
     /// Another belief is followed from now on.
     pub(super) fn start(&mut self) {
-        (self.in_a_row, self.latest, self.interval) = (0, None, 0.0);
+        (self.in_a_row, self.latest, self.before) = (0, None, None);
     }
 
     /// Hears whether a measurement with this H was used.
@@ -54,8 +54,7 @@ impl Fixes {
         }
         self.in_a_row = if is_used { self.in_a_row.saturating_add(1) } else { 0 };
         if is_used {
-            self.interval = self.latest.map_or(0.0, |latest| time.seconds_since(latest));
-            self.latest = Some(time);
+            self.before = self.latest.replace(time);
         }
     }
 
@@ -63,7 +62,8 @@ impl Fixes {
     /// turns and of all else that moves.
     pub(super) fn contradict(&self, time: Time, h: &Jacobian, motion: &Growing) -> bool {
         let sees_any = |axes: &[usize]| axes.iter().any(|axis| h.sees(*axis));
-        let is_recent = |latest: Time| time.seconds_since(latest) <= RECENT.max(INTERVALS * self.interval);
+        let interval = |latest: Time| self.before.map_or(0.0, |before| latest.seconds_since(before));
+        let is_recent = |latest: Time| time.seconds_since(latest) <= RECENT.max(INTERVALS * interval(latest));
         let are_used = self.in_a_row >= ENOUGH && self.latest.is_some_and(is_recent);
         are_used && sees_any(&motion.angular) && !sees_any(&motion.linear)
     }

@@ -6,7 +6,8 @@
 //! | no position, but the velocity | these axes of the velocity |
 //! | neither | the largest axes of the attitude, or of what else moves |
 //!
-//! A share is |H_ij| σ_j. Position and velocity along one axis are one: where either is measured, the motion along it is
+//! A share is |H_ij| σ_j, and one that is lost in the 1σ of the innovation is none: the rate of the Earth depends on the
+//! latitude, but nobody measures the position with gyros. Position and velocity along one axis are one: where either is measured, the motion along it is
 //! held. The attitude is held by what measures it, and through the motion by what measures position or velocity.
 
 use crate::linear::Jacobian;
@@ -14,7 +15,8 @@ use crate::memory::{Memory, Tape};
 use crate::state::{Belief, Block, Dynamics, Kind, Layout, StateRole};
 use crate::time::Time;
 
-/// Of a row of H, a share below so much of the largest is none: the curvature of the earth, a lever arm of no account.
+/// Of a row of H, a share below so much of the largest, or of the innovation's 1σ, is none: the curvature of the earth, a
+/// lever arm of no account. 1e-3 of the 1σ takes a million measurements to tell anything.
 const LEAST: f64 = 1e-3;
 /// Within a block, an axis with so much of the share of the largest is measured too.
 const BESIDE: f64 = 0.1;
@@ -124,19 +126,23 @@ impl Aid {
         }
     }
 
-    /// The axes that a sensor with this H measures.
-    pub(super) fn axes(&self, h: &Jacobian) -> Axes {
-        let rows = (0..h.rows()).map(|row| self.axes_of(h.row(row)));
+    /// The axes that a sensor with this H and these 1σ of its innovations measures.
+    pub(super) fn axes(&self, h: &Jacobian, sigma: &[f64]) -> Axes {
+        let rows = sigma
+            .iter()
+            .enumerate()
+            .take(h.rows())
+            .map(|(row, sigma)| self.axes_of(h.row(row), *sigma));
         Axes(rows.fold(0, |all, of| all | of))
     }
 
-    fn axes_of(&self, row: &[f64]) -> u64 {
+    fn axes_of(&self, row: &[f64], innovation: f64) -> u64 {
         let share = |axis: usize| row[axis].abs() * self.sigma[axis];
         let largest = |is_meant: fn(Sort) -> bool| {
             let meant = (0..self.sorts.len()).filter(|axis| is_meant(self.sorts[*axis]));
             meant.map(share).fold(0.0, f64::max)
         };
-        let all = largest(|sort| sort != Sort::Parameter);
+        let all = largest(|sort| sort != Sort::Parameter).max(innovation);
         let kinds: [fn(Sort) -> bool; 3] = [
             |sort| matches!(sort, Sort::Position(_)),
             |sort| matches!(sort, Sort::Velocity(_)),

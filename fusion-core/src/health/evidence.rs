@@ -158,7 +158,7 @@ impl Evidence {
         if let Some(h) = update.jacobian
             && self.looked.is_none_or(|looked| time.seconds_since(looked) >= LOOK)
         {
-            (self.axes, self.looked) = (aid.axes(h), Some(time));
+            (self.axes, self.looked) = (aid.axes(h, update.innovation_sigma), Some(time));
         }
         match update.verdict {
             Verdict::Accepted => {

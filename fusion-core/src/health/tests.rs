@@ -63,6 +63,8 @@ struct Bench {
     belief: Belief,
     /// By sensor, where it is known.
     jacobians: [Option<Jacobian>; 3],
+    /// 1σ of the innovations of each row.
+    innovation: f64,
     rivals: f64,
 }
 
@@ -89,6 +91,7 @@ impl Bench {
             monitor,
             belief,
             jacobians: [const { None }; 3],
+            innovation: 1.0,
             rivals: 0.0,
         };
         let belief = bench.belief.clone();
@@ -118,7 +121,7 @@ impl Bench {
             predicted: &[],
             noise: &[],
             residual: &[],
-            innovation_sigma: &[],
+            innovation_sigma: &[self.innovation; 3],
             nis,
             statistic: nis,
             threshold: 0.0,
@@ -757,6 +760,14 @@ fn nothing_that_measures_position_or_velocity_for_half_a_minute_degrades() {
         assert_eq!(bench.reasons(), expected, "{axes:?}");
         bench.estimate(70.1);
         assert_eq!(bench.reasons(), [Reason::Unaided]);
+    }
+    // Of 101 m/s of noise one tells nothing of 0.1 m/s, of 99 it does.
+    for (innovation, is_aided) in [(99.0, true), (101.0, false)] {
+        let mut bench = Bench::with(never_silent);
+        bench.innovation = innovation;
+        bench.measures(SPEED, &[NORTH, EAST, DOWN]);
+        bench.updates(SPEED, 1, 40, Accepted, 3.0);
+        assert_eq!(bench.reasons().is_empty(), is_aided, "{innovation}");
     }
     // Three of its own periods are no matter.
     let mut bench = Bench::with(never_silent);

@@ -130,6 +130,17 @@ impl Fix {
         Some(Matrix3::from_diagonal(&Vector3::new(north_below / north, east_below / east, 1.0)))
     }
 
+    /// Adds the blocks of H, each as `seen` in the residual.
+    fn linearise(&self, at: &View<'_>, h: &mut Jacobian, seen: impl Fn(Matrix3<f64>) -> Matrix3<f64>) {
+        h.add(0, &self.position, &seen(Matrix3::identity()));
+        h.add(0, &self.bias, &seen(Matrix3::identity()));
+        if let Some(attitude) = &self.attitude {
+            let c_nb = rotation(&at.get(attitude));
+            h.add(0, attitude, &seen(-times_skew(&c_nb, &at.get(&self.lever_arm))));
+            h.add(0, &self.lever_arm, &seen(c_nb));
+        }
+    }
+
     fn write(&self, place: &Place, numbers: &mut [f64]) {
         let mut all = [0.0; 3];
         Geodetic::write(place, &mut all);
@@ -161,14 +172,9 @@ impl Measurement for Fix {
     }
 
     fn jacobian(&self, at: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined> {
-        let below = self.below(at);
-        let seen = |block: Matrix3<f64>| below.map_or(block, |below| below * block);
-        h.add(0, &self.position, &seen(Matrix3::identity()));
-        h.add(0, &self.bias, &seen(Matrix3::identity()));
-        if let Some(attitude) = &self.attitude {
-            let c_nb = rotation(&at.get(attitude));
-            h.add(0, attitude, &seen(-times_skew(&c_nb, &at.get(&self.lever_arm))));
-            h.add(0, &self.lever_arm, &seen(c_nb));
+        match self.below(at) {
+            None => self.linearise(at, h, |block| block),
+            Some(below) => self.linearise(at, h, |block| below * block),
         }
         Ok(())
     }

@@ -1,11 +1,10 @@
 //! Zero angular rate: at rest the gyros read their bias and the turning of the Earth.
 //!
 //! Measured   z = mean of the raw gyros over a window at rest, w_ib_b with its bias \[rad/s\]
-//! Predicted  h(x) = b_g + C_nbᵀ w_in,  w_in = w_ie_n + w_en_n
-//! Jacobian   ∂h/∂b_g = I₃,  ∂h/∂δφ_b = [C_nbᵀ w_in ×],  ∂h/∂δv = C_nbᵀ ∂w_en/∂v,
-//!            ∂h/∂δr = C_nbᵀ ∂w_in/∂r
-//! Place      that of the process; where it has none, the origin of the run, at rest
-//! Valid      w_nb = 0; feed it by a detector of rest. The window's mean, not single samples:
+//! Predicted  h(x) = b_g + C_nbᵀ w_ie_n
+//! Jacobian   ∂h/∂b_g = I₃,  ∂h/∂δφ_b = [C_nbᵀ w_ie_n ×],  ∂h/∂δr = C_nbᵀ ∂w_ie_n/∂r
+//! Place      that of the process; where it has none, the origin of the run
+//! Valid      at rest, w_eb = 0; feed it by a detector of rest. The window's mean, not single samples:
 //!            its noise is the random walk over √window
 //! Source     Groves 2013, §15.3
 
@@ -15,32 +14,20 @@ use crate::earth::LocalEarth;
 use crate::units::{Dimension, Dimensional, dim};
 use crate::vocabulary::{channel, state};
 use fusion_core::geometry::so3::{rotation, skew};
-use fusion_core::geometry::wgs84::{EARTH_RATE, radii_derivative};
+use fusion_core::geometry::wgs84::EARTH_RATE;
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
-use fusion_core::state::{Attitude, Geodetic, Quantity, Vector, Velocity, View};
+use fusion_core::state::{Attitude, Geodetic, Quantity, Vector, View};
 use nalgebra::{Matrix3, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// `w_in_n` \[rad/s\] and its derivatives with δr \[rad/s per m\] and `v_eb_n` \[rad/m\].
-fn rate_in(p: &Geodetic, v: &Vector3<f64>) -> (Vector3<f64>, Matrix3<f64>, Matrix3<f64>) {
+/// `w_ie_n` \[rad/s\] and its derivative with δr \[rad/s per m\].
+fn earth_rate(p: &Geodetic) -> (Vector3<f64>, Matrix3<f64>) {
     let earth = LocalEarth::at(p);
-    let (tan, slopes) = (earth.tan_lat(), radii_derivative(p.lat));
-    let (north, east) = (v.x / earth.meridian, v.y / earth.normal);
-    // By latitude [1/rad] and by height [1/m].
-    let by_latitude = Vector3::new(
-        -EARTH_RATE * earth.sin_lat - east * slopes.normal / earth.normal,
-        north * slopes.meridian / earth.meridian,
-        -EARTH_RATE * earth.cos_lat - east * (1.0 + tan * tan - tan * slopes.normal / earth.normal),
-    );
-    let by_height = Vector3::new(-east / earth.normal, north / earth.meridian, east * tan / earth.normal);
-    let by_position = Matrix3::from_columns(&[by_latitude / earth.meridian, Vector3::zeros(), -by_height]);
-    (
-        earth.earth_rate_n() + earth.transport_rate_n(v),
-        by_position,
-        earth.transport_matrix(),
-    )
+    let by_latitude = Vector3::new(-EARTH_RATE * earth.sin_lat, 0.0, -EARTH_RATE * earth.cos_lat);
+    let by_position = Matrix3::from_columns(&[by_latitude / earth.meridian, Vector3::zeros(), Vector3::zeros()]);
+    (earth.earth_rate_n(), by_position)
 }
 
 /// Pseudo-measurement at rest: the gyros read their bias and the rotation of the Earth.
@@ -71,15 +58,14 @@ impl SensorSpec for ZeroAngularRateSpec {
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
         let help = "let the process estimate its gyro bias: `gyro_bias = { estimate = true, … }`; without it this block corrects nothing";
         // A process of attitude alone is where the run is declared to be.
-        let (position, velocity) = match (b.quantity(state::POSITION), b.origin) {
-            (Err(_), Some(origin)) => (Quantity::Fixed(origin), Quantity::Fixed(Vector3::zeros())),
-            (position, _) => (position?, b.quantity(state::VELOCITY)?),
+        let position = match (b.quantity(state::POSITION), b.origin) {
+            (Err(_), Some(origin)) => Quantity::Fixed(origin),
+            (position, _) => position?,
         };
         Ok(Box::new(ZeroAngularRate {
             gyro_bias: b.quantity(state::GYRO_BIAS).map_err(|e| e.help(help))?,
             attitude: b.quantity(state::ATTITUDE)?,
             position,
-            velocity,
         }))
     }
 }
@@ -89,7 +75,6 @@ impl SensorSpec for ZeroAngularRateSpec {
 struct ZeroAngularRate {
     gyro_bias: Quantity<Vector<3>>,
     position: Quantity<Geodetic>,
-    velocity: Quantity<Velocity>,
     attitude: Quantity<Attitude>,
 }
 
@@ -99,18 +84,17 @@ impl Measurement for ZeroAngularRate {
     }
 
     fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {
-        let (w_in, ..) = rate_in(&at.get(&self.position), &at.get(&self.velocity));
-        let w_in_b = at.get(&self.attitude).inverse_transform_vector(&w_in);
-        value.copy_from_slice((at.get(&self.gyro_bias) + w_in_b).as_slice());
+        let (w_ie, _) = earth_rate(&at.get(&self.position));
+        let w_ie_b = at.get(&self.attitude).inverse_transform_vector(&w_ie);
+        value.copy_from_slice((at.get(&self.gyro_bias) + w_ie_b).as_slice());
         Ok(())
     }
 
     fn jacobian(&self, at: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined> {
-        let (w_in, by_position, by_velocity) = rate_in(&at.get(&self.position), &at.get(&self.velocity));
+        let (w_ie, by_position) = earth_rate(&at.get(&self.position));
         let c_bn = rotation(&at.get(&self.attitude)).transpose();
         h.add(0, &self.gyro_bias, &Matrix3::identity());
-        h.add(0, &self.attitude, &skew(&(c_bn * w_in)));
-        h.add(0, &self.velocity, &(c_bn * by_velocity));
+        h.add(0, &self.attitude, &skew(&(c_bn * w_ie)));
         h.add(0, &self.position, &(c_bn * by_position));
         Ok(())
     }
@@ -122,7 +106,7 @@ mod tests {
 
     #[test]
     fn at_rest_level_and_north_the_gyros_read_the_earth_rate_of_the_site() {
-        let (w, ..) = rate_in(&Geodetic::new(36.098_277_778_f64.to_radians(), 2.26, 0.0), &Vector3::zeros());
+        let (w, _) = earth_rate(&Geodetic::new(36.098_277_778_f64.to_radians(), 2.26, 0.0));
         let per_hour = w.map(|w| w.to_degrees() * 3600.0);
         // 6e-5 deg/h: the table has four decimals.
         assert!((per_hour - Vector3::new(12.1533, 0.0, -8.8618)).amax() < 6e-5, "{per_hour}");
@@ -130,12 +114,12 @@ mod tests {
 
     #[test]
     fn the_slope_with_position_matches_central_differences() {
-        let (p, v) = (Geodetic::new(0.9, 1.0, 300.0), Vector3::new(60.0, -80.0, 5.0));
-        let (_, by_position, _) = rate_in(&p, &v);
+        let p = Geodetic::new(0.9, 1.0, 300.0);
+        let (_, by_position) = earth_rate(&p);
         for k in 0..3 {
             let mut d = Vector3::zeros();
             d[k] = 2000.0;
-            let numeric = (rate_in(&p.offset(&d), &v).0 - rate_in(&p.offset(&-d), &v).0) / 4000.0;
+            let numeric = (earth_rate(&p.offset(&d)).0 - earth_rate(&p.offset(&-d)).0) / 4000.0;
             // 1e-17 of 1e-11: rounding 1e-20/4e3, truncation (2 km/R)² relative = 1e-7.
             assert!((by_position.column(k) - numeric).amax() < 1e-17, "{k}: {numeric}");
         }
