@@ -6,7 +6,7 @@ use super::streams::StreamChannel;
 use crate::config::{Diagnostic, Node, Place};
 use fusion_core::runner::{InputLimits, Port, StreamId};
 use fusion_models::block::{Channel, Listen, Shape};
-use fusion_models::units::{Dimension, range};
+use fusion_models::units::{Dimension, Dimensional, dim, range};
 
 impl<P> Assembler<'_, P> {
     pub(super) fn position(&self, stream: &str) -> StreamId {
@@ -175,9 +175,17 @@ impl<P> Assembler<'_, P> {
             None => missing(layout, wanted),
         };
         let help = match (layout.channel(&wanted.name), self.data.is_simulated) {
-            (Some(_), _) if self.data.sources.iter().any(|s| s.name == layout.name) => {
+            (Some(found), _) if self.data.sources.iter().any(|s| s.name == layout.name) => {
                 let table = format!("[source.{}.channels.{}]", layout.name, wanted.name);
-                Some(format!("look at the columns and the `unit` under {table}"))
+                let look = format!("look at the columns and the `unit` under {table}");
+                let is_rate = |rate: Dimension, of: Dimension| of.times(dim::Frequency::KIND.dimension) == Some(rate);
+                Some(if is_rate(wanted.dimension, found.dimension) {
+                    format!("write `increment = true` if each row holds the change since the one before; else {look}")
+                } else if is_rate(found.dimension, wanted.dimension) {
+                    format!("leave out `increment` if each row holds a rate; else {look}")
+                } else {
+                    look
+                })
             }
             (Some(_), _) => None,
             (None, true) => Some(format!(

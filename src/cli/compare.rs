@@ -35,7 +35,7 @@ pub(super) struct CompareArgs {
     /// Where relative source paths start, instead of at the design's `data_dir`.
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// Writes report.html with all runs here; the folder is made if need be.
+    /// Writes report.html with all runs here; the folder is made if need be. Not with `-n`.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Seed of simulated data and random faults, the same for every run; with `-n` that of the
@@ -46,7 +46,8 @@ pub(super) struct CompareArgs {
     #[arg(long)]
     smooth: bool,
     /// Runs each N times, each time with another seed but the same ones for all, and compares the
-    /// figures of all runs together.
+    /// figures of all runs together. Not with `--out` or `--smooth`: `fusion montecarlo --out` writes
+    /// the page of one variant.
     #[arg(short, long, value_name = "N", conflicts_with_all = ["out", "smooth"], value_parser = clap::value_parser!(u64).range(1..))]
     n: Option<u64>,
     #[command(flatten)]

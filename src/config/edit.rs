@@ -62,7 +62,7 @@ impl Document {
 
     /// Lays the table at `path`, such as `variant.udu`, over the whole tree.
     ///
-    /// Tables merge entry by entry and everything else is replaced; a block of another `type` is
+    /// Tables merge entry by entry, an array with a table of its indices likewise, and everything else is replaced; a block of another `type` is
     /// replaced as a whole, for its fields mean something else, and so is a parameter that becomes
     /// `shared`, or was.
     ///
@@ -172,23 +172,34 @@ pub(super) fn is_retyped(base: &Node, over: &Node) -> bool {
 }
 
 fn merge(base: &mut Node, over: &Node) {
-    let is_replaced = is_retyped(base, over) || !matches!(over.value, Value::Table { .. });
-    let entries = match &mut base.value {
-        Value::Table { entries, .. } if !is_replaced => entries,
-        _ => {
-            *base = over.clone();
-            return;
+    let is_table = matches!(over.value, Value::Table { .. }) && !is_retyped(base, over);
+    match &mut base.value {
+        Value::Table { entries, .. } if is_table => {
+            for Entry { key, node } in over.entries() {
+                match entries.iter_mut().find(|entry| entry.key == *key) {
+                    Some(entry) => merge(&mut entry.node, node),
+                    None => entries.push(Entry {
+                        key: key.clone(),
+                        node: node.clone(),
+                    }),
+                }
+            }
         }
-    };
-    for Entry { key, node } in over.entries() {
-        match entries.iter_mut().find(|entry| entry.key == *key) {
-            Some(entry) => merge(&mut entry.node, node),
-            None => entries.push(Entry {
-                key: key.clone(),
-                node: node.clone(),
-            }),
+        Value::Array(nodes) if is_table && has_indices(over, nodes.len()) => {
+            for Entry { key, node } in over.entries() {
+                if let Some(element) = key.parse::<usize>().ok().and_then(|k| nodes.get_mut(k)) {
+                    merge(element, node);
+                }
+            }
         }
+        _ => *base = over.clone(),
     }
+}
+
+/// Whether each key is that of an element of an array of `length`, as in `columns.2 = "…"`.
+fn has_indices(over: &Node, length: usize) -> bool {
+    let is_index = |e: &Entry| e.key.parse::<usize>().is_ok_and(|k| k < length);
+    !over.entries().is_empty() && over.entries().iter().all(is_index)
 }
 
 #[cfg(test)]
@@ -243,13 +254,16 @@ mod tests {
     #[test]
     fn a_variant_is_merged_by_path() {
         let mut document = parse(
-            "form = 'joseph'\n[gate]\ntype = 'nis'\nlimit = 5\nage = 1\n\
-             [variant.udu]\nform = 'udu'\ngate.limit = 9\nsensor.gnss.rate = 2\n",
+            "form = 'joseph'\narm = [0, 0.5, 1]\nold = [1, 2]\n[gate]\ntype = 'nis'\nlimit = 5\nage = 1\n\
+             [variant.udu]\nform = 'udu'\ngate.limit = 9\nsensor.gnss.rate = 2\narm.1 = 7\nold.3 = 4\n",
         );
         assert_eq!(document.overlay("variant.udu"), Ok(()));
         assert_eq!(get::<String>(&document, "form"), "udu");
         assert_eq!((get::<i64>(&document, "gate.limit"), get::<i64>(&document, "gate.age")), (9, 1));
         assert_eq!(get::<i64>(&document, "sensor.gnss.rate"), 2);
+        assert_eq!(get::<Vec<f64>>(&document, "arm"), [0.0, 7.0, 1.0]);
+        // There is no such element: a table where an array is wanted is told.
+        assert_eq!(document.root().get("old").unwrap().keys(), ["3"]);
     }
 
     #[test]

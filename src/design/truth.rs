@@ -47,6 +47,11 @@ impl Truth {
             };
             // What is declared to measure through water does so in the water that there is.
             let is_constant = |declared: &Node| declared.get(ESTIMATE).is_none() && declared.get(SHARED).is_none();
+            if let Some(current) = truth.get(parameter::CURRENT).filter(|_| is_wet) {
+                let message = "the sea has a current already, and it is what there truly is";
+                let help = format!("remove this one, or `{}` of the sea", parameter::CURRENT);
+                d.push(Diagnostic::error(message).at(current.name_place()).help(help));
+            }
             if is_wet && sensor.get(parameter::CURRENT).is_some_and(is_constant) {
                 sensor.put(parameter::CURRENT, moving_water());
                 is_other = true;
@@ -131,7 +136,12 @@ impl Laid<'_> {
                     "`{key}` is no figure of `{}{path}`, and only these may truly differ from what the filter believes",
                     self.name
                 );
-                mistakes.push(Diagnostic::error(message).at(node.name_place()).suggest(key, &known, "figures"));
+                let mistake = Diagnostic::error(message).at(node.name_place()).suggest(key, &known, "figures");
+                mistakes.push(if key == "noise" {
+                    mistake.and_help("how noisy it truly is, `white` of the simulated sensor says")
+                } else {
+                    mistake
+                });
             } else if is_group(field) {
                 if sensor.get(key).is_none() {
                     sensor.put(key, node.emptied());
@@ -194,6 +204,14 @@ pub(crate) fn parameters(sensor: &Node) -> Vec<(String, Json)> {
     parameters.map(|(key, schema)| (key.clone(), schema.clone())).collect()
 }
 
+/// The figures of a sensor that may be others in truth, by their fields.
+fn figures(sensor: &Node) -> Vec<String> {
+    let schema = schema_of(sensor);
+    let fields = schema["properties"].as_object().into_iter().flatten();
+    let figures = fields.filter(|(_, field)| may_differ(resolved(&schema, field)));
+    figures.map(|(key, _)| key.clone()).collect()
+}
+
 /// Whether a field has a form with `estimate`.
 fn is_parameter(schema: &Json) -> bool {
     let mut forms = schema["anyOf"].as_array().into_iter().flatten();
@@ -212,7 +230,7 @@ pub(crate) fn shared(document: &Document) -> Diagnostics {
         let (Some(sensor), Some(base)) = (table(root), table(before.root())) else {
             continue;
         };
-        for (key, _) in parameters(&sensor) {
+        for key in figures(&sensor) {
             let is_told = node.at(&format!("{TRUTH}.{key}")).is_some() || is_wet && key == parameter::CURRENT;
             let Some(value) = sensor.get(&key).filter(|value| !is_told && !is_estimated(value)) else {
                 continue;

@@ -114,6 +114,19 @@ impl<'a> Hub<'a> {
         }
     }
 
+    /// The filter of that number begins anew.
+    fn begin(&mut self, filter: usize) {
+        if let Some(comparison) = self.comparisons.get_mut(filter) {
+            comparison.begin();
+        }
+        if let Some(turning) = self.turnings.get_mut(filter) {
+            turning.begin();
+        }
+        if let Some(current) = &mut self.current {
+            current.begin(filter);
+        }
+    }
+
     /// Tells the epochs of the reference that no estimate has reached.
     ///
     /// # Errors
@@ -157,6 +170,9 @@ impl Observer for Hub<'_> {
         };
         if let (Event::Current { belief }, Some(current)) = (event, &mut self.current) {
             current.on(&Event::Estimate { belief })?;
+        }
+        if let Event::Started { .. } = event {
+            self.begin(filter.number);
         }
         let Event::Estimate { belief } = event else {
             return tell(&mut self.observers, &RunEvent::Filter { filter, event });

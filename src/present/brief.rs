@@ -121,8 +121,13 @@ fn errors(t: &mut Table, whose: &str, score: &Score) {
         for (name, value) in more {
             horizontal.extend(value.map(|value| format!(", {name} {}", short(value))));
         }
-        let down = format!("down {} m", short(position.rms[2]));
-        line("position", vec![horizontal, down], score.nees_position.as_ref());
+        let down = Some(position.rms[2]).filter(|down| down.is_finite());
+        let down = down.map(|down| format!("down {} m", short(down)));
+        line(
+            "position",
+            [horizontal].into_iter().chain(down).collect(),
+            score.nees_position.as_ref(),
+        );
     }
     let length = |axes: &Axes| axes.rms.iter().map(|v| v * v).sum::<f64>().sqrt();
     if let Some(velocity) = &score.velocity {
@@ -141,16 +146,18 @@ fn errors(t: &mut Table, whose: &str, score: &Score) {
         line("attitude", parts.collect(), score.nees_attitude.as_ref());
     }
     if let (Some(rms), Some(median)) = (score.drift_rms, score.drift_median) {
-        let outages = score.drift.len();
-        let s = if outages == 1 { "" } else { "s" };
-        let drift = format!(
-            "{outages} outage{s}, largest horizontal error {} m RMS, median {}",
-            short(rms),
-            short(median)
-        );
+        let drift = match score.drift.len() {
+            1 => format!("1 outage, largest horizontal error {} m", short(rms)),
+            n => format!(
+                "{n} outages, largest horizontal error {} m RMS, median {}",
+                short(rms),
+                short(median)
+            ),
+        };
         line("drift", vec![drift], None);
     }
-    if let Some(worst) = Drift::worst(&score.drift) {
+    // A smoothed error is largest inside an outage: at its end the fixes after it are used.
+    if let Some(worst) = Drift::worst(&score.drift).filter(|_| whose.is_empty()) {
         let said = format!(
             "{} s at {:.1} s: {} m at its end (3σ {} m)",
             short(worst.to - worst.from),

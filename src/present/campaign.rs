@@ -279,9 +279,12 @@ impl Campaign {
         };
         let is_consistent = |(.., verdict): &&(&str, Consistency, Verdict)| *verdict == Verdict::Consistent;
         let wrong: Vec<_> = known.iter().filter(|k| !is_consistent(k)).collect();
+        let is_all = |verdict: Verdict| wrong.iter().all(|k| k.2 == verdict);
         let (head, told) = match (known.is_empty(), wrong.is_empty()) {
             (true, _) => return None,
             (_, true) => ("Consistent", known.iter().collect()),
+            _ if is_all(Verdict::Overconfident) => ("Overconfident", wrong),
+            _ if is_all(Verdict::Conservative) => ("Conservative", wrong),
             _ => ("Not consistent", wrong),
         };
         let told: Vec<String> = told.into_iter().map(words).collect();

@@ -34,7 +34,7 @@ fn table(table: &Table) -> Markup {
                             @if k == 0 {
                                 th scope="row" { (shown) }
                             } @else {
-                                td class=[class(column, &row.cells[k])] { (shown) }
+                                td class=[class(column, &row.cells[k], &shown)] { (shown) }
                             }
                         }
                     }
@@ -44,14 +44,15 @@ fn table(table: &Table) -> Markup {
     }
 }
 
-fn class(column: &Column, cell: &Cell) -> Option<&'static str> {
+/// Text of so many characters is a sentence, which may break.
+const SENTENCE: usize = 40;
+
+fn class(column: &Column, cell: &Cell, shown: &str) -> Option<String> {
     let is_bad = cell.judgement().is_some_and(|v| v != Verdict::Consistent);
-    match (column.is_text, is_bad) {
-        (true, true) => Some("text bad"),
-        (true, false) => Some("text"),
-        (false, true) => Some("bad"),
-        (false, false) => None,
-    }
+    let is_long = column.is_text && shown.chars().count() > SENTENCE;
+    let all = [("text", column.is_text), ("long", is_long), ("bad", is_bad)];
+    let names: Vec<&str> = all.into_iter().filter(|(_, is)| *is).map(|(name, _)| name).collect();
+    (!names.is_empty()).then(|| names.join(" "))
 }
 
 /// With a minus sign for a hyphen, and counts in groups of three digits; words stay as they are.

@@ -159,7 +159,7 @@ fn runs(campaign: &Campaign, look: &dyn Fn(&RunRow) -> Look) -> Markup {
                     td { (number(100.0 * row.health.ill)) }
                     td { (number(row.drift_percent.unwrap_or(f64::NAN))) }
                     td.text { (row.health.worst.word()) }
-                    td.text { @if let Some(report) = report { a href=(report) { (report) } } @else { code { (command) } } }
+                    td.text.long { @if let Some(report) = report { a href=(report) { (report) } } @else { code { (command) } } }
                 }
             } }
         } }

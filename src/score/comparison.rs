@@ -296,8 +296,13 @@ impl Comparison {
         self.ahead.push_back(epoch);
     }
 
+    /// The filter begins anew: what it believed before says nothing of the epochs until then.
+    pub fn begin(&mut self) {
+        self.previous = None;
+    }
+
     /// Takes the next estimate and tells the reference epochs up to it, each with the error there;
-    /// those before the first estimate have none.
+    /// those before the first estimate, since it last began, have none.
     ///
     /// An epoch between two estimates sees the earlier one carried on by its velocity, so that no
     /// measurement after the epoch can flatter it; attitude and velocity, which a measurement

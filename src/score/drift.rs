@@ -4,9 +4,8 @@
 //! outage, or, if that is later, where the first measurement is valid that was stamped after the
 //! outage, read from the silent source, and used. Until then the estimate goes on without the source.
 //! A measurement that was stamped after the outage but is valid inside it, because of its latency,
-//! belongs to the window: what it does to the estimate before the end of the outage counts. At the
-//! latest a window ends where the next one of its outage begins. Where no sensor reads the source it
-//! ends with the outage.
+//! belongs to the window, but the error at the end is that before it. At the latest a window ends
+//! where the next one of its outage begins. Where no sensor reads the source it ends with the outage.
 
 use super::comparison::Deviation;
 use fusion_core::memory::{Memory, Tape};
@@ -191,8 +190,7 @@ impl Tracked {
             });
         }
         // What the first measurement after an outage leaves of the error is not the error at its end.
-        let is_overcome = |r: &Running| time >= r.window.to && self.ends_by(r.window.to, time, used);
-        let is_overcome = self.running.as_ref().is_some_and(is_overcome);
+        let is_overcome = self.running.as_ref().is_some_and(|r| self.ends_by(r.window.to, time, used));
         if let Some(running) = &mut self.running {
             running.add(time, error);
             if !is_overcome {
@@ -202,10 +200,15 @@ impl Tracked {
         ended
     }
 
-    /// Whether the influence of an outage until `to` has ended by `time`.
+    /// Whether a measurement that was stamped after an outage until `to` was used by `time`; of an outage of nothing that is
+    /// read, whether it is over.
     fn ends_by(&self, to: Time, time: Time, used: &Used) -> bool {
         let of_source = |(sensor, stamp, valid): &(usize, Time, Time)| self.sensors.contains(sensor) && *stamp >= to && *valid <= time;
-        self.sensors.is_empty() || used.0.iter().any(of_source)
+        if self.sensors.is_empty() {
+            time >= to
+        } else {
+            used.0.iter().any(of_source)
+        }
     }
 }
 
@@ -327,7 +330,20 @@ mod tests {
             .filter(|s| *s < 20.0 || *s > 30.0)
             .map(|s| (s, s - 0.5))
             .collect();
-        assert_eq!(run("{ from = 20, to = 30 }", 0.0, &used), [(20.0, 30.0, 30.0)]);
+        let window = "{ from = 20, to = 30 }";
+        assert_eq!(run(window, 0.0, &used), [(20.0, 30.0, 30.0)]);
+        // But the error at its end is that before the fix.
+        let mut drifts = Drifts::new(&[Outage::of(window, &[1])]);
+        for k in 190..320 {
+            let time = 0.1 * f64::from(k);
+            if k == 297 {
+                drifts.used(1, t(30.2), t(29.65));
+            }
+            drifts.add(t(time), &deviation(time, 0.0));
+        }
+        let found = drifts.finish();
+        // 1e-9: rounding of tenths.
+        assert!((found[0].end_horizontal - 29.6).abs() < 1e-9, "{found:?}");
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! and consistency in them say how it bears that, those outside say whether it is sound.
 
 use super::comparison::{Deviation, EpochError};
-use super::nees::{NeesSeries, of};
+use super::nees::NeesSeries;
 use super::{Axes, Consistency};
 use crate::score::scorer::Sums;
 use fusion_models::fault::Windows;
@@ -83,7 +83,7 @@ impl EpisodeScorer {
         let body = error.attitude.as_ref().map(|a| &a.body).filter(|_| attitude);
         let deviations: [Option<&Deviation>; 3] = [error.position.as_ref().filter(|d| d.is_horizontal()), error.velocity.as_ref(), body];
         for (series, deviation) in part.nees.iter_mut().zip(deviations).filter(|_| nees) {
-            deviation.into_iter().for_each(|d| series.add(of(d)));
+            deviation.into_iter().for_each(|d| series.add_deviation(d));
         }
     }
 

@@ -30,20 +30,31 @@ where
     if !(is_finite(error.as_slice()) & is_finite(own.as_slice()) & is_finite(reference.as_slice())) {
         return None;
     }
-    let largest = own.diagonal().amax();
-    // The pivots of a factor bound the eigenvalues: far from zero, every direction is estimated.
-    let has_all = |l: &OMatrix<f64, D, D>| l.diagonal().iter().all(|pivot| pivot * pivot > FULL * largest);
-    if let Some(factor) = factor(own.clone()).filter(has_all) {
-        // A reference without an error of its own leaves the factor as it is.
-        let is_exact = reference.as_slice().iter().fold(true, |all, v| all & (*v == 0.0));
-        let factor = if is_exact { factor } else { self::factor(own + reference)? };
-        let mut solved = error.clone();
-        solve(&factor, &mut solved);
-        return Some((error.dot(&solved), error.len()));
+    if let Some(z) = whitened(error, own, reference) {
+        return Some((z.norm_squared(), z.len()));
     }
     let n = error.len();
     let dense = |m: &OMatrix<f64, D, D>| DMatrix::from_column_slice(n, n, m.as_slice());
     nees_in_part(&DVector::from_column_slice(error.as_slice()), dense(own), &dense(reference))
+}
+
+/// The error in units of its own 1σ, L⁻¹ e of S = L Lᵀ: the NEES is the sum of its squares. `None` where a direction is not
+/// estimated, or S is not positive definite.
+fn whitened<D>(error: &OVector<f64, D>, own: &OMatrix<f64, D, D>, reference: &OMatrix<f64, D, D>) -> Option<OVector<f64, D>>
+where
+    D: DimMin<D, Output = D>,
+    DefaultAllocator: Allocator<D> + Allocator<D, D>,
+{
+    let largest = own.diagonal().amax();
+    // The pivots of a factor bound the eigenvalues: far from zero, every direction is estimated.
+    let has_all = |l: &OMatrix<f64, D, D>| l.diagonal().iter().all(|pivot| pivot * pivot > FULL * largest);
+    let factor = factor(own.clone()).filter(has_all)?;
+    // A reference without an error of its own leaves the factor as it is.
+    let is_exact = reference.as_slice().iter().fold(true, |all, v| all & (*v == 0.0));
+    let factor = if is_exact { factor } else { self::factor(own + reference)? };
+    let mut z = error.clone();
+    solve(&factor, &mut z);
+    Some(z)
 }
 
 /// L of `a` = L Lᵀ below and on the diagonal, above it what was there; `None` where `a` is not positive definite.
@@ -69,7 +80,7 @@ where
     Some(a)
 }
 
-/// `b` becomes x of L Lᵀ x = b.
+/// `b` becomes x of L x = b.
 fn solve<D: DimMin<D, Output = D>>(l: &OMatrix<f64, D, D>, b: &mut OVector<f64, D>)
 where
     DefaultAllocator: Allocator<D> + Allocator<D, D>,
@@ -79,10 +90,6 @@ where
         b[j] /= l[(j, j)];
         let known = b[j];
         (j + 1..n).for_each(|i| b[i] -= known * l[(i, j)]);
-    }
-    for j in (0..n).rev() {
-        let known: f64 = (j + 1..n).map(|i| l[(i, j)] * b[i]).sum();
-        b[j] = (b[j] - known) / l[(j, j)];
     }
 }
 
@@ -120,27 +127,78 @@ pub(crate) fn of(d: &Deviation) -> Option<(f64, usize)> {
 ///
 /// An epoch may have fewer degrees of freedom than the others: before a direction is estimated.
 /// Its NEES has another mean, and is not counted with them.
-#[derive(Clone, Debug, Default)]
+///
+/// An error that is in the mean of a run as large as one of its 1σ, and hardly changes, says no more than one of its
+/// values: the NEES alone shows only how it changes. So the values that count as independent are also those of the error
+/// in units of its 1σ, whose mean is known to be 0. Of an error with ρ between neighbours that is
+/// τ = (1 + ρ)/(1 − ρ), of its square (1 + ρ²)/(1 − ρ²) = (τ + 1/τ)/2.
+#[derive(Clone, Debug)]
 pub(super) struct NeesSeries {
     values: Series,
+    /// The errors in units of their 1σ, of the epochs that have all three.
+    errors: [Series; 3],
     dof: usize,
     undefined: usize,
 }
 
-fusion_core::memory!(NeesSeries { values, dof, undefined });
+fusion_core::memory!(NeesSeries {
+    values,
+    errors,
+    dof,
+    undefined
+});
+
+impl Default for NeesSeries {
+    fn default() -> Self {
+        Self {
+            values: Series::default(),
+            errors: [const { Series::coarse() }; 3],
+            dof: 0,
+            undefined: 0,
+        }
+    }
+}
 
 impl NeesSeries {
     /// Takes what [`nees`] found at an epoch.
     pub(super) fn add(&mut self, found: Option<(f64, usize)>) {
+        self.take(found, None);
+    }
+
+    /// Takes the deviation of an epoch.
+    pub(super) fn add_deviation(&mut self, d: &Deviation) {
+        let z = if d.is_whole() {
+            whitened(&d.error, &d.own, &d.reference)
+        } else {
+            None
+        };
+        match &z {
+            Some(z) if z.norm_squared().is_finite() => self.take(Some((z.norm_squared(), 3)), Some((*z).into())),
+            _ => self.take(of(d), None),
+        }
+    }
+
+    fn take(&mut self, found: Option<(f64, usize)>, z: Option<[f64; 3]>) {
         match found {
             Some((value, dof)) if dof > self.dof => {
                 self.undefined += self.values.len();
-                self.values = Series::from_iter([value]);
-                self.dof = dof;
+                *self = Self {
+                    dof,
+                    undefined: self.undefined,
+                    ..Self::default()
+                };
+                self.push(value, z);
             }
-            Some((value, dof)) if dof == self.dof && dof > 0 => self.values.push(value),
+            Some((value, dof)) if dof == self.dof && dof > 0 => self.push(value, z),
             Some((_, 0)) if self.dof == 0 => {}
             _ => self.undefined += 1,
+        }
+    }
+
+    fn push(&mut self, value: f64, z: Option<[f64; 3]>) {
+        self.values.push(value);
+        if let Some(z) = z {
+            self.errors.iter_mut().zip(z).for_each(|(error, z)| error.push(z));
         }
     }
 
@@ -151,7 +209,14 @@ impl NeesSeries {
 
     /// Its mean and band.
     pub(super) fn consistency(&self) -> Option<Consistency> {
-        Consistency::of(&self.values, self.dof)
+        let found = Consistency::of(&self.values, self.dof)?;
+        if self.errors[0].len() != self.values.len() {
+            return Some(found);
+        }
+        let count = self.values.len() as f64;
+        let tau = self.errors.iter().map(|z| count / z.independent_about_zero());
+        let of_squares = tau.map(|tau| 0.5 * (tau + 1.0 / tau)).sum::<f64>() / 3.0;
+        Some(found.at_most(count / of_squares))
     }
 }
 
@@ -210,5 +275,48 @@ mod tests {
         let mean = series.consistency().unwrap();
         // Not defined: one before all directions were estimated, one unsound, two with fewer again.
         assert_eq!((mean.mean, mean.dof, mean.count, series.undefined()), (3.0, 2, 2, 4));
+    }
+
+    /// Deviations with a covariance of 1, of which each axis goes on with `rho` from one to the next.
+    fn deviations(count: usize, rho: f64, size: f64) -> NeesSeries {
+        let (mut bits, mut error) = (9_u64, [0.0; 3]);
+        let mut series = NeesSeries::default();
+        let mut noise = || {
+            // The sum of twelve is normal enough.
+            (0..12).fold(-6.0, |sum, _| {
+                bits = bits.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                sum + (bits >> 33) as f64 / f64::from(1_u32 << 31)
+            })
+        };
+        error.iter_mut().for_each(|e| *e = noise());
+        for _ in 0..count {
+            error.iter_mut().for_each(|e| *e = rho * *e + (1.0 - rho * rho).sqrt() * noise());
+            series.add_deviation(&Deviation {
+                error: nalgebra::Vector3::from(error) * size,
+                own: nalgebra::Matrix3::identity(),
+                ..Deviation::default()
+            });
+        }
+        series
+    }
+
+    #[test]
+    fn an_error_that_lasts_as_long_as_the_run_is_one_error() {
+        // Drawn once: however many epochs repeat it, it is one draw.
+        let drawn = deviations(1000, 1.0, 1.0).consistency().unwrap();
+        assert!(
+            drawn.independent < 3.0 && drawn.verdict() == Some(crate::score::Verdict::Consistent),
+            "{drawn:?}"
+        );
+        // White errors twice as large as stated are told by a hundred of them; half of 1000 count at least.
+        let white = deviations(1000, 0.0, 2.0).consistency().unwrap();
+        assert!(
+            white.independent > 500.0 && white.verdict() == Some(crate::score::Verdict::Overconfident),
+            "{white:?}"
+        );
+        // τ of the squares with ρ = 0.9 between neighbours is (1 + 0.81)/(1 − 0.81) = 9.5: 105 of 1000; within a factor of
+        // 1.5, as the autocorrelation of a hundred is known.
+        let slow = deviations(1000, 0.9, 1.0).consistency().unwrap();
+        assert!((70.0..160.0).contains(&slow.independent), "{slow:?}");
     }
 }

@@ -6,7 +6,7 @@ use super::comparison::{Deviation, EpochError};
 use super::convergence::{Limits, Tracker};
 use super::drift::{Drifts, Outage};
 use super::episodes::EpisodeScorer;
-use super::nees::{NeesSeries, of};
+use super::nees::NeesSeries;
 use super::offset::OffsetFit;
 use super::trajectory::{Poses, TrajectoryRules};
 use super::travelled::Horizontal;
@@ -219,13 +219,13 @@ impl Scorer {
             self.velocity.add(error.time(), d);
             self.lengths[1].add(d.error.norm());
             if is_settled {
-                self.nees_velocity.add(of(d));
+                self.nees_velocity.add_deviation(d);
             }
         }
         if let Some(a) = &error.attitude {
             self.attitudes.add(error.time(), a);
             if is_settled && !self.rules.remove_mean_mounting {
-                self.nees_attitude.add(of(&a.body));
+                self.nees_attitude.add_deviation(&a.body);
             }
         }
     }
@@ -245,7 +245,7 @@ impl Scorer {
             } else {
                 &mut self.nees_height
             };
-            nees.add(of(d));
+            nees.add_deviation(d);
         }
     }
 

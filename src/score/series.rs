@@ -10,10 +10,11 @@ const ABREAST: usize = 8;
 
 /// A series, in memory that does not grow with it.
 ///
-/// Its first 2^18 values are kept. Of a longer series it is the means of 2, 4, … neighbours, and of all values
-/// count, mean and variance.
+/// Its first 2^18 values are kept, or fewer of a [coarse](Self::coarse) one. Of a longer series it is the means of
+/// 2, 4, … neighbours, and of all values count, mean and variance.
 #[derive(Clone, Debug)]
 pub struct Series {
+    kept: usize,
     /// Means of `each` values.
     means: Vec<f64>,
     each: u64,
@@ -28,15 +29,7 @@ pub struct Series {
 
 impl Default for Series {
     fn default() -> Self {
-        Self {
-            means: Vec::new(),
-            each: 1,
-            open: (0.0, 0),
-            count: 0,
-            sum: 0.0,
-            centre: 0.0,
-            squares: 0.0,
-        }
+        Self::keeping(KEPT)
     }
 }
 
@@ -49,13 +42,31 @@ impl Memory for Series {
         self.sum.remember(tape);
         self.centre.remember(tape);
         self.squares.remember(tape);
-        if self.each == 0 || self.means.len() > KEPT {
+        if self.each == 0 || self.means.len() > self.kept {
             tape.refuse("a series has another size");
         }
     }
 }
 
 impl Series {
+    const fn keeping(kept: usize) -> Self {
+        Self {
+            kept,
+            means: Vec::new(),
+            each: 1,
+            open: (0.0, 0),
+            count: 0,
+            sum: 0.0,
+            centre: 0.0,
+            squares: 0.0,
+        }
+    }
+
+    /// One of which 2^12 values are kept: where several go beside another.
+    pub(super) const fn coarse() -> Self {
+        Self::keeping(1 << 12)
+    }
+
     /// Adds a value.
     pub fn push(&mut self, value: f64) {
         self.count += 1;
@@ -68,10 +79,10 @@ impl Series {
         if self.open.1 < self.each {
             return;
         }
-        if self.means.len() == KEPT {
+        if self.means.len() == self.kept {
             // The new one is the first half of a mean of twice as many.
-            (0..KEPT / 2).for_each(|k| self.means[k] = 0.5 * (self.means[2 * k] + self.means[2 * k + 1]));
-            self.means.truncate(KEPT / 2);
+            (0..self.kept / 2).for_each(|k| self.means[k] = 0.5 * (self.means[2 * k] + self.means[2 * k + 1]));
+            self.means.truncate(self.kept / 2);
             self.each *= 2;
             return;
         }
@@ -110,6 +121,17 @@ impl Series {
         } else {
             self.means.iter().sum::<f64>() / self.means.len() as f64
         };
+        self.independent_about(mean, self.squares)
+    }
+
+    /// The same of values whose mean is known to be 0: one that is not is an error that lasts as long as the series.
+    #[must_use]
+    pub(super) fn independent_about_zero(&self) -> f64 {
+        self.independent_about(0.0, self.squares + self.count as f64 * self.centre * self.centre)
+    }
+
+    /// With the mean, and the sum of the squares of the differences of all values from it.
+    fn independent_about(&self, mean: f64, squares: f64) -> f64 {
         let off: Vec<f64> = self.means.iter().map(|value| value - mean).collect();
         let variance = off.iter().map(|d| d * d).sum::<f64>();
         if variance.is_nan() || variance <= 0.0 {
@@ -123,7 +145,7 @@ impl Series {
             1.0
         } else {
             let of_means = variance / self.means.len() as f64;
-            of_means * self.each as f64 / (self.squares / self.count as f64)
+            of_means * self.each as f64 / (squares / self.count as f64)
         };
         (self.count as f64 / (tau * of_values)).max(1.0)
     }

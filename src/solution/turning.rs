@@ -38,6 +38,11 @@ impl Turning {
         }
     }
 
+    /// The filter begins anew: the next belief is its first.
+    pub(crate) fn begin(&mut self) {
+        self.previous = None;
+    }
+
     /// The rate \[rad/s\] since the belief before, from which its input led here; none for the first, and without
     /// an attitude. Of a belief that does not know its input the rate is that between the two attitudes.
     pub(crate) fn rate(&mut self, belief: &Belief) -> Option<Vector3<f64>> {

@@ -63,7 +63,7 @@ fn lost_runs_are_told_with_their_seeds() {
     let ran = w.fusion(&campaign).success();
     assert!(!stderr(&ran).contains("health:"), "{}", stderr(&ran));
     assert!(
-        stdout(&ran).contains("onsistent over 3 runs: NEES over its degrees of freedom, of "),
+        stdout(&ran).contains(" over 3 runs: NEES over its degrees of freedom, of "),
         "{}",
         stdout(&ran)
     );

@@ -231,3 +231,32 @@ fn runs_that_are_judged_by_other_references_are_not_compared_in_silence() {
     let same = at.fusion(&["compare", "design.toml", "same.toml"]).success();
     assert!(!(stdout(&same) + &stderr(&same)).contains("another [reference]"));
 }
+
+#[test]
+fn an_epoch_between_two_recordings_has_no_error() {
+    let at = Workspace::new("recordings");
+    // The second recording begins 100 s after the first and 1 km north of it, with a row of the reference just before.
+    let rows = |late: f64| {
+        let times = (0..20).chain(120..140).map(|k| (f64::from(k), if k < 100 { 47.0 } else { 47.01 }));
+        let row = |(t, lat): (f64, f64)| format!("{},{lat},8,400,0,0,0\n", t + late);
+        times.map(row).fold("t,lat,lon,h,vn,ve,vd\n".to_owned(), |text, row| text + &row)
+    };
+    at.write("gnss.csv", rows(0.0));
+    at.write("truth.csv", rows(-0.1));
+    let design = DESIGN.replace("[run]\n", "[run]\nrestart_after = \"5 s\"\n");
+    let truth = r#"
+[source.truth]
+type = "csv"
+path = "truth.csv"
+time = { column = "t" }
+channels.position = { latitude = "lat", longitude = "lon", height = "h", unit = "deg" }
+
+[reference]
+source = "truth"
+"#;
+    at.write("design.toml", design + truth);
+    let found = score(&at, &[]);
+    let position = found.position.unwrap();
+    // All that is measured is without an error: 1 mm for the curvature of the Earth.
+    assert!(position.max[0] < 1e-3, "{position:?}");
+}

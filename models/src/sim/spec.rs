@@ -220,7 +220,17 @@ impl SimulationSpec {
     #[must_use]
     pub fn mistakes(&self, input: &[Channel]) -> Vec<BuildError> {
         let rates = self.duration().and_then(|duration| self.check_rates(duration));
-        [rates, self.check_unit(input)].into_iter().filter_map(Result::err).collect()
+        let all = [rates, self.check_unit(input), self.check_mission()];
+        all.into_iter().filter_map(Result::err).collect()
+    }
+
+    /// Refuses tasks that nothing carries out.
+    fn check_mission(&self) -> Result<(), BuildError> {
+        if self.mission.is_empty() || self.vehicle.is_some() {
+            return Ok(());
+        }
+        let help = "declare `vehicle` and `control`, which carry it out, or the way itself as a `trajectory`";
+        Err(BuildError::at("mission", "a mission needs a vehicle").help(help))
     }
 
     /// Refuses a process that is driven by a unit which there is not.

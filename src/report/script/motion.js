@@ -12,7 +12,8 @@ for (const run of runs) {
 const truth = q => runs.map(r => r.quantities[q].truth).find(t => !empty(t));
 // The strip below each plot needs a key where it has more than one colour.
 const seen = Object.keys(states).filter(state => health.some(h => h[2] === state));
-const shaded = (outages.length ? [["shade", "shade", "outage"]] : []).concat(faults.length ? [["block", "fault", "declared fault"]] : [], seen.length > 1 ? seen.map(s => ["block", states[s], `health ${s}`]) : []);
+const whose = runs.length > 1 ? ` of ${runs[0].name}` : "";
+const shaded = (outages.length ? [["shade", "shade", "outage"]] : []).concat(faults.length ? [["block", "fault", "declared fault"]] : [], seen.length > 1 || whose && seen.length ? seen.map(s => ["block", states[s], `health${whose}: ${s}`]) : []);
 const names = runs.map(r => r.name);
 /** The heading that a controller wanted, its turns counted like those of the estimate. */
 const wanted = run => {
