@@ -1,13 +1,15 @@
 //! The samples of a log at rest: of the sources of a design, or of a plain table.
 
 use crate::config::{Diagnostic, Diagnostics, Node, Place};
-use crate::inspect::Clock;
+use crate::inspect::{Clock, stated_unit};
+use crate::present::short;
 use crate::rows::{DataError, SourceError, width};
 use crate::source::table::{Table, gps_of_text};
 use crate::source::{OpenContext, SourceSpec};
 use core::ops::Range;
 use flate2::bufread::MultiGzDecoder;
 use fusion_models::registry::{self, Role};
+use fusion_models::units::STANDARD_GRAVITY;
 use fusion_models::vocabulary::channel;
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -35,6 +37,16 @@ pub struct Log {
     pub axes: [Vec<f64>; 3],
     /// Gaps in time. Of a log with any only the longest piece between them is here.
     pub gaps: usize,
+    /// Why the columns were taken as increments over the interval and divided by it; `None` where they were not.
+    pub increments: Option<String>,
+}
+
+impl Log {
+    /// The length of the mean over the axes.
+    pub(super) fn force(&self) -> f64 {
+        let mean = |axis: &Vec<f64>| axis.iter().sum::<f64>() / axis.len() as f64;
+        self.axes.iter().map(|axis| mean(axis).powi(2)).sum::<f64>().sqrt()
+    }
 }
 
 /// Three columns of a plain table.
@@ -46,6 +58,36 @@ pub struct Columns {
     pub names: [String; 3],
     /// SI per number.
     pub factor: f64,
+}
+
+/// Makes rates of the columns that hold increments over the interval: those whose names state the unit of a velocity or of
+/// an angle, accelerometers that have the length of gravity only over the interval, and the gyros beside these whose names
+/// state no unit.
+fn as_rates(mut logs: Vec<Log>, wanted: &[Columns]) -> Vec<Log> {
+    let is_gravity = |length: f64| (0.95..1.05).contains(&(length / STANDARD_GRAVITY));
+    let by_gravity = |log: &Log| {
+        let length = log.force();
+        (log.instrument == Instrument::Accelerometer && !is_gravity(length) && is_gravity(length / log.interval)).then(|| {
+            let (each, all) = (short(length), short(length / log.interval));
+            format!("the mean is {each} long, and over the interval {all} m/s^2, as gravity")
+        })
+    };
+    let beside = logs.iter().find_map(by_gravity);
+    for (log, of) in logs.iter_mut().zip(wanted) {
+        let stated = stated_unit(&of.names[0]);
+        let by_name = match (log.instrument, stated) {
+            (Instrument::Gyro, Some("rad" | "deg")) | (Instrument::Accelerometer, Some("m/s")) => {
+                Some("their names state its unit".to_owned())
+            }
+            (Instrument::Gyro, None) => beside.as_ref().map(|_| "those of the accelerometers do".to_owned()),
+            _ => None,
+        };
+        log.increments = by_gravity(log).or(by_name);
+        if log.increments.is_some() {
+            log.axes.iter_mut().flatten().for_each(|x| *x /= log.interval);
+        }
+    }
+    logs
 }
 
 /// A time in a log.
@@ -172,6 +214,7 @@ fn read(spec: &dyn SourceSpec, context: &OpenContext, part: Part) -> Result<Vec<
         interval,
         axes: axes.map(|axis| axis[piece.clone()].to_vec()),
         gaps,
+        increments: None,
     };
     Ok(found.iter().zip(samples).map(log).collect())
 }
@@ -240,9 +283,10 @@ pub fn stamped(path: &Path, wanted: &[Columns], part: Part) -> Result<Vec<Log>, 
             interval,
             axes: axes.map(|axis| axis[piece.clone()].to_vec()),
             gaps,
+            increments: None,
         });
     }
-    Ok(logs)
+    Ok(as_rates(logs, wanted))
 }
 
 /// Where the columns of these names stand.
@@ -307,7 +351,8 @@ pub fn plain(path: &Path, interval: f64, wanted: &[Columns], part: Part) -> Resu
             interval,
             axes: core::array::from_fn(|_| columns.next().map(scaled).unwrap_or_default()),
             gaps: 0,
+            increments: None,
         }
     };
-    Ok(wanted.iter().map(log).collect())
+    Ok(as_rates(wanted.iter().map(log).collect(), wanted))
 }

@@ -29,6 +29,8 @@ pub struct Study {
     pub rate: f64,
     /// Gaps in time.
     pub gaps: usize,
+    /// Why the columns were taken as increments over the interval and divided by it.
+    pub increments: Option<String>,
     /// x, y, z.
     pub axes: [Axis; 3],
 }
@@ -83,6 +85,7 @@ impl Study {
             span: log.axes[0].len() as f64 * log.interval,
             rate: 1.0 / log.interval,
             gaps: log.gaps,
+            increments: log.increments.clone(),
             axes,
         })
     }
@@ -101,6 +104,7 @@ impl Study {
                 ));
             }
             page.warnings.extend(study.motion());
+            page.warnings.extend(study.weight());
             page.sections.push(study.section());
         }
         page
@@ -126,6 +130,20 @@ impl Study {
                  instrument: take a log at rest, or a part that is at rest, by `--from` and `--to`",
                 self.name,
                 short(largest / si)
+            )
+        })
+    }
+
+    /// What is said of accelerometers at rest that do not have the length of gravity.
+    fn weight(&self) -> Option<String> {
+        let length = self.axes.iter().map(|axis| axis.mean.powi(2)).sum::<f64>().sqrt();
+        let is_gravity = (0.8..1.2).contains(&(length / STANDARD_GRAVITY));
+        (self.instrument == Instrument::Accelerometer && !is_gravity).then(|| {
+            format!(
+                "the mean force of `{}` is {} m/s^2 long, and gravity is 9.8: the unit is another one, so the figures are in no unit. Of a \
+                 table give `--accelerometer-unit`, of a design `unit`, or `increment = true` for increments",
+                self.name,
+                short(length)
             )
         })
     }
@@ -163,13 +181,20 @@ impl Study {
             ]);
         }
         let title = format!("{} of {}", self.instrument.title(), self.name);
-        Section::new(title, [table]).note(format!(
+        let section = Section::new(title, [table]).note(format!(
             "{} s at {} Hz. N: white noise; B: bias instability, 0.664 B is the flat part of the curve; K: random walk of the bias. \
              A log of this length shows σ up to τ = {} s.",
             short(self.span),
             short(self.rate),
             short(self.longest()),
-        ))
+        ));
+        match &self.increments {
+            Some(why) => section.note(format!(
+                "The columns hold increments over the interval of {} s, for {why}: they were divided by it.",
+                short(1.0 / self.rate)
+            )),
+            None => section,
+        }
     }
 
     /// The longest cluster time of the curves \[s\].

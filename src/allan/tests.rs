@@ -166,6 +166,7 @@ fn study(walks: [f64; 3]) -> Study {
         span: 450.0,
         rate: 50.0,
         gaps: 0,
+        increments: None,
         axes: walks.map(axis),
     }
 }

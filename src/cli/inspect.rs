@@ -24,8 +24,23 @@ pub(super) fn inspect(args: &InspectArgs) -> Result<(), Failure> {
         let there = Diagnostic::error(format!("`{}` is there already", path.display()));
         return Err(Diagnostics::from(there.help("name another file, or remove this one")).into());
     }
-    let inspection = Inspection::of(&files(&args.files)?)?;
+    let paths = files(&args.files)?;
+    let inspection = Inspection::of(&paths)?;
     let mut page = inspection.page();
+    for folder in args.files.iter().filter(|path| path.is_dir()) {
+        let inner = paths
+            .iter()
+            .filter_map(|path| path.parent())
+            .find(|inner| *inner != folder && inner.starts_with(folder));
+        if let Some(inner) = inner.filter(|_| !paths.iter().any(|path| path.parent() == Some(folder))) {
+            let taken = format!(
+                "`{}` holds no log itself: its only folder is taken, `{}`",
+                folder.display(),
+                inner.display()
+            );
+            page.sections.insert(0, Section::new("", []).note(taken));
+        }
+    }
     let Some(path) = &args.write else {
         return args.output.print(&page);
     };

@@ -4,14 +4,22 @@ use super::log::Log;
 use super::numbers::{Integral, Vec3, median, norm};
 use super::pair::dot;
 use super::signal::Kind;
-use super::turn;
+use nalgebra::{UnitQuaternion, Vector3};
 
 /// Fields of the Earth are so strong, iron included that a state can take \[T\].
 const STRENGTHS: core::ops::Range<f64> = 15e-6..80e-6;
-/// The turn of the field over that of the gyros, if they have the same axes.
-const ALIKE: core::ops::Range<f64> = 0.7..1.4;
-/// A step of the comparison [s]: the field turns by more than its noise meanwhile.
-const STEP: f64 = 0.5;
+/// The mean force is taken so long before and after a field \[s\].
+const STEADY: f64 = 0.5;
+/// A step of the comparison ends when the gyros have turned by so much, which is more than the noise of the field \[rad\]; one
+/// that lasts longer says nothing, for the gyros drift \[s\].
+const TURNED: f64 = 0.15;
+const LONGEST: f64 = 2.0;
+/// Fewer steps tell nothing.
+const ENOUGH: usize = 20;
+/// The gyros turn as the field does if they explain so much of its turns.
+const EXPLAINED: f64 = 0.5;
+/// Signs that explain less than the best one by no more than this are possible too.
+const ALIKE: f64 = 0.1;
 
 /// What a magnetometer reads of the Earth's field.
 #[derive(Clone, Copy, Debug)]
@@ -20,29 +28,123 @@ pub struct Field {
     pub strength: f64,
     /// Median angle below the plane across the specific force \[rad\].
     pub dip: f64,
+    /// How much of its turns the gyros explain: 1 is all.
+    pub explained: f64,
+}
+
+/// The samples of a magnetometer and of gyros without their bias, side by side.
+struct Side<'a> {
+    t: &'a [f64],
+    field: Vec<Vec3>,
+    unit: &'a [f64],
+    rate: Vec<Vec3>,
 }
 
 impl Field {
-    /// Of a log with a field, and one of the unit; `None` where it is not as strong as the Earth's, or does not turn as
-    /// the gyros do, whose bias is known.
-    pub(super) fn of(log: &Log, unit: &Log, bias: Vec3) -> Option<Self> {
-        let (t, field) = (log.stamps(), log.values(Kind::MagneticField)?);
+    /// Of a log with a field, and one of the unit, the bias of whose gyros is known; `None` where one of both has no numbers.
+    ///
+    /// # Errors
+    /// Why it is not used: it is not as strong as the Earth's, or does not turn as the gyros do.
+    pub(super) fn of(log: &Log, unit: &Log, bias: Vec3) -> Option<Result<Self, String>> {
+        let field = log.values(Kind::MagneticField)?;
         let (force, rate) = (unit.values(Kind::SpecificForce)?, unit.values(Kind::AngularRate)?);
-        let (force, rate) = (Integral::of(unit.stamps(), &force), Integral::of(unit.stamps(), &rate));
-        let before = |row: usize| t[row.saturating_sub(1)];
-        let rates: Vec<Vec3> = (0..t.len())
-            .map(|row| rate.mean(before(row), t[row]).unwrap_or([f64::NAN; 3]))
-            .map(|rate| [0, 1, 2].map(|i| rate[i] - bias[i]))
-            .collect();
-        let dips = t.iter().zip(&field).filter_map(|(t, m)| {
-            let up = force.mean(t - STEP, t + STEP)?;
+        let force = Integral::of(unit.stamps(), &force);
+        let dips = log.stamps().iter().zip(&field).filter_map(|(t, m)| {
+            let up = force.mean(t - STEADY, t + STEADY)?;
             Some((-dot(*m, up) / norm(*m) / norm(up)).clamp(-1.0, 1.0).asin())
         });
-        let found = Self {
-            strength: median(field.iter().map(|m| norm(*m))),
-            dip: median(dips),
+        let (strength, dip) = (median(field.iter().map(|m| norm(*m))), median(dips));
+        if !STRENGTHS.contains(&strength) {
+            let why = format!(
+                "its median strength is {:.3} uT, and the field of the Earth has 22 to 67 uT",
+                1e6 * strength
+            );
+            return Some(Err(why));
+        }
+        let side = Side {
+            t: log.stamps(),
+            field,
+            unit: unit.stamps(),
+            rate: rate.iter().map(|w| [0, 1, 2].map(|i| w[i] - bias[i])).collect(),
         };
-        let turns = turn::slope(&field, &rates, log.rate(), STEP)?;
-        (STRENGTHS.contains(&found.strength) && ALIKE.contains(&turns) && found.dip.is_finite()).then_some(found)
+        let explained = match side.explained([1.0; 3]) {
+            Ok(explained) if explained >= EXPLAINED && dip.is_finite() => explained,
+            Ok(explained) => return Some(Err(side.contradiction(explained))),
+            Err(why) => return Some(Err(why)),
+        };
+        Some(Ok(Self { strength, dip, explained }))
+    }
+}
+
+impl Side<'_> {
+    /// How much of the turns of the field the gyros explain, each of their axes taken by a factor: 1 is all.
+    fn explained(&self, factors: Vec3) -> Result<f64, String> {
+        let (mut seen, mut left, mut count) = (0.0, 0.0, 0);
+        let (mut from, mut turn) = (0, Some(UnitQuaternion::identity()));
+        for to in 1..self.t.len() {
+            turn = turn.and_then(|turn| Some(turn * self.turn(self.t[to - 1], self.t[to], factors)?));
+            let is_whole = turn.is_some_and(|turn| turn.angle() > TURNED);
+            if !is_whole && turn.is_some() && self.t[to] - self.t[from] < LONGEST {
+                continue;
+            }
+            let (before, after) = (Vector3::from(self.field[from]), Vector3::from(self.field[to]));
+            if let Some(turn) = turn.filter(|_| is_whole && (before + after).iter().all(|m| m.is_finite())) {
+                count += 1;
+                seen += (after - before).norm_squared();
+                left += (turn * after - before).norm_squared();
+            }
+            (from, turn) = (to, Some(UnitQuaternion::identity()));
+        }
+        if count < ENOUGH {
+            let turned = TURNED.to_degrees();
+            return Err(format!(
+                "the unit turns too little to compare it with the gyros: by {turned:.0} deg within {LONGEST:.0} s only {count} times"
+            ));
+        }
+        Ok(1.0 - left / seen)
+    }
+
+    /// The turn of the unit from one time to another; `None` where its samples do not reach.
+    fn turn(&self, from: f64, to: f64, factors: Vec3) -> Option<UnitQuaternion<f64>> {
+        let first = self.unit.partition_point(|t| *t <= from);
+        let last = self.unit.partition_point(|t| *t < to);
+        if first == 0 || last >= self.unit.len() {
+            return None;
+        }
+        let mut turn = UnitQuaternion::identity();
+        for k in first..=last {
+            let dt = self.unit[k].min(to) - self.unit[k - 1].max(from);
+            let rate = Vector3::from_fn(|i, _| factors[i] * self.rate[k][i]);
+            if !(dt >= 0.0 && rate.iter().all(|w| w.is_finite())) {
+                return None;
+            }
+            turn *= UnitQuaternion::from_scaled_axis(rate * dt);
+        }
+        Some(turn)
+    }
+
+    /// In what gyros and field contradict each other: an axis of the gyros, or one of the magnetometer.
+    fn contradiction(&self, explained: f64) -> String {
+        let said = |of: f64| format!("{:.0} %", 100.0 * of.max(0.0));
+        let why = format!("the gyros explain {} of its turns", said(explained));
+        // Of a mirrored field two axes of the gyros seem to count against it: all axes but the mirrored one.
+        let of = |axis: usize, of_gyro: f64| [0, 1, 2].map(|i| if i == axis { of_gyro } else { -of_gyro });
+        let tried = (0..6).filter_map(|k| {
+            let (axis, is_gyro) = (k % 3, k < 3);
+            let found = self.explained(of(axis, if is_gyro { -1.0 } else { 1.0 })).ok()?;
+            Some((found, ["x", "y", "z"][axis], is_gyro))
+        });
+        let tried: Vec<(f64, &str, bool)> = tried.collect();
+        let best = tried.iter().map(|t| t.0).fold(f64::NEG_INFINITY, f64::max);
+        if best < EXPLAINED {
+            return why;
+        }
+        // Turns about one axis leave several signs possible.
+        let alike = tried.iter().filter(|t| t.0 > best - ALIKE).map(|(_, axis, is_gyro)| {
+            let what = if *is_gyro { "the gyros" } else { "the magnetometer" };
+            format!("axis {axis} of {what}")
+        });
+        let alike = alike.collect::<Vec<_>>().join(", or ");
+        format!("{why}, and {} if {alike} counts the other way", said(best))
     }
 }

@@ -38,6 +38,7 @@ pub use signal::{Kind, Signal};
 pub use stance::Stances;
 use track::Odometer;
 pub use track::Track;
+pub use water::Water;
 pub(crate) use words::stated_unit;
 pub use yaw::Yaw;
 
@@ -70,13 +71,14 @@ pub struct Inspection {
     pub pair: Option<Pair>,
     /// The recorded heading of the log that an attitude or a heading would be read from, against the course.
     pub yaw: Option<Yaw>,
-    /// The Earth's field: which file, and what a magnetometer beside the unit reads of it.
-    pub field: Option<(usize, Field)>,
-    /// The current, north and east \[m/s\], where a speed is that through the water.
-    pub current: Option<[f64; 2]>,
+    /// The magnetometer: which file, and what it reads of the Earth's field, or why it is not used.
+    pub field: Option<(usize, Result<Field, String>)>,
+    /// What moves past each speed and body velocity, as far as that is told.
+    pub water: Vec<(Kind, Water)>,
 }
 
-/// Files, and those of folders whose names end as logs do, in the order of their names.
+/// Files, and those of folders whose names end as logs do, in the order of their names; of a folder with nothing but one
+/// folder those of that.
 ///
 /// # Errors
 /// A folder holds none, or cannot be read.
@@ -103,6 +105,10 @@ fn inside(folder: &Path) -> Result<Vec<PathBuf>, Diagnostic> {
         return Ok(logs);
     }
     let folders: Vec<String> = paths.iter().filter(|p| p.is_dir()).map(|p| format!("`{}`", p.display())).collect();
+    let inner: Vec<&PathBuf> = paths.iter().filter(|p| p.is_dir()).collect();
+    if let [only] = inner[..] {
+        return inside(only);
+    }
     let error = Diagnostic::error(format!("`{shown}` holds no log: no name ends in {}", ENDINGS.join(", ")));
     Err(if folders.is_empty() {
         error.help("name the files themselves")
@@ -139,9 +145,12 @@ impl Inspection {
         if let Some((_, track)) = position.as_ref().or(reference.as_ref()) {
             bring_together(&mut logs, track);
         }
+        if let Some((_, track)) = &position {
+            logs.iter_mut().for_each(|log| water::settle_speed(log, track));
+        }
         let best = position.as_ref().or(reference.as_ref());
         let reported = best.filter(|(_, track)| track.is_reported).map(|(_, track)| track);
-        let wheels = logs.iter().find_map(Odometer::of);
+        let wheels = logs.iter().find_map(|log| Odometer::of(log, Kind::Speed));
         let stands = |t: f64| match (reported, &wheels) {
             (Some(track), _) => track.speed(t).map(|speed| speed < SLOW),
             (None, Some(wheels)) => wheels.stands(t),
@@ -153,10 +162,10 @@ impl Inspection {
             let (force, rate) = (log.values(SpecificForce)?, log.values(AngularRate)?);
             Pair::of(log.stamps(), &force, &rate, imu.gravity, imu.up, track)
         });
-        let current = position
-            .as_ref()
-            .zip(wheels.as_ref())
-            .and_then(|((_, track), speed)| water::current(speed, track));
+        let water = position.as_ref().map_or_else(Vec::new, |(_, track)| {
+            let of = |kind| Some((kind, Water::of(&logs.iter().find_map(|log| Odometer::of(log, kind))?, track)?));
+            [Kind::Speed, Kind::BodyVelocity].into_iter().filter_map(of).collect()
+        });
         let mut looked = Self {
             logs,
             imu,
@@ -166,7 +175,7 @@ impl Inspection {
             pair,
             yaw: None,
             field: None,
-            current,
+            water,
         };
         looked.yaw = looked.heading();
         looked.field = looked.magnetometer();
@@ -180,8 +189,27 @@ impl Inspection {
         self.with(Heading).filter(|k| is_used(*k) || !has_positions(*k))
     }
 
-    /// The first magnetometer that reads the field of the Earth.
-    fn magnetometer(&self) -> Option<(usize, Field)> {
+    /// The field of the Earth, and the log that has it.
+    fn earth_field(&self) -> Option<(usize, Field)> {
+        let (k, field) = self.field.as_ref()?;
+        Some((*k, *field.as_ref().ok()?))
+    }
+
+    /// The current, north and east \[m/s\], if a speed of this kind is that through the water.
+    fn current(&self, of: Kind) -> Option<[f64; 2]> {
+        self.water.iter().find(|(kind, _)| *kind == of).and_then(|(_, water)| match water {
+            Water::Through(current) => Some(*current),
+            Water::Ground => None,
+        })
+    }
+
+    /// Whether something shows that a speed of this kind is that over ground.
+    fn is_over_ground(&self, of: Kind) -> bool {
+        self.water.iter().any(|(kind, water)| *kind == of && *water == Water::Ground)
+    }
+
+    /// The first magnetometer, if it reads the field of the Earth.
+    fn magnetometer(&self) -> Option<(usize, Result<Field, String>)> {
         let (unit, imu) = self.imu.as_ref()?;
         let bias = imu.rest.as_ref().map_or([0.0; 3], |rest| rest.bias);
         let k = self.with(MagneticField)?;
@@ -213,6 +241,14 @@ impl Inspection {
                 "`{}` has no column of time: none is called `t`, `time` or `timestamp`, and none rises from row to row",
                 log.name()
             ));
+            if log.has(SpecificForce) || log.has(AngularRate) {
+                all.push(format!(
+                    "if `{}` is of a unit at rest whose samples are even, `fusion allan {} --rate \"100 Hz\"` with its rate and \
+                     columns tells the noises",
+                    log.name(),
+                    log.table.path.display()
+                ));
+            }
         }
         for log in &self.logs {
             let resets = log.clock.as_ref().map_or(0, |c| c.resets);
@@ -230,7 +266,13 @@ impl Inspection {
             all.push("what drives a filter: angular rates with specific forces, an attitude, or a speed".to_owned());
         }
         if self.position.is_none() {
-            all.push("positions: without them a filter gives the attitude only".to_owned());
+            let walks = self.imu.as_ref().is_some_and(|(_, imu)| imu.stances.is_some());
+            let what = if walks {
+                "positions: without them the way of the foot begins at zero"
+            } else {
+                "positions: without them a filter gives the attitude only"
+            };
+            all.push(what.to_owned());
         }
         all
     }

@@ -3,6 +3,7 @@
 use super::imu::Rest;
 use super::log::Log;
 use super::numbers::{Vec3, norm};
+use super::signal::Kind::{BodyVelocity, MagneticField, Speed};
 use super::{Clock, Form, Inspection, Pair, Track};
 use crate::present::{Cell, Column, Page, Section, Table, Unit};
 use std::path::Path;
@@ -23,7 +24,9 @@ impl Inspection {
             Section::new("Inertial unit", [self.unit()]),
             Section::new("At rest", [self.rest()]),
             Section::new("Stances of a foot", [self.stances()]),
-            Section::new("Positions", [self.positions()]),
+            self.two_tracks()
+                .into_iter()
+                .fold(Section::new("Positions", [self.positions()]), Section::note),
             Section::new("Attitude and positions", [self.headings()]),
             Section::new(
                 "Unit and positions",
@@ -51,7 +54,7 @@ impl Inspection {
             let stamps = log.clock.as_ref().map_or_else(Vec::new, |c| c.columns(&log.table));
             let mut reasons: Vec<(String, Vec<&str>)> = Vec::new();
             for (column, of) in log.table.columns.iter().enumerate() {
-                let why = log.why_unused(column, design.is_some());
+                let why = self.why_unused(k, column, design.is_some());
                 let Some(why) = why.filter(|_| !read(k, column) && !stamps.contains(&column)) else {
                     continue;
                 };
@@ -67,18 +70,36 @@ impl Inspection {
         t
     }
 
+    /// Why a column is not read by a design; `None` of a quantity where there is no design.
+    fn why_unused(&self, k: usize, column: usize, is_designed: bool) -> Option<String> {
+        let log = &self.logs[k];
+        let is_field = || log.signal(MagneticField).is_some_and(|s| s.columns.iter().any(|c| c.0 == column));
+        let refused = self
+            .field
+            .as_ref()
+            .filter(|(of, _)| *of == k)
+            .and_then(|(_, field)| field.as_ref().err());
+        match refused.filter(|_| is_designed && is_field()) {
+            Some(why) => Some(format!("{}: {why}", MagneticField.name())),
+            None => log.why_unused(column, is_designed),
+        }
+    }
+
     fn unit(&self) -> Table {
         let mut t = Table::list();
         let Some((k, imu)) = &self.imu else { return t };
         t.row(["file", &self.logs[*k].name()]);
         t.row(["up", &format!("{}: mean force {} m/s²", axis(imu.up), vector(imu.gravity, 2))]);
         t.row_in(Unit::of_si("rad"), [Cell::text("tilt of that axis"), Cell::Real(imu.tilt)]);
-        let field = self.field.map(|(_, field)| (field.strength, field.dip)).or(imu.field);
-        if let Some((strength, dip)) = field {
-            t.row([
-                "magnetic field",
-                &format!("{:.1} uT, dips by {:.1} deg", 1e6 * strength, dip.to_degrees()),
-            ]);
+        let found = self.earth_field().map(|(_, field)| (field.strength, field.dip)).or(imu.field);
+        let found = found.map(|(strength, dip)| format!("{:.1} uT, dips by {:.1} deg", 1e6 * strength, dip.to_degrees()));
+        let told = self.field.as_ref().map(|(_, field)| match field {
+            Ok(field) => format!("the gyros explain {:.0} % of its turns", 100.0 * field.explained),
+            Err(why) => why.clone(),
+        });
+        let said: Vec<String> = found.into_iter().chain(told).collect();
+        if !said.is_empty() {
+            t.row(["magnetic field", &said.join("; ")]);
         }
         t.row_in(Unit::of_si("m/s^2"), [Cell::text("|force|"), Cell::Fixed(norm(imu.gravity), 3)]);
         t
@@ -154,6 +175,17 @@ impl Inspection {
         t
     }
 
+    /// What is said of positions that are two tracks.
+    fn two_tracks(&self) -> Option<String> {
+        let (k, track) = self.position.as_ref()?;
+        let apart = track.apart?;
+        Some(format!(
+            "`{}` holds two tracks: fixes jump by up to {apart:.0} m and come back. Way, speeds and scatter are those of the steps without a \
+             jump. One track is false, such as the echo of an acoustic signal: the gate `hypotheses` tells which",
+            self.logs[*k].name()
+        ))
+    }
+
     fn headings(&self) -> Table {
         let mut t = Table::list();
         let Some(yaw) = self.yaw else { return t };
@@ -175,10 +207,10 @@ impl Inspection {
     fn together(&self, pair: &Pair) -> Table {
         let mut t = Table::list();
         let turn = if pair.correlation.abs() < 0.8 && pair.climb > 0.6 {
-            "other than the course, though its force agrees with the climb: the nose does not follow the way, as of a multicopter, or of a boat \
-             in waves"
+            "they do not follow the course, though the force agrees with the climb: the nose does not follow the way, as of a multicopter, or \
+             of a boat in waves"
         } else if pair.correlation.abs() < 0.8 {
-            "other than the course: the nose does not follow the way, or the unit is not on this vehicle"
+            "they do not follow the course: it is noisy, or the nose does not follow the way"
         } else if pair.slope < 0.0 {
             "the rate counts against the course: a sign is wrong, or a left-handed sensor"
         } else {
@@ -204,11 +236,18 @@ impl Inspection {
         if let Some((first, last)) = pair.lags {
             t.row(["in the first and the last third", &format!("{first:.2} s, {last:.2} s")]);
         }
-        if let Some([north, east]) = self.current {
+        for (kind, [north, east]) in [Speed, BodyVelocity]
+            .into_iter()
+            .filter_map(|kind| Some((kind, self.current(kind)?)))
+        {
             let current = format!("through the water, with a current of {north:.2} m/s north, {east:.2} m/s east");
-            t.row(["the speed is", &current]);
+            let what = if kind == Speed { "the speed is" } else { "the body velocity is" };
+            t.row([what, &current]);
         }
-        if let (Some((angle, correlation)), Some((_, imu))) = (pair.forward, &self.imu) {
+        if let (None, Some((_, correlation))) = (pair.ahead(), pair.forward) {
+            t.row(["ahead", &format!("not decided (correlation {correlation:.2})")]);
+        }
+        if let (Some((angle, correlation)), Some((_, imu))) = (pair.ahead(), &self.imu) {
             let (a, b) = super::pair::horizontal(imu.up);
             let (c, s) = (angle.cos(), angle.sin());
             let ahead = vector([0, 1, 2].map(|i| a[i] * c + b[i] * s), 3);

@@ -30,6 +30,15 @@ pub struct Pair {
     pub climb: f64,
 }
 
+impl Pair {
+    /// The angle of [`Pair::forward`] and its correlation, if that decides it.
+    pub(super) fn ahead(&self) -> Option<(f64, f64)> {
+        /// Forces that have little to do with the accelerations of the track agree less.
+        const DECIDED: f64 = 0.6;
+        self.forward.filter(|(_, correlation)| *correlation > DECIDED)
+    }
+}
+
 /// The horizontal axes of a sensor whose axis `up` points up or, `is_down`, down: two unit vectors that with
 /// down make a right-handed system.
 pub(super) fn horizontal((up, is_down): (usize, bool)) -> (Vec3, Vec3) {

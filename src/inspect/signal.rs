@@ -75,7 +75,7 @@ impl Kind {
     pub(super) const fn why_unused(self) -> &'static str {
         match self {
             Self::SpecificForce | Self::AngularRate => "another unit or an odometer drives the filter",
-            Self::MagneticField => "not as strong as that of the Earth, or it does not turn as the gyros do, or nothing here needs it",
+            Self::MagneticField => "nothing here needs it",
             Self::Heading => "it does not follow the course, or nothing here needs it",
             Self::Quaternion | Self::Euler => "the estimate of another filter is no measurement",
             Self::Wheels => "an odometer takes one speed: add a column with the mean of both",
@@ -105,6 +105,9 @@ pub struct Signal {
     /// Why it is believed.
     pub why: String,
 }
+
+/// What is said of a unit that is a guess: the usual one.
+pub(super) const UNNAMED: &str = "no unit is named";
 
 impl Signal {
     /// The columns as a design names them.
@@ -136,6 +139,9 @@ impl Signal {
 /// Standard gravity \[m/s²\].
 const GRAVITY: f64 = 9.80665;
 
+/// A nautical mile an hour \[m/s\].
+const KNOT: f64 = 1852.0 / 3600.0;
+
 /// SI per unit.
 pub(super) fn factor(unit: &str) -> f64 {
     match unit {
@@ -143,6 +149,7 @@ pub(super) fn factor(unit: &str) -> f64 {
         "mg" => 1e-3 * GRAVITY,
         "deg" | "deg/s" => 1_f64.to_radians(),
         "km/h" => 1.0 / 3.6,
+        "kn" => KNOT,
         "cm" | "cm/s" => 1e-2,
         "ms" | "mm" => 1e-3,
         "us" | "uT" => 1e-6,
@@ -519,6 +526,11 @@ fn unit_by_values(s: &Signal, table: &Table, rate: f64) -> Option<(&'static str,
         // The field of the Earth is 22 to 67 uT; iron adds to it.
         Kind::MagneticField => match length(s, table, 0.5) {
             m if (15.0..120.0).contains(&m) => ("uT", format!("median length {m:.1}")),
+            m if (15e-6..120e-6).contains(&m) => ("T", format!("median length {m:.2e}")),
+            m if (15e3..120e3).contains(&m) => ("nT", format!("median length {m:.0}")),
+            // Less than one: a field that is given as a direction has the length one.
+            m if (0.15..0.8).contains(&m) => ("gauss", format!("median length {m:.3}")),
+            m if (150.0..800.0).contains(&m) => ("mgauss", format!("median length {m:.0}")),
             _ => return None,
         },
         Kind::Geodetic if reach(1) > core::f64::consts::PI => ("deg", format!("longitudes reach {:.3}", reach(1))),
@@ -534,8 +546,8 @@ fn unit_by_values(s: &Signal, table: &Table, rate: f64) -> Option<(&'static str,
             m if (30.0..120.0).contains(&m) => ("kPa", format!("median {m:.2}")),
             _ => return None,
         },
-        Kind::Local | Kind::Depth | Kind::PositionSigma => ("m", "no unit is named".to_owned()),
-        Kind::Velocity | Kind::BodyVelocity | Kind::Speed | Kind::VelocitySigma => ("m/s", "no unit is named".to_owned()),
+        Kind::Local | Kind::Depth | Kind::PositionSigma => ("m", UNNAMED.to_owned()),
+        Kind::Velocity | Kind::BodyVelocity | Kind::Speed | Kind::VelocitySigma => ("m/s", UNNAMED.to_owned()),
         _ => return None,
     })
 }

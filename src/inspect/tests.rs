@@ -602,11 +602,227 @@ fn turning(sign: f64) -> (Log, Log) {
 #[test]
 fn a_magnetometer_is_used_if_its_field_turns_as_the_gyros_do() {
     let (unit, field) = turning(1.0);
-    let found = Field::of(&field, &unit, [0.0; 3]).unwrap();
+    let found = Field::of(&field, &unit, [0.0; 3]).unwrap().unwrap();
     assert!(
         (found.strength - 50e-6).abs() < 1e-6 && (found.dip.to_degrees() - 60.0).abs() < 1.0,
         "{found:?}"
     );
+    assert!(found.explained > 0.95, "{found:?}");
     let (unit, mirrored) = turning(-1.0);
-    assert!(Field::of(&mirrored, &unit, [0.0; 3]).is_none());
+    let why = Field::of(&mirrored, &unit, [0.0; 3]).unwrap().unwrap_err();
+    // Turns about one axis leave open whose sign it is.
+    assert!(why.contains("if axis z of the gyros, or axis x of the magnetometer"), "{why}");
+    // So it is said where the unit is, and not only among what is not used.
+    let page = format!("{:?}", Inspection::look(vec![unit, mirrored]).page().sections);
+    let (found, rest) = page.split_once("Inertial unit").unwrap();
+    assert!(
+        rest.contains("counts the other way") && found.contains("counts the other way"),
+        "{page}"
+    );
+}
+
+#[test]
+fn a_field_that_is_not_that_of_the_earth_is_refused_with_its_strength() {
+    let (unit, mut field) = turning(1.0);
+    field.signals.iter_mut().for_each(|s| s.factor *= 3.0);
+    let why = Field::of(&field, &unit, [0.0; 3]).unwrap().unwrap_err();
+    assert!(why.contains("median strength is 150") && why.contains("22 to 67 uT"), "{why}");
+}
+
+#[test]
+fn the_unit_of_a_field_without_a_name_is_told_by_that_of_the_earth_and_written() {
+    for (unit, per) in [("T", 1e-6), ("uT", 1.0), ("nT", 1e3), ("gauss", 1e-2), ("mgauss", 10.0)] {
+        let (imu, field) = turning(1.0);
+        let mut plain = field.table;
+        for (column, name) in plain.columns.iter_mut().zip(["t", "mx", "my", "mz"]).skip(1) {
+            column.name = name.to_owned();
+            column.values.iter_mut().for_each(|m| *m *= per);
+        }
+        plain.path = "mag.csv".into();
+        let design = Inspection::look(vec![imu, Log::of(plain)]).design(Path::new("/")).unwrap();
+        let declared = format!("magnetic_field = {{ columns = [\"mx\", \"my\", \"mz\"], unit = \"{unit}\"");
+        // In a file of its own it tells the heading nevertheless.
+        assert!(
+            design.contains(&declared) && design.contains("type = \"compass\""),
+            "{unit}: {design}"
+        );
+        assert!(!design.contains("heading = \"0 deg\""), "{design}");
+    }
+}
+
+/// Ten minutes round in circles at 2 m/s, fixes with their velocity once a second, and what moves with `body` through water
+/// that runs by `c`.
+fn circling(c: [f64; 2], body: Table) -> Inspection {
+    let (radius, rate) = (2.0 / 0.03, 0.03);
+    let north = move |t: f64| radius * (rate * t).sin() + c[0] * t;
+    let east = move |t: f64| radius * (1.0 - (rate * t).cos()) + c[1] * t;
+    let fixes = table(
+        &[
+            ("t", &|t| t),
+            ("lat_deg", &move |t| 45.0 + north(t) / 6.371e6_f64.to_radians()),
+            ("lon_deg", &move |t| {
+                10.0 + east(t) / (6.371e6_f64.to_radians() * 45_f64.to_radians().cos())
+            }),
+            ("alt_m", &|t| 10.0 + 0.1 * noise(t, 40.0)),
+            ("vn", &move |t| 2.0 * (rate * t).cos() + c[0] + 0.01 * noise(t, 41.0)),
+            ("ve", &move |t| 2.0 * (rate * t).sin() + c[1] + 0.01 * noise(t, 42.0)),
+            ("vd", &|t| 0.01 * noise(t, 43.0)),
+        ],
+        600,
+        1.0,
+    );
+    let mut turning = table(
+        &[
+            ("t", &|t| t),
+            ("ax", &|t| 0.01 * noise(t, 1.0)),
+            ("ay", &|t| 0.06 + 0.01 * noise(t, 2.0)),
+            ("az", &|t| -9.81 + 0.01 * noise(t, 3.0)),
+            ("wx_radps", &|t| 0.01 * noise(t, 4.0)),
+            ("wy_radps", &|t| 0.01 * noise(t, 5.0)),
+            ("wz_radps", &|t| 0.03 + 0.01 * noise(t, 6.0)),
+        ],
+        30_000,
+        50.0,
+    );
+    turning.path = "imu.csv".into();
+    Inspection::look(vec![Log::of(fixes), Log::of(turning), Log::of(body)])
+}
+
+/// Three axes of a log in a file of this name.
+fn three_axes(file: &str) -> Table {
+    let mut log = table(
+        &[
+            ("t", &|t| t),
+            ("vx", &|t| 2.0 + 0.02 * noise(t, 50.0)),
+            ("vy", &|t| 0.02 * noise(t, 51.0)),
+            ("vz_mps", &|t| 0.02 * noise(t, 52.0)),
+        ],
+        600,
+        1.0,
+    );
+    log.columns[1].name = "vx_mps".to_owned();
+    log.columns[2].name = "vy_mps".to_owned();
+    log.path = file.into();
+    log
+}
+
+#[test]
+fn a_log_of_three_axes_sees_the_water_if_a_current_explains_it() {
+    let looked = circling([0.4, -0.3], three_axes("dvl.csv"));
+    let c = looked.current(Kind::BodyVelocity).unwrap();
+    // 2 cm/s of noise in 600 rows.
+    assert!((c[0] - 0.4).abs() < 0.02 && (c[1] + 0.3).abs() < 0.02, "{c:?}");
+    let design = looked.design(Path::new("/")).unwrap();
+    let log = design.split("[sensor.water_log]").nth(1).unwrap().split('[').next().unwrap();
+    assert!(
+        design.contains("if a current of 0.40 m/s north") && !log.contains("bias ="),
+        "{design}"
+    );
+    let looked = circling([0.0, 0.0], three_axes("log.csv"));
+    assert!(looked.is_over_ground(Kind::BodyVelocity), "{:?}", looked.water);
+    assert!(!looked.design(Path::new("/")).unwrap().contains("current = {"));
+    // A way in one direction tells nothing, and a name decides: a Doppler log sees the ground.
+    for (file, is_water) in [("dvl.csv", false), ("log.csv", true)] {
+        let mut shaken = unit();
+        shaken.path = "imu.csv".into();
+        let looked = Inspection::look(vec![Log::of(fixes(-1.0)), Log::of(shaken), Log::of(three_axes(file))]);
+        let design = looked.design(Path::new("/")).unwrap();
+        assert!(
+            design.contains("[sensor.dvl]") && design.contains("current = {") == is_water,
+            "{file}: {design}"
+        );
+    }
+}
+
+#[test]
+fn a_speed_without_a_unit_that_is_twice_that_over_ground_is_in_knots() {
+    for (name, per, unit) in [("stw", 1.0 / 0.514_444, "kn"), ("speed", 3.6, "km/h"), ("speed", 1.0, "m/s")] {
+        let mut log = table(&[("t", &|t| t), (name, &move |t| per * (2.0 + 0.02 * noise(t, 60.0)))], 600, 1.0);
+        log.path = "log.csv".into();
+        let looked = circling([0.1, 0.0], log);
+        let signal = looked.logs[2].signal(Kind::Speed).unwrap();
+        assert_eq!(signal.unit, unit, "{}", signal.why);
+        let design = looked.design(Path::new("/")).unwrap();
+        assert!(
+            design.contains(&format!("speed = {{ column = \"{name}\", unit = \"{unit}\" }}")),
+            "{design}"
+        );
+    }
+}
+
+#[test]
+fn fixes_that_jump_away_and_come_back_are_two_tracks() {
+    let of = |apart: f64| {
+        let is_false = |t: f64| noise((t / 5.0).floor(), 70.0) > 0.3;
+        let away = move |t: f64| if is_false(t) { apart } else { 0.0 };
+        Track::of(
+            &Log::of(table(
+                &[
+                    ("t", &|t| t),
+                    ("north_m", &move |t| 0.5 * t + 0.1 * noise(t, 71.0) + away(t)),
+                    ("east_m", &move |t| 0.1 * noise(t, 72.0) + away(t)),
+                    ("down_m", &|t| 0.1 * noise(t, 73.0)),
+                ],
+                600,
+                1.0,
+            )),
+            None,
+        )
+    };
+    let two = of(30.0).unwrap();
+    // 30 m along both axes; speeds and scatter are those without the jumps.
+    assert!(two.apart.is_some_and(|apart| (apart - 42.4).abs() < 2.0), "{:?}", two.apart);
+    assert!(two.top_speed() < 1.5 && two.scatter < 1.0, "{} {}", two.top_speed(), two.scatter);
+    assert_eq!(of(0.0).unwrap().apart, None);
+}
+
+#[test]
+fn a_direction_ahead_that_is_not_decided_is_not_printed() {
+    let looked = circling([0.0, 0.0], three_axes("dvl.csv"));
+    let page = format!("{:?}", looked.page().sections);
+    let design = looked.design(Path::new("/")).unwrap();
+    assert!(looked.pair.unwrap().forward.is_some_and(|(_, c)| c < 0.6), "{:?}", looked.pair);
+    assert!(
+        page.contains("not decided (correlation") && !page.contains("in sensor axes (corr"),
+        "{page}"
+    );
+    assert!(design.contains("not decided: nothing here tells which axis is ahead"), "{design}");
+}
+
+#[test]
+fn samples_of_a_recorded_simulation_are_means_and_others_are_taken_as_instants() {
+    let written = [
+        "specific_force_x [m/s^2]",
+        "specific_force_y [m/s^2]",
+        "specific_force_z [m/s^2]",
+        "angular_rate_x [rad/s]",
+        "angular_rate_y [rad/s]",
+        "angular_rate_z [rad/s]",
+    ];
+    let design = |log: Log| Inspection::look(vec![log]).design(Path::new("/")).unwrap();
+    assert!(!design(named(written)).contains("average = true"), "{}", design(named(written)));
+    assert!(design(Log::of(unit())).contains("average = true"));
+}
+
+#[test]
+fn a_filter_in_the_plane_is_judged_in_the_plane() {
+    let mut fast = fixes(-1.0);
+    // Ten fixes a second: a part of them judges.
+    fast.columns[0].values.iter_mut().for_each(|t| *t *= 0.1);
+    fast.columns.drain(4..7);
+    let mut odometer = table(
+        &[
+            ("t", &|t| t),
+            ("speed_mps", &|t| 3.0 + 0.01 * noise(t, 80.0)),
+            ("yawrate_radps", &|t| 0.01 * noise(t, 81.0)),
+        ],
+        300,
+        10.0,
+    );
+    odometer.path = "odometry.csv".into();
+    let design = Inspection::look(vec![Log::of(fast), Log::of(odometer)])
+        .design(Path::new("/"))
+        .unwrap();
+    let judge = design.split("[source.withheld]").nth(1).unwrap();
+    assert!(judge.contains("horizontal_position = {") && !judge.contains("height"), "{design}");
 }

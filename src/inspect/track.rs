@@ -26,6 +26,8 @@ pub struct Track {
     pub scatter: f64,
     /// The same of a reported velocity \[m/s\].
     pub velocity_scatter: f64,
+    /// How far the fixes jump away and come back \[m\], if they do so all the time: two tracks in one file.
+    pub apart: Option<f64>,
     /// Median of the 1σ that is reported, horizontal \[m\].
     pub claimed: Option<f64>,
     /// Slope of the reported velocity over the differences of position, north, east, down.
@@ -79,6 +81,7 @@ impl Track {
             track.velocity = differences;
         }
         track.measure();
+        track.part();
         track.claimed = log
             .values(Kind::PositionSigma)
             .map(|s| median(s.iter().map(|s| 0.5 * (s[0] + s[1]))));
@@ -112,6 +115,38 @@ impl Track {
         // add less to it.
         self.scatter = median(self.off(&self.position)) / 1.177;
         self.velocity_scatter = quantile(self.off(&self.velocity), 0.25) / 0.759;
+    }
+
+    /// Finds two tracks in one: fixes that jump away and come back. What is measured is then that of the steps without a jump.
+    fn part(&mut self) {
+        /// A jump is so many usual steps, and so long at least [m].
+        const JUMP: f64 = 10.0;
+        const LEAST: f64 = 1.0;
+        /// It comes back within so many fixes.
+        const BACK: usize = 20;
+        /// Of all fixes so many come back, and of the jumps.
+        const OFTEN: f64 = 0.05;
+        const MOST: f64 = 0.75;
+        let far = |a: usize, b: usize| (self.position[a][0] - self.position[b][0]).hypot(self.position[a][1] - self.position[b][1]);
+        let steps: Vec<f64> = (1..self.t.len()).map(|k| far(k - 1, k)).collect();
+        let jump = (JUMP * median(steps.iter().copied())).max(LEAST);
+        let jumps: Vec<usize> = (1..self.t.len()).filter(|k| steps[k - 1] > jump).collect();
+        let comes_back = |k: &&usize| (**k + 1..self.t.len().min(**k + 1 + BACK)).any(|other| far(other, **k - 1) < jump);
+        let returns = jumps.iter().filter(comes_back).count() as f64;
+        if returns < OFTEN * self.t.len() as f64 || returns < MOST * jumps.len() as f64 {
+            return;
+        }
+        self.apart = Some(quantile(jumps.iter().map(|k| steps[k - 1]), 1.0));
+        let usual = (JUMP * quantile(steps.iter().copied(), 0.25)).max(LEAST);
+        let (mut way, mut jumped) = (0.0, vec![false; self.t.len()]);
+        for (k, step) in steps.iter().enumerate() {
+            jumped[k + 1] = *step > usual;
+            way += if jumped[k + 1] { 0.0 } else { *step };
+        }
+        self.way = way;
+        let jumped = self.velocity.iter_mut().zip(jumped).filter(|(_, jumped)| *jumped);
+        jumped.for_each(|(v, _)| *v = [f64::NAN; 3]);
+        self.scatter = quantile(self.off(&self.position), 0.25) / 0.759;
     }
 
     /// By how much values are off the line between their neighbours, horizontal, as long as one error.
@@ -164,7 +199,7 @@ fn velocities(log: &Log, at: &[f64]) -> Option<Vec<Vec3>> {
     t.is_sorted().then(|| at.iter().map(nearest).collect())
 }
 
-/// The speed of wheels.
+/// The speed of wheels, or of a log.
 #[derive(Debug)]
 pub(super) struct Odometer {
     t: Vec<f64>,
@@ -172,9 +207,9 @@ pub(super) struct Odometer {
 }
 
 impl Odometer {
-    /// Of a log with a speed.
-    pub(super) fn of(log: &Log) -> Option<Self> {
-        let speed = log.values(Kind::Speed)?.iter().map(|v| v[0].abs()).collect();
+    /// Of a log with a speed, or with a velocity of the body, of which the horizontal length is taken.
+    pub(super) fn of(log: &Log, kind: Kind) -> Option<Self> {
+        let speed = log.values(kind)?.iter().map(|v| v[0].hypot(v[1])).collect();
         let t = log.stamps().to_vec();
         let is_sound = t.len() > 2 && t.is_sorted();
         is_sound.then(|| Self::new(t, speed))

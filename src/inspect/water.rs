@@ -6,6 +6,9 @@
 //!
 //! Not here: leeway, and a current that changes
 
+use super::log::Log;
+use super::numbers::median;
+use super::signal::{Kind, UNNAMED, factor};
 use super::track::{Odometer, Track};
 use nalgebra::{DMatrix, DVector};
 
@@ -17,8 +20,27 @@ const CURRENT: f64 = 0.1;
 const MEAN: f64 = 10.0;
 const ENOUGH: usize = 15;
 
-/// The current, north and east \[m/s\], if a speed is that through the water.
-pub(super) fn current(speed: &Odometer, track: &Track) -> Option<[f64; 2]> {
+/// What a speed is measured against.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Water {
+    /// The ground: no current explains what a scale leaves.
+    Ground,
+    /// Water that runs north and east \[m/s\].
+    Through([f64; 2]),
+}
+
+impl Water {
+    /// Of a speed beside a track; `None` where the way goes in one direction, or is too short to tell.
+    pub(super) fn of(speed: &Odometer, track: &Track) -> Option<Self> {
+        let (current, is_turning) = current(speed, track)?;
+        current.map(Self::Through).or_else(|| is_turning.then_some(Self::Ground))
+    }
+}
+
+/// The current, north and east \[m/s\], if there is one, and whether the way goes in several directions.
+fn current(speed: &Odometer, track: &Track) -> Option<(Option<[f64; 2]>, bool)> {
+    /// Velocities in one direction have a sum that is as long as all of them.
+    const TURNING: f64 = 0.7;
     let slowest = 0.5 * track.top_speed();
     // Of each row the velocity, the square of its length, and that of the speed.
     let rows = track.t.iter().zip(&track.velocity).filter_map(|(t, v)| {
@@ -48,7 +70,40 @@ pub(super) fn current(speed: &Odometer, track: &Track) -> Option<[f64; 2]> {
     };
     let ((ground, _), (water, x)) = (left(&of_ground)?, left(&of_water)?);
     let c = [x[0], x[1]];
-    (water < (1.0 - EXPLAINED) * ground && c[0].hypot(c[1]) > CURRENT).then_some(c)
+    let is_clear = water < (1.0 - EXPLAINED) * ground && c[0].hypot(c[1]) > CURRENT;
+    let sum = means
+        .iter()
+        .fold((0.0, 0.0, 0.0), |sum, v| (sum.0 + v[0], sum.1 + v[1], sum.2 + v[0].hypot(v[1])));
+    Some((is_clear.then_some(c), sum.0.hypot(sum.1) < TURNING * sum.2))
+}
+
+/// Tells the unit of a speed that no name tells by that over ground: of knots it is 1.944 times as much, of km/h 3.6 times.
+/// A current averages out over turns, and no scale of a log or of wheels is so far off.
+pub(super) fn settle_speed(log: &mut Log, track: &Track) {
+    const NEAR: core::ops::Range<f64> = 0.85..1.15;
+    let Some(speed) = Odometer::of(log, Kind::Speed).filter(|_| track.is_reported) else {
+        return;
+    };
+    let slowest = 0.5 * track.top_speed();
+    let ratios = track.t.iter().zip(&track.velocity).filter_map(|(t, v)| {
+        let (ground, said) = (v[0].hypot(v[1]), speed.at(*t)?);
+        (ground > slowest && ground > 0.0).then(|| said / ground)
+    });
+    let ratios: Vec<f64> = ratios.collect();
+    if ratios.len() < ENOUGH {
+        return;
+    }
+    let ratio = median(ratios);
+    let Some(unit) = ["kn", "km/h"].into_iter().find(|unit| NEAR.contains(&(ratio * factor(unit)))) else {
+        return;
+    };
+    let unnamed = log.signals.iter_mut().find(|s| s.kind == Kind::Speed && s.why.ends_with(UNNAMED));
+    if let Some(signal) = unnamed {
+        let found = signal.why.split(';').next().unwrap_or_default();
+        signal.why = format!("{found}; {unit}: {ratio:.2} times the speed over ground in m/s");
+        unit.clone_into(&mut signal.unit);
+        signal.factor = factor(unit);
+    }
 }
 
 #[cfg(test)]
@@ -81,10 +136,18 @@ mod tests {
     #[test]
     fn a_current_is_found_and_wheels_have_none() {
         let (speed, track) = circling([0.4, -0.3]);
-        let c = current(&speed, &track).unwrap();
+        let Some(Water::Through(c)) = Water::of(&speed, &track) else {
+            panic!("no current")
+        };
         // 5 cm/s of noise in 600 rows.
         assert!((c[0] - 0.4).abs() < 0.02 && (c[1] + 0.3).abs() < 0.02, "{c:?}");
         let (speed, track) = circling([0.0, 0.0]);
-        assert_eq!(current(&speed, &track), None);
+        assert_eq!(Water::of(&speed, &track), Some(Water::Ground));
+        // One straight way with a constant current is one with another scale.
+        let straight = Track {
+            velocity: track.t.iter().map(|t| [2.0 + 0.05 * (12.9898 * t).sin(), 0.0, 0.0]).collect(),
+            ..track
+        };
+        assert_eq!(Water::of(&speed, &straight), None);
     }
 }

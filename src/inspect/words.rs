@@ -10,7 +10,7 @@ pub(super) struct Words {
 }
 
 /// Units as headers write them, without blanks and brackets, and as designs do.
-const UNITS: [(&str, &str); 47] = [
+const UNITS: [(&str, &str); 51] = [
     ("mps2", "m/s^2"),
     ("ms2", "m/s^2"),
     ("m/s2", "m/s^2"),
@@ -30,6 +30,10 @@ const UNITS: [(&str, &str); 47] = [
     ("ms^-1", "m/s"),
     ("km/h", "km/h"),
     ("kmh", "km/h"),
+    ("kn", "kn"),
+    ("kt", "kn"),
+    ("kts", "kn"),
+    ("knots", "kn"),
     ("rad", "rad"),
     ("deg", "deg"),
     ("degree", "deg"),

@@ -167,6 +167,49 @@ fn a_table_is_read_by_its_stamps_unless_a_rate_is_given() {
     assert!(by_rows != stamped && told.is_empty(), "{told}");
 }
 
+/// Samples times the interval give the same noises, whether the names state a unit or gravity tells it.
+#[test]
+fn increments_are_divided_by_the_interval() {
+    let w = Workspace::new("allan-increments");
+    let noise = |k: i32, seed: f64| {
+        let x = (f64::from(k) * 12.9898 + seed).sin() * 43_758.545;
+        x - x.floor() - 0.5
+    };
+    let table = |header: &str, factor: f64| {
+        let row = |k: i32| {
+            let of = |at: f64, size: f64, seed: f64| format!("{:.9}", factor * (at + size * noise(k, seed)));
+            let force = [of(0.0, 0.1, 1.0), of(0.0, 0.1, 2.0), of(-9.8, 0.1, 3.0)];
+            let rate = [of(0.0, 0.01, 4.0), of(0.0, 0.01, 5.0), of(0.0, 0.01, 6.0)];
+            format!("{:.3},{},{}\n", 0.01 * f64::from(k), force.join(","), rate.join(","))
+        };
+        format!("{header}\n{}", (0..6000).map(row).collect::<String>())
+    };
+    let of = |name: &str, names: [&str; 6], factor: f64| {
+        w.write(name, table(&format!("t,{}", names.join(",")), factor));
+        let (force, rate) = (names[..3].join(","), names[3..].join(","));
+        let ran = w.fusion(&["allan", name, "--accelerometer", &force, "--gyro", &rate]).success();
+        (stdout(&ran), stderr(&ran))
+    };
+    let paste = |printed: &str| printed.split("# For a design:").nth(1).unwrap().to_owned();
+    let (rates, warned) = of("rates.csv", ["ax", "ay", "az", "gx", "gy", "gz"], 1.0);
+    assert!(!rates.contains("increments") && warned.is_empty(), "{rates}{warned}");
+    let named = ["dvx_mps", "dvy_mps", "dvz_mps", "dthx_rad", "dthy_rad", "dthz_rad"];
+    for (file, names) in [("named.csv", named), ("bare.csv", ["a", "b", "c", "d", "e", "f"])] {
+        let (increments, warned) = of(file, names, 0.01);
+        assert!(
+            increments.matches("The columns hold increments").count() == 2 && warned.is_empty(),
+            "{increments}{warned}"
+        );
+        assert_eq!(paste(&increments), paste(&rates), "{file}");
+    }
+    // Numbers of which neither is gravity are in another unit.
+    let (_, warned) = of("counts.csv", ["ax", "ay", "az", "gx", "gy", "gz"], 7.0);
+    assert!(
+        warned.contains("68.6 m/s^2 long") && warned.contains("--accelerometer-unit"),
+        "{warned}"
+    );
+}
+
 #[test]
 fn a_mistake_says_what_is_accepted() {
     let w = Workspace::new("allan-mistakes");

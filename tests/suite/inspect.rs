@@ -204,7 +204,8 @@ fn files_with_clocks_of_their_own_are_brought_together_by_what_they_count_from()
 /// Velocities have a file of their own there, and the reference is not among the sensors.
 #[test]
 fn what_is_recorded_of_a_simulation_becomes_a_filter_that_knows_its_heading() {
-    // Measured 1.7 deg and 1.5 deg; 17 and 20 where velocities and magnetometers were left aside.
+    // Measured 0.3 deg and 1.5 deg; 17 and 20 where velocities and magnetometers were left aside, and 4 deg of the boat where
+    // its log through the water was taken for one over ground.
     for vehicle in ["boat", "drone"] {
         let w = Workspace::new(&format!("inspect-{vehicle}"));
         w.fusion(&["new", "own", "--from", vehicle]).success();
@@ -218,8 +219,72 @@ fn what_is_recorded_of_a_simulation_becomes_a_filter_that_knows_its_heading() {
         let design = Design::read(document).unwrap_or_else(|e| panic!("{e}"));
         let summary = run(&design, &Options::default(), &mut |_| {}).unwrap_or_else(|e| panic!("{e}"));
         let heading = summary.score.unwrap().attitude_deg.unwrap().rms[2];
-        assert!(heading < 4.0, "{vehicle}: {heading}");
+        assert!(heading < if vehicle == "boat" { 1.0 } else { 4.0 }, "{vehicle}: {heading}");
     }
+}
+
+/// The names of columns say the quantity and no unit, the truth is not there, and every design is sound and runs.
+#[test]
+fn every_design_that_is_written_for_a_recorded_simulation_runs() {
+    for vehicle in ["car", "drone", "boat", "rover", "auv", "person"] {
+        let w = Workspace::new(&format!("inspect-neutral-{vehicle}"));
+        w.fusion(&["new", "own", "--from", vehicle]).success();
+        w.fusion(&["record", "own.toml", "--out", "log"]).success();
+        std::fs::remove_file(w.path("log/reference.csv")).unwrap();
+        std::fs::remove_file(w.path("log/design.toml")).unwrap();
+        for entry in std::fs::read_dir(w.path("log")).unwrap() {
+            let path = entry.unwrap().path();
+            let text = std::fs::read_to_string(&path).unwrap();
+            let (header, rows) = text.split_once('\n').unwrap();
+            let plain: Vec<&str> = header.split(',').map(|name| name.split(" [").next().unwrap()).collect();
+            std::fs::write(&path, format!("{}\n{rows}", plain.join(","))).unwrap();
+        }
+        w.fusion(&["inspect", "log", "--write", "first.toml"]).success();
+        w.fusion(&["check", "first.toml"]).success();
+        w.fusion(&["run", "first.toml"]).success();
+    }
+}
+
+/// A foot without positions: its way begins at zero, and the heading counts from the start or from the magnetometer.
+#[test]
+fn a_foot_without_positions_becomes_a_filter_of_its_way() {
+    let w = Workspace::new("inspect-foot");
+    w.fusion(&["new", "own", "--from", "person"]).success();
+    w.fusion(&["record", "own.toml", "--out", "log"]).success();
+    std::fs::rename(w.path("log/reference.csv"), w.path("truth.csv")).unwrap();
+    w.fusion(&["inspect", "log", "--write", "first.toml"]).success();
+    let design = w.read("first.toml");
+    for used in [
+        "type = \"strapdown\"",
+        "type = \"zero_velocity\"",
+        "count from where the unit's forward axis points",
+    ] {
+        assert!(design.contains(used), "{used}: {design}");
+    }
+    let judged = design
+        + "\n[source.truth]\ntype = \"csv\"\npath = \"../truth.csv\"\ntime = { column = \"time [s]\" }\n[source.truth.channels]\n\
+           velocity = { columns = [\"velocity_north [m/s]\", \"velocity_east [m/s]\", \"velocity_down [m/s]\"] }\n[reference]\nsource = \
+           \"truth\"\n";
+    w.write("judged.toml", judged.replace("heading = \"0 deg\"", "heading = \"30 deg\""));
+    let document = Document::load(&w.path("judged.toml")).unwrap_or_else(|e| panic!("{e}"));
+    let design = Design::read(document).unwrap_or_else(|e| panic!("{e}"));
+    let summary = run(&design, &Options::default(), &mut |_| {}).unwrap_or_else(|e| panic!("{e}"));
+    // It walks at 1.2 m/s for two minutes; without its stances it is off by tens of metres a second.
+    let off = summary.score.unwrap().velocity.unwrap().rms;
+    assert!(off.iter().all(|rms| *rms < 0.3), "{off:?}");
+}
+
+#[test]
+fn the_only_folder_of_a_folder_is_taken_and_named() {
+    let w = Workspace::new("inspect-inner");
+    robot(&w);
+    std::fs::create_dir_all(w.path("outer")).unwrap();
+    std::fs::rename(w.path("log"), w.path("outer/log")).unwrap();
+    let looked = stdout(&w.fusion(&["inspect", "outer"]).success());
+    assert!(
+        looked.contains("its only folder is taken, `outer/log`") && looked.contains("gnss.csv"),
+        "{looked}"
+    );
 }
 
 #[test]

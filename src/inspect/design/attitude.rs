@@ -7,7 +7,13 @@ use crate::inspect::{Imu, Inspection, Rest};
 impl Inspection {
     pub(super) fn attitude(&self, text: &mut Text) {
         let Some((k, imu)) = &self.imu else { return };
-        let has_field = imu.field.is_some() && self.logs[*k].signal(MagneticField).is_some_and(|s| s.unit == "uT");
+        let field = self.compass(*k, imu);
+        let has_field = field.is_some();
+        let compass = if field.is_some_and(|field| field.log != *k) {
+            "magnetometer"
+        } else {
+            "imu"
+        };
         text.table("process");
         text.line("type = \"attitude_only\"\nsource = \"imu\"", "");
         text.line(
@@ -26,7 +32,10 @@ impl Inspection {
             text.line("sigma = \"10 deg\"", "guessed: iron nearby");
         } else {
             text.line("type = \"explicit\"\nheading = \"0 deg\"", "");
-            text.line("heading_sigma = \"5 deg\"", "no file tells the heading: it begins at zero");
+            text.line(
+                "heading_sigma = \"0.1 deg\"",
+                "by definition: no file tells north, so headings count from where the unit's forward axis points at the start",
+            );
         }
         text.table("stage.vertical");
         text.line("type = \"steady_force\"\nsource = \"imu\"\nrate = \"10 Hz\"", "");
@@ -45,7 +54,8 @@ impl Inspection {
         }
         if has_field {
             text.table("stage.compass");
-            text.line("type = \"compass\"\nsource = \"imu\"\nlevel_source = \"imu\"\nrate = \"30 Hz\"", "");
+            text.line(&format!("type = \"compass\"\nsource = \"{compass}\"\nlevel_source = \"imu\""), "");
+            text.line("rate = \"30 Hz\"", "");
             text.line(
                 "gate = { magnitude = \"12 %\", dip = \"6 deg\", smooth_over = \"0.2 s\", hold_off = \"1 s\" }",
                 "guessed: fields in a room",
@@ -54,38 +64,39 @@ impl Inspection {
                 "noise = { sigma = \"0.8 uT\", difference = 10 }",
                 "guessed: a field that differs is believed less",
             );
-            self.field(text, imu);
+        }
+        if let Some(field) = field {
+            earth(text, field);
         }
         text.section("data");
         text.comment(&format!("guessed: {} is up", crate::inspect::page::axis(imu.up)));
-        let field = has_field.then_some(MagneticField);
+        let field = field.filter(|field| field.log == *k).map(|_| MagneticField);
         let kinds: Vec<_> = [Some(AngularRate), Some(SpecificForce), field].into_iter().flatten().collect();
         self.source(text, "imu", *k, &kinds, "");
+        if let Some(compass) = self.compass(*k, imu).filter(|field| field.log != *k) {
+            self.source(text, "magnetometer", compass.log, &[MagneticField], "");
+        }
     }
 
-    /// The magnetic field, as it was at the start.
-    fn field(&self, text: &mut Text, imu: &Imu) {
-        let (strength, dip) = imu.field.unwrap_or((50e-6, 1.1));
-        text.table("sensor.field");
-        text.line(
-            "type = \"magnetometer\"\nsource = \"compass\"\ndeclination = 0",
-            "north is that of the field",
-        );
-        text.line(
-            &format!(
-                "strength = {{ estimate = true, initial = \"{:.1} uT\", sigma = \"5 uT\", random_walk = \"0.2 uT/sqrt(s)\" }}",
-                1e6 * strength
-            ),
-            "guessed: as during the first rest",
-        );
-        text.line(
-            &format!(
-                "inclination = {{ estimate = true, initial = \"{:.1} deg\", sigma = \"3 deg\", random_walk = \"0.3 deg/sqrt(s)\" }}",
-                dip.to_degrees()
-            ),
-            "guessed: the same",
-        );
-        text.line("noise = { from_source = true }", "");
+    /// The magnetometer: that of the unit's own file, or another whose field turns as the gyros do.
+    fn compass(&self, unit: usize, imu: &Imu) -> Option<Compass> {
+        let is_known = self.logs[unit].signal(MagneticField).is_some_and(|s| !s.unit.is_empty());
+        let own = imu.field.filter(|_| is_known).map(|(strength, dip)| Compass {
+            log: unit,
+            strength,
+            dip,
+            why: "guessed: as during the first rest",
+        });
+        let other = || {
+            let (log, field) = self.earth_field()?;
+            Some(Compass {
+                log,
+                strength: field.strength,
+                dip: field.dip,
+                why: "guessed: its median",
+            })
+        };
+        own.or_else(other)
     }
 
     /// While it rests, gyros show their bias.
@@ -118,4 +129,39 @@ impl Inspection {
         text.table("reference");
         text.quoted("source", "truth");
     }
+}
+
+/// A magnetometer, and what it reads of the field of the Earth.
+#[derive(Clone, Copy)]
+struct Compass {
+    log: usize,
+    /// \[T\]
+    strength: f64,
+    /// Below the horizon \[rad\].
+    dip: f64,
+    why: &'static str,
+}
+
+/// The field of the Earth.
+fn earth(text: &mut Text, field: Compass) {
+    text.table("sensor.field");
+    text.line(
+        "type = \"magnetometer\"\nsource = \"compass\"\ndeclination = 0",
+        "north is that of the field",
+    );
+    text.line(
+        &format!(
+            "strength = {{ estimate = true, initial = \"{:.1} uT\", sigma = \"5 uT\", random_walk = \"0.2 uT/sqrt(s)\" }}",
+            1e6 * field.strength
+        ),
+        field.why,
+    );
+    text.line(
+        &format!(
+            "inclination = {{ estimate = true, initial = \"{:.1} deg\", sigma = \"3 deg\", random_walk = \"0.3 deg/sqrt(s)\" }}",
+            field.dip.to_degrees()
+        ),
+        "guessed: the same",
+    );
+    text.line("noise = { from_source = true }", "");
 }

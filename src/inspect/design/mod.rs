@@ -29,6 +29,8 @@ enum Driver {
     Inertial,
     /// An attitude reference with positions.
     Attitude,
+    /// An inertial unit on a foot, without positions.
+    Foot,
     /// An inertial unit alone.
     Gyros,
 }
@@ -72,6 +74,7 @@ impl Inspection {
             Driver::Odometer => self.odometry(&mut text),
             Driver::Inertial => self.strapdown(&mut text),
             Driver::Attitude => self.reckoning(&mut text),
+            Driver::Foot => self.walk(&mut text),
             Driver::Gyros => self.attitude(&mut text),
         }
         self.judge(&mut text);
@@ -86,11 +89,13 @@ impl Inspection {
         let is_inertial = is_placed && has(SpecificForce) && rate >= INTEGRABLE;
         // In the plane an odometer is worth more than a unit, unless a velocity over ground shows what the unit drifts.
         let has_velocity = self.position.as_ref().is_some_and(|(_, track)| track.is_reported);
+        let walks = self.imu.as_ref().is_some_and(|(_, imu)| imu.stances.is_some());
         let candidates = [
             (is_inertial && has_velocity, Driver::Inertial),
             (is_placed && has(Speed) && turns, Driver::Odometer),
             (is_inertial, Driver::Inertial),
             (is_placed && has(Euler), Driver::Attitude),
+            (rate >= INTEGRABLE && walks, Driver::Foot),
             (rate >= INTEGRABLE, Driver::Gyros),
         ];
         candidates.into_iter().find(|(fits, _)| *fits).map(|(_, driver)| driver)
@@ -105,6 +110,7 @@ impl Inspection {
             Driver::Odometer => "odometer, rate of turn and positions, in the plane",
             Driver::Inertial => "inertial unit and positions",
             Driver::Attitude => "dead reckoning by an attitude reference, with positions",
+            Driver::Foot => "inertial unit on a foot, which stands at every stride",
             Driver::Gyros => "attitude by gyros and gravity",
         };
         text.quoted("description", &format!("first design: {what}"));
@@ -120,6 +126,12 @@ impl Inspection {
             text.line(
                 "bank = { hypotheses = 24, headings = 24, switch = 1 }",
                 "guessed: no course, compass or magnetometer tells the heading; 24 are tried, the one whose innovations fit stays",
+            );
+        } else if self.position.as_ref().is_some_and(|(_, track)| track.apart.is_some()) {
+            let headings = if driver == Driver::Attitude { ", headings = 12" } else { "" };
+            text.line(
+                &format!("bank = {{ hypotheses = 24{headings} }}"),
+                "guessed: of the two tracks of the positions each is tried",
             );
         }
     }
@@ -181,7 +193,7 @@ impl Inspection {
         let candidates = [
             (self.has_course(), Told::Course),
             (has_heading, Told::Heading),
-            (self.field.is_some(), Told::Field),
+            (self.earth_field().is_some(), Told::Field),
         ];
         let told = candidates.into_iter().find(|(is_told, _)| *is_told);
         told.map_or(Told::Nobody, |(_, told)| told)

@@ -2,7 +2,7 @@
 
 use super::toml::Text;
 use crate::inspect::Inspection;
-use crate::inspect::signal::Kind::{BodyVelocity, Euler};
+use crate::inspect::signal::Kind::{BodyVelocity, Depth, Euler};
 
 impl Inspection {
     pub(super) fn reckoning(&self, text: &mut Text) {
@@ -34,8 +34,15 @@ impl Inspection {
             );
             text.line("velocity_time = \"20 s\"", "guessed: how long it keeps a speed; nobody measures it");
             text.line("position_noise = \"5 cm/sqrt(s)\"", "guessed");
+            // What rises otherwise than ahead is seen by a depth only.
+            let has_depth = self.with(Depth).is_some();
+            let vertical = if has_depth {
+                format!("\"{:.2} m/s\"", 0.15 * speed)
+            } else {
+                "0".to_owned()
+            };
             text.line(
-                &format!("drift = {{ estimate = true, initial = [0, 0, 0], sigma = [\"{0:.2} m/s\", \"{0:.2} m/s\", 0], correlation_time = \"10 s\" }}", 0.3 * speed),
+                &format!("drift = {{ estimate = true, initial = [0, 0, 0], sigma = [\"{0:.2} m/s\", \"{0:.2} m/s\", {vertical}], correlation_time = \"10 s\" }}", 0.3 * speed),
                 "guessed: what is not ahead, and the current",
             );
         }
@@ -60,7 +67,7 @@ impl Inspection {
         text.line(&format!("position_sigma = \"{whole:.2} m\""), "of a fix");
         text.section("aids");
         self.position_sensors(text, false);
-        self.water(text);
+        self.water(text, true);
         text.section("data");
         self.source(text, "attitude_reference", attitude, &[Euler], "");
         self.position_source(text);

@@ -7,6 +7,7 @@ use crate::inspect::signal::Kind::{
     self, BodyVelocity, Depth, Euler, Geodetic, Heading, Local, MagneticField, PositionSigma, Pressure, Quaternion, Speed, Velocity,
     VelocitySigma,
 };
+use crate::inspect::words::{Words, contains};
 use crate::inspect::{Inspection, Log, Track};
 
 /// Positions whose fixes differ by less are of centimetre grade \[m\].
@@ -114,7 +115,15 @@ impl Inspection {
             );
         }
         text.line(&format!("noise = {{ sigma = \"{white:.3} m\" }}"), &why);
-        if is_local(log) {
+        if let Some(apart) = track.apart {
+            text.line(
+                &format!(
+                    "gate = {{ type = \"hypotheses\", reach = \"{apart:.0} m\", speed = \"{:.1} m/s\" }}",
+                    track.top_speed().max(0.5)
+                ),
+                "guessed: two tracks in one file, which are so far apart; one of them is false",
+            );
+        } else if is_local(log) {
             text.line(
                 "gate = { type = \"nis\", probability = 0.997 }",
                 "guessed: fixes of this kind have outliers",
@@ -262,7 +271,7 @@ impl Inspection {
             );
             self.source(text, "heading", k, &[Heading], "");
         }
-        let Some((k, field)) = &self.field else { return };
+        let Some((k, field)) = self.earth_field() else { return };
         if self.told() == super::Told::Field {
             text.table("stage.compass");
             text.line("type = \"compass\"\nsource = \"magnetometer\"\nlevel_source = \"imu\"", "");
@@ -293,24 +302,19 @@ impl Inspection {
             "guessed: a unit that is not calibrated in its vehicle",
         );
         text.line("noise = { sigma = \"1 uT\" }", "guessed: currents, and iron that bends the field");
-        self.source(text, "magnetometer", *k, &[MagneticField], "");
+        self.source(text, "magnetometer", k, &[MagneticField], "");
     }
 
     /// A speed ahead: of wheels, or of a log that sees the water.
     pub(super) fn log_or_wheels(&self, text: &mut Text) {
         let Some(k) = self.with(Speed) else { return };
-        let name = if self.current.is_some() { "log" } else { "odometer" };
+        let current = self.current(Speed);
+        let name = if current.is_some() { "log" } else { "odometer" };
         text.table(&format!("sensor.{name}"));
         text.line(&format!("type = \"odometer\"\nsource = \"{name}\""), "");
         text.line("scale = { estimate = true, initial = 0, sigma = \"3 %\" }", "guessed");
-        if let Some([north, east]) = self.current {
-            text.line(
-                "current = { estimate = true, initial = [0, 0, 0], sigma = [\"0.5 m/s\", \"0.5 m/s\", 0], random_walk = [\"5 mm/s/sqrt(s)\", \"5 mm/s/sqrt(s)\", 0] }",
-                &format!(
-                    "guessed: a speed through the water, for it agrees with that over ground only if a current of {north:.2} m/s north, \
-                     {east:.2} m/s east is taken off"
-                ),
-            );
+        if let Some(current) = current {
+            drift(text, &through_water(current));
         } else {
             text.line(
                 "mounting = { estimate = true, initial = [0, 0, 0], sigma = [0, \"5 deg\", \"8 deg\"] }",
@@ -322,7 +326,7 @@ impl Inspection {
             "guessed: slip, waves, and the arm from the unit to it",
         );
         self.source(text, name, k, &[Speed], "");
-        if self.current.is_some() {
+        if current.is_some() {
             text.table("stage.tick");
             text.line("type = \"periodic\"\nsource = \"imu\"\nrate = \"1 Hz\"", "");
             text.table("sensor.leeway");
@@ -343,36 +347,84 @@ impl Inspection {
         }
     }
 
-    /// A Doppler log and a depth, where there are.
-    pub(super) fn water(&self, text: &mut Text) {
+    /// Whether something tells the velocity over ground, so that a current can be told from that of the vehicle.
+    fn knows_ground(&self) -> bool {
+        self.position.as_ref().is_some_and(|(_, track)| track.is_reported)
+    }
+
+    /// A Doppler log and a depth, where there are; `is_planar`: the positions are used without their height.
+    pub(super) fn water(&self, text: &mut Text, is_planar: bool) {
         if let Some(k) = self.with(BodyVelocity) {
-            text.table("sensor.dvl");
+            let (current, is_ground) = (self.current(BodyVelocity), sees_ground(&self.logs[k]));
+            let name = if current.is_some() { "water_log" } else { "dvl" };
+            text.table(&format!("sensor.{name}"));
             text.quoted("type", "body_velocity");
-            text.quoted("source", "dvl");
-            text.line(
-                "bias = { estimate = true, initial = [0, 0, 0], sigma = [\"0.2 m/s\", \"0.2 m/s\", 0], correlation_time = \"120 s\" }",
-                "guessed: currents, scale and mounting of a Doppler log are slow",
-            );
+            text.quoted("source", name);
+            if let Some(current) = current {
+                drift(text, &through_water(current));
+            } else {
+                if !(is_ground || self.is_over_ground(BodyVelocity)) && self.knows_ground() {
+                    let why = "guessed: neither a name nor the way tells the velocity over ground from that through the water; for a Doppler log \
+                               that sees the bottom delete this line";
+                    drift(text, why);
+                }
+                text.line(
+                    "bias = { estimate = true, initial = [0, 0, 0], sigma = [\"0.2 m/s\", \"0.2 m/s\", 0], correlation_time = \"120 s\" }",
+                    "guessed: scale and mounting of a Doppler log are slow errors",
+                );
+            }
             text.line(
                 "noise = { sigma = \"0.1 m/s\" }",
                 "guessed: scatter of a Doppler log on a small vehicle",
             );
             text.line("gate = { type = \"nis\", probability = 0.999 }", "guessed: single pings fail");
-            self.source(text, "dvl", k, &[BodyVelocity], "");
+            self.source(text, name, k, &[BodyVelocity], "");
         }
         let in_position = self.position.as_ref().is_some_and(|(k, _)| is_local(&self.logs[*k]));
-        if let Some(k) = self.with(Depth).filter(|_| !in_position) {
+        if let Some(k) = self.with(Depth).filter(|_| !in_position || is_planar) {
             text.table("sensor.depth");
             text.quoted("type", "depth");
             text.quoted("source", "depth");
-            text.line(
-                "surface = { estimate = true, initial = 0, sigma = \"1 m\" }",
-                "guessed: tide, and the zero of the sensor",
-            );
-            text.line("noise = { sigma = \"2 cm\" }", "guessed: usual for pressure");
+            if in_position {
+                text.line(
+                    "noise = { sigma = \"5 cm\" }",
+                    "guessed: pressure, and waves; depth is counted from the `origin`",
+                );
+            } else {
+                text.line(
+                    "surface = { estimate = true, initial = 0, sigma = \"1 m\" }",
+                    "guessed: tide, and the zero of the sensor",
+                );
+                text.line("noise = { sigma = \"2 cm\" }", "guessed: usual for pressure");
+            }
             self.source(text, "depth", k, &[Depth], "");
         }
     }
+}
+
+/// The current as a state.
+fn drift(text: &mut Text, why: &str) {
+    text.line(
+        "current = { estimate = true, initial = [0, 0, 0], sigma = [\"0.5 m/s\", \"0.5 m/s\", 0], random_walk = [\"5 mm/s/sqrt(s)\", \"5 mm/s/sqrt(s)\", 0] }",
+        why,
+    );
+}
+
+/// Why a speed is one through the water.
+fn through_water([north, east]: [f64; 2]) -> String {
+    format!(
+        "guessed: a speed through the water, for it agrees with that over ground only if a current of {north:.2} m/s north, {east:.2} m/s \
+         east is taken off"
+    )
+}
+
+/// Whether the name of a file, or of a column, says that a velocity is that over ground.
+fn sees_ground(log: &Log) -> bool {
+    const GROUND: [&str; 7] = ["dvl", "doppler", "bottom", "bt", "ground", "sog", "odom"];
+    let names = log.signal(BodyVelocity).map_or_else(Vec::new, |s| s.names(&log.table));
+    let says = |name: &String| contains(&Words::of(name).stem, &GROUND);
+    let file = log.name();
+    says(&file.split('.').next().unwrap_or_default().to_owned()) || names.iter().any(says)
 }
 
 /// An angle \[deg\] without its whole quarter turns.

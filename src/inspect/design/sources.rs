@@ -145,8 +145,13 @@ impl Inspection {
             let why = format!("{:.0} % of the rows repeat the one before", 100.0 * repeated);
             text.line("repeats = \"drop\"", &why);
         }
-        let position = signals.iter().find(|s| matches!(s.kind, Kind::Geodetic | Kind::Local));
-        let Some(position) = position else { return };
+        let is_place = |s: &Signal| matches!(s.kind, Kind::Geodetic | Kind::Local);
+        let position = signals.iter().copied().find(|s| is_place(s));
+        // A depth that came with a position is there where the position is.
+        let is_within = |s: &&Signal| signals.iter().any(|own| s.columns.iter().any(|c| own.columns.contains(c)));
+        let Some(position) = position.or_else(|| log.signals.iter().filter(|s| is_place(s)).find(is_within)) else {
+            return;
+        };
         if let Some((column, condition, why)) = validity(log, position) {
             text.reads(k, [column]);
             text.line(&format!("valid = {{ {condition} }}"), &why);
@@ -168,6 +173,8 @@ impl Inspection {
                 body += &self.axes();
                 body += if signal.increment {
                     ", increment = true"
+                } else if is_recorded(signal, log) || source == "magnetometer" {
+                    ""
                 } else {
                     ", average = true"
                 };
@@ -178,8 +185,10 @@ impl Inspection {
             Kind::Velocity | Kind::BodyVelocity | Kind::PositionSigma | Kind::VelocitySigma => columns,
             Kind::Speed | Kind::YawRate | Kind::Depth | Kind::Pressure => format!("column = {}{}", quoted(&names[0]), unit(&signal.unit)),
             Kind::Geodetic => {
+                let is_flat = matches!(source, "withheld" | "reference") && self.driver() == Some(super::Driver::Odometer);
                 let height = names
                     .get(2)
+                    .filter(|_| !is_flat)
                     .map_or_else(String::new, |height| format!(", height = {}", quoted(height)));
                 format!(
                     "latitude = {}, longitude = {}{height}, unit = \"{}\"",
@@ -220,13 +229,24 @@ impl Inspection {
             }
             Kind::Wheels => return,
         };
-        let is_horizontal = signal.kind == Kind::Geodetic && signal.columns.len() < 3;
+        // A filter in the plane has no height that could be judged.
+        let is_judge = matches!(source, "withheld" | "reference");
+        let is_flat = signal.columns.len() < 3 || (is_judge && self.driver() == Some(super::Driver::Odometer));
+        let is_horizontal = signal.kind == Kind::Geodetic && is_flat;
         let name = if is_horizontal {
             "horizontal_position"
         } else {
             channel_name(signal.kind)
         };
-        text.line(&format!("{name} = {{ {body} }}"), &format!("guessed {}", signal.why));
+        let mut why = format!("guessed {}", signal.why);
+        if matches!(signal.kind, Kind::SpecificForce | Kind::AngularRate) && !signal.increment {
+            why += if is_recorded(signal, log) {
+                "; means over the interval, as `fusion record` writes them"
+            } else {
+                "; `average`: taken as instants, nothing here tells them from means over the interval"
+            };
+        }
+        text.line(&format!("{name} = {{ {body} }}"), &why);
     }
 
     /// The choices where the course does not tell how the heading counts.
@@ -303,10 +323,18 @@ impl Inspection {
 
     /// By how many quarter turns the vehicle's forward axis is to the right of the first horizontal one.
     pub(super) fn quarters(&self) -> i32 {
-        let forward = self.pair.and_then(|p| p.forward).filter(|(_, correlation)| *correlation > 0.6);
+        let forward = self.pair.and_then(|p| p.ahead());
         let angle = forward.map_or(0.0, |(angle, _)| angle);
         ((angle / core::f64::consts::FRAC_PI_2).round() as i32).rem_euclid(4)
     }
+}
+
+/// Whether a log of `fusion record` has these columns, by their names: its samples are means over the interval that ends at
+/// the stamp.
+fn is_recorded(signal: &Signal, log: &Log) -> bool {
+    let unit = if signal.kind == Kind::SpecificForce { "m/s^2" } else { "rad/s" };
+    let written = ["x", "y", "z"].map(|axis| format!("{}_{axis} [{unit}]", channel_name(signal.kind)));
+    signal.names(&log.table) == written
 }
 
 /// The name of a channel.

@@ -4,7 +4,7 @@ use super::Told;
 use super::toml::Text;
 use crate::inspect::numbers::norm;
 use crate::inspect::page::{degrees, vector};
-use crate::inspect::signal::Kind::{AngularRate, SpecificForce};
+use crate::inspect::signal::Kind::{AngularRate, BodyVelocity, SpecificForce, Speed};
 use crate::inspect::{Imu, Inspection, Rest, Stances, Track};
 
 /// What is added to densities at rest for the shaking of motion.
@@ -20,10 +20,7 @@ impl Inspection {
         text.quoted("source", "imu");
         self.noise(text, imu.rest.as_ref());
         if imu.stances.is_some() {
-            text.line(
-                "agility = { acceleration = \"200 m/s^2\", angular_rate = \"1000 deg/s\" }",
-                "guessed: a foot that strikes the ground; what changes faster is a spike",
-            );
+            agile(text);
         }
         self.start(text, imu);
         let is_car = self.is_road_vehicle();
@@ -38,7 +35,7 @@ impl Inspection {
             foot(text, stances);
         }
         self.log_or_wheels(text);
-        self.water(text);
+        self.water(text, false);
         text.section("data");
         text.comment(&format!(
             "guessed: mean force {} m/s² in sensor axes: {} is up",
@@ -50,11 +47,44 @@ impl Inspection {
         self.position_source(text);
     }
 
+    /// An inertial unit on a foot, without positions: the way from where it begins.
+    pub(super) fn walk(&self, text: &mut Text) {
+        let Some((k, imu)) = &self.imu else { return };
+        let Some(stances) = &imu.stances else { return };
+        text.table("process");
+        text.quoted("type", "strapdown");
+        text.quoted("source", "imu");
+        self.noise(text, imu.rest.as_ref());
+        agile(text);
+        self.levelling(text, imu);
+        if self.told() == Told::Field {
+            by_field(text);
+        }
+        text.table("initial.start");
+        text.quoted("type", "explicit");
+        text.line("position_sigma = \"0.1 m\"", "the way is counted from here");
+        text.line("velocity = [0, 0, 0]", "");
+        text.line("velocity_sigma = \"0.1 m/s\"", "guessed: it starts at rest");
+        if self.told() != Told::Field {
+            text.line("heading = \"0 deg\"", "");
+            text.line(
+                "heading_sigma = \"0.1 deg\"",
+                "by definition: no file tells north, so headings and the way count from where the unit's forward axis points at the start",
+            );
+        }
+        text.section("aids");
+        self.compasses(text);
+        foot(text, stances);
+        text.section("data");
+        text.comment(&format!("guessed: {} is up", crate::inspect::page::axis(imu.up)));
+        self.source(text, "imu", *k, &[AngularRate, SpecificForce], "");
+    }
+
     /// Why the forward axis is what it is.
     pub(super) fn ahead(&self) -> String {
         let unit = self.imu.as_ref().and_then(|(k, _)| self.logs[*k].signal(SpecificForce));
         let is_named = unit.is_some_and(|s| s.is_body);
-        let found = self.pair.and_then(|p| p.forward).filter(|(_, c)| *c > 0.6);
+        let found = self.pair.and_then(|p| p.ahead());
         found.map_or_else(
             || {
                 if is_named {
@@ -137,9 +167,7 @@ impl Inspection {
                 text.line("sigma = \"10 deg\"", "guessed: deviation, declination, and how it is mounted");
             }
             Told::Field => {
-                text.table("initial.heading");
-                text.line("type = \"compass\"\nsource = \"compass\"", "");
-                text.line("sigma = \"20 deg\"", "guessed: declination, and iron that is not yet known");
+                by_field(text);
             }
             Told::Nobody => {}
         }
@@ -187,7 +215,7 @@ impl Inspection {
                 text.line(
                     &format!("duration = \"{duration:.1} s\""),
                     &format!(
-                        "guessed: half of the first rest, which is from {:.1} s for {:.1} s",
+                        "guessed: half of the first rest, and 10 s at most; it is from {:.1} s for {:.1} s",
                         self.local(r.first.0),
                         r.first.1
                     ),
@@ -211,7 +239,8 @@ impl Inspection {
         let fits = |t: &crate::inspect::Track| t.top_speed() > 5.0 && self.has_course();
         let rests = self.imu.as_ref().and_then(|(_, i)| i.rest.as_ref()).is_some_and(|r| r.share > 0.01);
         let forward = self.pair.and_then(|p| p.forward).is_some_and(|(_, c)| c > 0.7);
-        let is_dry = self.with(super::super::Kind::Depth).is_none() && self.current.is_none();
+        let is_dry =
+            self.with(super::super::Kind::Depth).is_none() && ![Speed, BodyVelocity].iter().any(|kind| self.current(*kind).is_some());
         rests && forward && is_dry && self.position.as_ref().is_some_and(|(_, t)| fits(t))
     }
 
@@ -257,6 +286,21 @@ impl Inspection {
             "guessed: soft, a creeping car passes the test now and then",
         );
     }
+}
+
+/// A foot moves faster than a vehicle.
+fn agile(text: &mut Text) {
+    text.line(
+        "agility = { acceleration = \"200 m/s^2\", angular_rate = \"1000 deg/s\" }",
+        "guessed: a foot that strikes the ground; what changes faster is a spike",
+    );
+}
+
+/// Heading by a magnetometer.
+fn by_field(text: &mut Text) {
+    text.table("initial.heading");
+    text.line("type = \"compass\"\nsource = \"compass\"", "");
+    text.line("sigma = \"20 deg\"", "guessed: declination, and iron that is not yet known");
 }
 
 /// The foot stands at every stance, as in configs/templates/person.toml.
