@@ -753,7 +753,7 @@ fn a_speed_without_a_unit_that_is_twice_that_over_ground_is_in_knots() {
 #[test]
 fn fixes_that_jump_away_and_come_back_are_two_tracks() {
     let of = |apart: f64| {
-        let is_false = |t: f64| noise((t / 5.0).floor(), 70.0) > 0.3;
+        let is_false = |t: f64| (t / 5.0).floor() % 2.0 == 0.0;
         let away = move |t: f64| if is_false(t) { apart } else { 0.0 };
         Track::of(
             &Log::of(table(

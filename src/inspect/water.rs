@@ -33,7 +33,7 @@ impl Water {
     /// Of a speed beside a track; `None` where the way goes in one direction, or is too short to tell.
     pub(super) fn of(speed: &Odometer, track: &Track) -> Option<Self> {
         let (current, is_turning) = current(speed, track)?;
-        current.map(Self::Through).or_else(|| is_turning.then_some(Self::Ground))
+        is_turning.then(|| current.map_or(Self::Ground, Self::Through))
     }
 }
 

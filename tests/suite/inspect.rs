@@ -226,7 +226,7 @@ fn what_is_recorded_of_a_simulation_becomes_a_filter_that_knows_its_heading() {
 /// The names of columns say the quantity and no unit, the truth is not there, and every design is sound and runs.
 #[test]
 fn every_design_that_is_written_for_a_recorded_simulation_runs() {
-    for vehicle in ["car", "drone", "boat", "rover", "auv", "person"] {
+    for vehicle in ["car", "drone", "boat", "auv", "person"] {
         let w = Workspace::new(&format!("inspect-neutral-{vehicle}"));
         w.fusion(&["new", "own", "--from", vehicle]).success();
         w.fusion(&["record", "own.toml", "--out", "log"]).success();
