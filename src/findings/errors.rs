@@ -1,6 +1,6 @@
 //! What errors against the reference say.
 
-use super::instrument::{Bias, Instrument, Measures};
+use super::instrument::{Bias, Instrument, Measures, listed};
 use super::{CHECK, FAR, Finding, Judged, LARGE, is_large, ratio};
 use crate::present::short;
 use crate::score::{Axes, Consistency, Drift, Offset, Score, Verdict};
@@ -13,6 +13,8 @@ const FOLLOWED: f64 = 0.3;
 /// A mean error of the heading that is worth a word \[deg\], and its share of the mean square.
 const LEAST_HEADING: f64 = 1.0;
 const MOST_OF_HEADING: f64 = 0.8;
+/// A constant one from which on it is none of how a unit was screwed on \[deg\].
+const MOUNTED: f64 = 20.0;
 /// An RMS of the heading error from which on it is wrong, whatever the use of it is \[deg\].
 const WRONG_HEADING: f64 = 10.0;
 /// How often a consistent filter may be found too sure in its outages.
@@ -23,6 +25,10 @@ const MOST: f64 = 0.5;
 const LEAST: f64 = 0.2;
 const CERTAIN: f64 = 5.0;
 const UNKNOWN: f64 = 1.0;
+/// So much of the squares that are left without it an axis of an offset has to explain by itself; and by so much of it, at
+/// most, the halves of the run may tell another.
+const OWN: f64 = 0.05;
+const ALIKE: f64 = 0.5;
 /// The least offset \[m\] and the least latency \[s\] that are worth a word.
 const LEAST_OFFSET: f64 = 0.05;
 const LEAST_LATENCY: f64 = 0.01;
@@ -101,11 +107,24 @@ impl Judged<'_> {
                 format!("{others}, or {start}")
             };
         };
+        // Of a sensor without a bias the rows are independent, but where a constant bias of the input leaves an error in them.
+        if sensor.bias != Some(Bias::Fixed) && self.is_lasting(&sensor.name) && !self.constant_biases.is_empty() {
+            return format!(
+                "an error that lasts is left in the innovations of `{}`, and {} cannot change: give a `random_walk` (`fusion allan` measures \
+                 it), or raise the noise of the process",
+                sensor.name,
+                listed(self.constant_biases)
+            );
+        }
         let is_deaf = ratio(nis) < FOLLOWED && (sensor.bias.is_none() || ratio(nees) > FAR);
         let nis_is = format!("NIS of `{}` is only {} of {}", sensor.name, short(nis.mean), nis.dof);
         if self.is_recorded && is_deaf {
             let reference = self.reference(what);
-            format!("{nis_is}, so it agrees with the estimate; either {reference}, or an error of a sensor has no state")
+            let process = match what {
+                Measures::Velocity | Measures::Attitude => "a noise of the process is too small, ",
+                Measures::Position => "",
+            };
+            format!("{nis_is}, so it agrees with the estimate; either {process}{reference}, or an error of a sensor has no state")
         } else {
             format!("{nis_is}, so {}", slow(sensor))
         }
@@ -119,11 +138,12 @@ impl Judged<'_> {
             ""
         };
         let offset = self.summary.score.as_ref().and_then(|score| score.offset.as_ref());
+        // Position errors say nothing of a velocity.
         let arm = offset.and_then(|offset| known_arm(offset, self.point)).map(|(_, arm)| arm);
         let other = match (what, arm) {
             (Measures::Attitude, _) => "other axes (`remove_mean_mounting`)".to_owned(),
-            (_, None) => "another point (`lever_arm`)".to_owned(),
-            (_, Some(arm)) => format!("another point (the position errors fit `lever_arm = [{}]`)", metres(arm)),
+            (Measures::Velocity, _) | (Measures::Position, None) => "another point (`lever_arm`)".to_owned(),
+            (Measures::Position, Some(arm)) => format!("another point (the position errors fit `lever_arm = [{}]`)", metres(arm)),
         };
         format!("the `[reference]` has {sigma}{other} or late stamps (`latency` of its channels)")
     }
@@ -158,15 +178,6 @@ const ERRORS: &str = "errors are ";
 const TIMES: &str = " times the 1σ of the filter; ";
 /// Before what is known to be looked at first.
 const BEGIN: &str = "begin with ";
-
-/// `the start, `gnss` and `log``.
-fn listed(names: &[String]) -> String {
-    match names {
-        [] => String::new(),
-        [one] => one.clone(),
-        [first @ .., last] => format!("{} and {last}", first.join(", ")),
-    }
-}
 
 /// What is to be done where the estimate follows an error of a sensor.
 fn slow(sensor: &Instrument) -> String {
@@ -224,9 +235,15 @@ fn constant_heading(score: &Score) -> Option<Finding> {
     (is_told && is_too_much).then(|| Finding {
         about: "heading".to_owned(),
         evidence: format!("the heading error is nearly constant, {mean:.1}° on average and {rms:.1}° RMS"),
-        advice: "look at what tells the heading: the `declination` or `bias` of a compass, the `mounting` of the inertial unit or of an \
-                 odometer, or whether the reference has an axis of its own (`[reference] remove_mean_mounting`)"
-            .to_owned(),
+        advice: if mean.abs() > MOUNTED {
+            "so much is no mounting: look at the axes and signs of what tells the heading, and of the reference's attitude \
+             (`navigation_rotation`, the order of a quaternion); `remove_mean_mounting` would hide it"
+                .to_owned()
+        } else {
+            "look at what tells the heading: the `declination` or `bias` of a compass, the `mounting` of the inertial unit or of an \
+             odometer, or whether the reference has an axis of its own (`[reference] remove_mean_mounting`)"
+                .to_owned()
+        },
     })
 }
 
@@ -271,8 +288,13 @@ fn wrong_latency(offset: &Offset) -> Option<Finding> {
 
 /// The offset in body axes that is known, and the point of the reference that takes it away \[m\].
 fn known_arm(offset: &Offset, point: [f64; 3]) -> Option<([f64; 3], [f64; 3])> {
-    // What nothing tells stays as it is declared.
-    let is_told = |k: usize| offset.sigma[k] < UNKNOWN && offset.body[k].abs() > 2.0 * offset.sigma[k];
+    // What nothing tells stays as it is declared: errors that wander fit any arm for a while, and those of a level vehicle
+    // hardly have a part of their own that an arm down explains.
+    let is_alike = |k: usize| offset.halves.iter().all(|half| (half[k] / offset.body[k] - 1.0).abs() < ALIKE);
+    let is_told = |k: usize| {
+        let is_known = offset.sigma[k] < UNKNOWN && offset.body[k].abs() > 2.0 * offset.sigma[k];
+        is_known && offset.own[k] > OWN && is_alike(k)
+    };
     let off: [f64; 3] = core::array::from_fn(|k| if is_told(k) { -offset.body[k] } else { 0.0 });
     let is_known = |k: usize| off[k].abs() > LEAST_OFFSET.max(CERTAIN * offset.sigma[k]);
     let arm = core::array::from_fn(|k| point[k] + off[k]);

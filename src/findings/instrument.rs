@@ -22,8 +22,18 @@ pub(super) struct Instrument {
     pub(super) axes: [bool; 3],
     /// Whether it has a gate of its own.
     pub(super) has_gate: bool,
+    /// Whether its gate has a recovery, which can be forbidden.
+    pub(super) has_recovery: bool,
+    /// The limits of the detector that tells when it holds; empty where no stage does.
+    pub(super) limits: Vec<String>,
+    /// The sensor with which alone it is used.
+    pub(super) leader: Option<String>,
     /// Its bias; none where its block has no bias.
     pub(super) bias: Option<Bias>,
+    /// What of its rows may be wrong.
+    pub(super) channels: &'static [&'static str],
+    /// What else may be: the other parameters that its block has, fixed or estimated.
+    pub(super) parameters: Vec<String>,
 }
 
 /// What a design says of the bias of a sensor.
@@ -91,12 +101,13 @@ impl Instrument {
     /// The sensors of a design, but for those inside stages; `states` are the parameters that it estimates.
     pub(super) fn of_design(design: &Design, states: &[FinalState]) -> Vec<Self> {
         let blocks = registry::all();
-        let has_bias = |kind: &str| {
-            let block = blocks.iter().find(|r| r.role == Role::Sensor && r.name == kind);
-            block.is_some_and(|r| (r.schema)().pointer("/properties/bias").is_some())
+        let schema = |role: Role, node: Option<&Node>| {
+            let kind = node.and_then(|node| node.get("type")).and_then(|kind| kind.as_str());
+            let block = blocks.iter().find(|r| r.role == role && Some(r.name) == kind);
+            block.map_or(serde_json::Value::Null, |r| crate::schema::block(r))
         };
         let sensors = design.sensors.iter().map(|sensor| {
-            let kind = sensor.node.get("type").and_then(|kind| kind.as_str()).unwrap_or_default();
+            let own = schema(Role::Sensor, Some(&sensor.node));
             let bias = format!("{}.bias", sensor.name);
             let is_state = states.iter().any(|state| state.name == bias);
             let (reading, rows) = (sensor.block.model.reading(), sensor.block.model.noise());
@@ -108,11 +119,89 @@ impl Instrument {
                 measures,
                 axes: axes(measures, rows.len(), &reading),
                 has_gate: sensor.block.gate.is_some(),
-                bias: has_bias(kind).then(|| Bias::of(sensor.node.get("bias"), is_state)),
+                has_recovery: schema(Role::Gate, sensor.node.get("gate"))
+                    .pointer("/properties/recovery")
+                    .is_some(),
+                limits: limits(design, &sensor.block.common.source),
+                bias: own.pointer("/properties/bias").map(|_| Bias::of(sensor.node.get("bias"), is_state)),
+                leader: sensor.block.common.only_with.as_ref().map(|leader| leader.sensor.clone()),
+                channels: if rows.len() > 1 {
+                    &["axes", "signs", "units"]
+                } else {
+                    &["sign", "unit"]
+                },
+                parameters: parameters(&own),
             }
         });
         sensors.collect()
     }
+
+    /// What of it may be wrong but its noise, in a list.
+    pub(super) fn parts(&self) -> String {
+        let parameters = self.parameters.iter().map(|name| format!("`{name}`"));
+        let channels = self.channels.iter().filter(|_| !self.is_constraint).map(|part| (*part).to_owned());
+        let parts: Vec<String> = ["time stamps".to_owned()].into_iter().chain(channels).chain(parameters).collect();
+        listed(&parts)
+    }
+
+    /// Whether it says when a vehicle keeps to something, and not what an instrument measures.
+    pub(super) fn is_detected(&self) -> bool {
+        self.is_constraint || !self.limits.is_empty()
+    }
+
+    /// Whether it and another one are parts of one instrument.
+    pub(super) fn is_of_one_with(&self, other: &Self) -> bool {
+        let leads = |a: &Self, b: &Self| b.leader.as_ref() == Some(&a.name);
+        self.source == other.source || leads(self, other) || leads(other, self)
+    }
+}
+
+/// `time stamps, axes, signs, units and `lever_arm``.
+pub(super) fn listed(names: &[String]) -> String {
+    match names {
+        [] => String::new(),
+        [one] => one.clone(),
+        [first @ .., last] => format!("{} and {last}", first.join(", ")),
+    }
+}
+
+/// What of a stage, which may not be there, decides whether it has a row.
+fn limits(design: &Design, stage: &str) -> Vec<String> {
+    let fields = design.stages.iter().filter(|s| s.name == stage).flat_map(|s| s.node.entries());
+    let is_limit = |key: &str| !["type", "source", "rate", "test_rate"].contains(&key);
+    let limits = fields.filter(|field| is_limit(&field.key));
+    limits.map(|field| format!("`stage.{stage}.{}`", field.key)).collect()
+}
+
+/// The fields of a sensor that say how it measures: those that may be states, tables of such, and other quantities. Its bias
+/// is told apart from them.
+fn parameters(schema: &serde_json::Value) -> Vec<String> {
+    fn may_be_state(field: &serde_json::Value) -> bool {
+        let choices = field["anyOf"].as_array();
+        choices.is_some_and(|choices| choices.iter().any(|c| c["properties"]["estimate"].is_object()))
+    }
+    let Some(fields) = schema["properties"].as_object() else {
+        return Vec::new();
+    };
+    let is_one = |field: &serde_json::Value| {
+        let table = field["$ref"].as_str().and_then(|r| schema.pointer(r.strip_prefix('#')?));
+        let has_one = table
+            .and_then(|t| t["properties"].as_object())
+            .is_some_and(|t| t.values().any(may_be_state));
+        may_be_state(field) || has_one || field["examples"].is_array()
+    };
+    let named = fields.iter().filter(|(name, field)| *name != "bias" && is_one(field));
+    named.map(|(name, _)| name.clone()).collect()
+}
+
+/// The biases of the input that are states which nothing moves.
+pub(super) fn constant_biases(process: &Node) -> Vec<String> {
+    let is_constant = |part: &str| {
+        let bias = process.get(part).and_then(|node| node.get("bias"));
+        bias.is_some_and(|bias| bias.get("estimate").is_some() && Bias::of(Some(bias), true) == Bias::Constant)
+    };
+    let parts = ["gyro", "accelerometer"].into_iter().filter(|part| is_constant(part));
+    parts.map(|part| format!("`process.{part}.bias`")).collect()
 }
 
 /// The axes of the solution that so many rows of a reading tell of.

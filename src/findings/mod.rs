@@ -12,6 +12,9 @@
 //! reference outrank innovations: they are small, too, where the estimate follows a slow error of a sensor. A
 //! constraint has no instrument: nothing is said of its bias, and nothing where it is kept better than declared.
 //!
+//! Every setting that advice names is one that the block in question has. Where it is open which of several is wrong,
+//! the advice is a run that tells: without the first that disagreed, or without the one that no gate judges.
+//!
 //! Source   Bar-Shalom, Li, Kirubarajan 2001, §5.4: what a mean NEES or NIS outside its band means
 //! Not here what a run without findings proves: nothing, if its data do not move the vehicle enough
 
@@ -22,7 +25,7 @@ mod sensors;
 mod tests;
 
 use self::instrument::{Instrument, Measures};
-use self::sensors::rejected_share;
+use self::sensors::{disagrees_from, rejected_share};
 use crate::design::Design;
 use crate::observe::SensorStatistics;
 use crate::present::{Unit, short};
@@ -63,6 +66,8 @@ const POOR: f64 = 1.0;
 const SPIKES: u64 = 4;
 /// The same as a share of all, where nothing tells what became of the estimate.
 const SPIKE_SHARE: f64 = 1e-4;
+/// So many samples of the input outside its declared range, as a share of all, are more than a blow or two.
+const BEYOND: f64 = 1e-3;
 /// A stretch without rows that is worth a word: so many intervals of its source, and seconds.
 const GAP: (f64, f64) = (10.0, 3.0);
 
@@ -73,6 +78,7 @@ pub fn findings(design: &Design, summary: &Summary) -> Vec<Finding> {
         return never_started(design, summary).into_iter().collect();
     }
     let instruments = Instrument::of_design(design, &summary.parameters);
+    let constant_biases = instrument::constant_biases(&design.process.node);
     let reference = design.reference.as_ref().map(|r| &r.block);
     let has_sigma = |k: usize| reference.is_some_and(|r| r.sources().iter().any(|(_, part)| part.sigma.each()[k].is_some()));
     let judged = Judged {
@@ -82,19 +88,33 @@ pub fn findings(design: &Design, summary: &Summary) -> Vec<Finding> {
         point: reference.map_or([0.0; 3], |r| r.point()),
         is_exact: [0, 1, 2].map(|k| !has_sigma(k)),
         linearises_once: design.filter.linearises_once(),
+        constant_biases: &constant_biases,
     };
     judged.findings()
 }
 
 /// A log with rows in all of its sources, of which no filter was started.
 fn never_started(design: &Design, summary: &Summary) -> Option<Finding> {
-    let has_rows = summary.sources.iter().all(|s| s.rows > 0) && !summary.sources.is_empty();
-    (design.simulation.is_none() && has_rows).then(|| Finding {
-        about: "start".to_owned(),
-        evidence: "the filter never started, though all sources have rows".to_owned(),
-        advice: format!(
+    let is_simulated = design.simulation.is_some();
+    let has_rows = is_simulated || summary.sources.iter().all(|s| s.rows > 0) && !summary.sources.is_empty();
+    let waits = summary.waiting.iter().map(|(name, what)| format!("`{name}` waits for {what}"));
+    let waits: Vec<String> = waits.collect();
+    let waits = if waits.is_empty() {
+        String::new()
+    } else {
+        format!(": {}", waits.join("; "))
+    };
+    let advice = if is_simulated {
+        "look at the limits of its `[initial]` blocks: what they wait for never comes in this mission, or not for so long".to_owned()
+    } else {
+        format!(
             "look at the axes, signs and units of what it waits for ({CHECK} compares them), then at the limits of its `[initial]` blocks"
-        ),
+        )
+    };
+    has_rows.then(|| Finding {
+        about: "start".to_owned(),
+        evidence: format!("the filter never started, though all sources have rows{waits}"),
+        advice,
     })
 }
 
@@ -111,38 +131,66 @@ struct Judged<'a> {
     is_exact: [bool; 3],
     /// Whether the filter has one estimate, and linearises each measurement there alone.
     linearises_once: bool,
+    /// The biases of the input that are states which nothing moves.
+    constant_biases: &'a [String],
 }
 
 impl Judged<'_> {
     fn findings(&self) -> Vec<Finding> {
+        let beyond = self.beyond_range();
         let disturbed = self.disturbed();
         let input = self.all_disagree().or_else(|| self.all_refused());
         let start = self.poor_start();
         let spikes = self.spikes();
+        let (input_far, far) = self
+            .far_parameter()
+            .filter(|_| input.is_none())
+            .map_or(
+                (None, None),
+                |(is_input, far)| {
+                    if is_input { (Some(far), None) } else { (None, Some(far)) }
+                },
+            );
         let refused = if input.is_some() { Vec::new() } else { self.refused() };
+        let first = self.first_to_disagree(&refused);
+        let never_held = self.never_held();
         let large: Vec<Finding> = self.sensors().filter_map(|(i, s)| self.large(i, s)).collect();
         // What errors follow from, by the words that refer to it.
         let mut causes: Vec<String> = Vec::new();
+        causes.extend(beyond.iter().map(|_| "the range of the input".to_owned()));
         causes.extend(disturbed.iter().map(|_| "the faults".to_owned()));
         causes.extend(input.iter().map(|_| "the input".to_owned()));
         causes.extend(start.iter().map(|_| "the start".to_owned()));
         causes.extend(spikes.iter().map(|_| "the spikes".to_owned()));
-        for about in refused.iter().chain(&large).map(|f| format!("`{}`", f.about)) {
+        let told = input_far
+            .iter()
+            .chain(&first)
+            .chain(&refused)
+            .chain(&far)
+            .chain(&never_held)
+            .chain(&large);
+        for about in told.map(|f| format!("`{}`", f.about)) {
             if !causes.contains(&about) {
                 causes.push(about);
             }
         }
         let errors = self.all_errors(&causes);
-        disturbed
+        beyond
             .into_iter()
+            .chain(disturbed)
             .chain(input)
             .chain(start)
             .chain(spikes)
+            .chain(input_far)
+            .chain(first)
             .chain(refused)
+            .chain(far)
+            .chain(never_held)
             .chain(large)
             .chain(errors)
             .chain(self.sensors().filter_map(|(i, s)| self.small(i, s)))
             .chain(self.sensors().filter_map(|(i, s)| self.lasting(i, s)))
+            .chain(self.beyond_chance())
             .chain(self.unlearnt())
             .chain(self.gaps())
             .collect()
@@ -194,20 +242,87 @@ impl Judged<'_> {
             .collect();
         let have_one_source = gated.iter().all(|(i, _)| i.source == gated[0].0.source);
         let each = each.filter(|each| each.len() >= 3 && !have_one_source)?;
-        Some(wrong_input(format!("every gate rejects measurements: {}", each.join(", "))))
+        let mut finding = wrong_input(format!("every gate rejects measurements: {}", each.join(", ")));
+        let open = self.instruments.iter().filter(|i| !i.has_gate && !i.is_constraint);
+        let open: Vec<&Instrument> = open.collect();
+        let first = gated.iter().map(|(_, s)| *s);
+        let first = first.min_by(|a, b| disagrees_from(a).total_cmp(&disagrees_from(b)));
+        // What has no gate is followed, whether it is right or not; of the others the first to disagree may be the only one.
+        if let [open] = open.as_slice() {
+            let name = &open.name;
+            finding.advice = format!(
+                "the estimate follows `{name}`, which has no gate: run once with `sensor.{name}.enabled = false`; if the others agree then, \
+                 look at its {}; if not, {}",
+                open.parts(),
+                finding.advice
+            );
+        } else if let Some(first) = first.filter(|s| s.disagrees_from.is_some()) {
+            finding.advice += &format!(
+                "; if both are right, run once with `sensor.{}.enabled = false`, which was the first to disagree, from {:.1} s on",
+                first.name,
+                disagrees_from(first)
+            );
+        }
+        Some(finding)
+    }
+
+    /// Samples of the input that its declared range excludes.
+    fn beyond_range(&self) -> Option<Finding> {
+        let process = self.summary.consumers.iter().find(|c| c.name == "process")?;
+        let (beyond, rows) = (process.out_of_range, process.rows);
+        (beyond > SPIKES && beyond as f64 > BEYOND * rows as f64).then(|| Finding {
+            about: "process".to_owned(),
+            evidence: format!(
+                "{beyond} of {rows} samples of `{}` are outside the declared range and were not used",
+                process.stream
+            ),
+            advice:
+                "the vehicle moves more than `process.input.range` allows: widen it if the unit measures so much, else take a unit that \
+                     does"
+                    .to_owned(),
+        })
+    }
+
+    /// A parameter that has gone further from its initial value than its 1σ there allows, and is there at the end; whether it
+    /// is of the input.
+    fn far_parameter(&self) -> Option<(bool, Finding)> {
+        let own = self.summary.health.iter().find(|h| h.filter.is_empty())?;
+        let mut reasons = own.transitions.last().filter(|_| own.further_transitions == 0)?.reasons.iter();
+        let name = &reasons.find(|r| r.reason == "calibration")?.of;
+        let sensor = self
+            .instruments
+            .iter()
+            .find(|i| name.strip_prefix(i.name.as_str()).is_some_and(|rest| rest.starts_with('.')));
+        let parts = match sensor {
+            Some(sensor) => format!("the {} of `{}`", sensor.parts(), sensor.name),
+            None => "the axes, signs and units of the input of the process".to_owned(),
+        };
+        let finding = Finding {
+            about: name.clone(),
+            evidence: format!("`{name}` has gone far from its initial value, for the `sigma` that it began with"),
+            advice: format!("look at {parts}; if they are right, `{name}` is worse known than declared: widen its `sigma`"),
+        };
+        Some((sensor.is_none(), finding))
     }
 
     /// A start so poor that one linearisation does not reach the truth, where nothing shows that it did.
     fn poor_start(&self) -> Option<Finding> {
         let (name, sigma) = self.summary.start_angle.as_ref().filter(|(_, sigma)| *sigma > POOR)?;
         let is_found = self.nees(Measures::Attitude).is_some_and(|c| !is_large(c));
+        // An invariant chart is one of the attitude or heading that the process moves.
+        let is_moved = self.summary.parameters.iter().all(|p| p.name != *name);
+        let chart = if is_moved {
+            ", with `filter.chart = \"right_invariant\"`"
+        } else {
+            ""
+        };
         (self.linearises_once && !is_found).then(|| Finding {
             about: name.clone(),
             evidence: format!("the filter starts with a 1σ of {:.0}° of `{name}`", sigma.to_degrees()),
-            advice:
+            advice: format!(
                 "linearised once, there, it may settle at a wrong angle with a small 1σ: give a better start (`[initial]`), try several \
-                     (`filter.bank.headings = 8`), or linearise again (`filter.update = \"iterated\"`, with the chart `right_invariant`)"
-                    .to_owned(),
+                 (`filter.bank.headings = 8`), or linearise again (`filter.update = \"iterated\"`{chart})"
+            ),
         })
     }
 

@@ -1,9 +1,10 @@
 //! What gates and innovations say of a sensor.
 
-use super::instrument::{Bias, Instrument, Measures};
+use super::instrument::{Bias, Instrument, Measures, listed};
 use super::{CHECK, FAR, Finding, Judged, is_large, ratio};
 use crate::observe::SensorStatistics;
 use crate::present::short;
+use crate::run::FaultWindow;
 use crate::score::{Consistency, Score, Verdict};
 
 /// The share of rejected measurements from which on a gate does more than to remove outliers: a gate of 99 %
@@ -13,15 +14,24 @@ const REJECTED: f64 = 0.05;
 const FEW: u64 = 20;
 /// The mean statistic over its degrees of freedom below which it is worth a change: errors are √0.5 = 0.71 times the 1σ.
 const SMALL: f64 = 0.5;
+/// The excess of the mean over its degrees of freedom that is worth a word where a log has no reference: errors are 1.1 times
+/// the 1σ.
+const SLIGHT: f64 = 0.2;
 /// The autocorrelation at lag 1 from which on innovations are no noise: half of the error of one is left in the next. Below the
 /// other they are.
 const LASTING: f64 = 0.5;
 const WHITE: f64 = 0.2;
+/// Fewer independent errors against the reference judge nothing: of two, the band of a consistent mean reaches from 0.05 to 3.7.
+const JUDGE: f64 = 3.0;
 /// Fewer innovations do not tell one from the other: 2/√n is then more than what lies between.
 const ENOUGH: u64 = 50;
 /// An error stands out from so many times the median on: of a normal one the largest of a million are five times the 1σ,
 /// which is less than eight times the median.
 const OUTSTANDING: f64 = 8.0;
+/// The mean of a constraint from which on it is no matter of how well a vehicle keeps it: innovations are √10 = 3 times their 1σ.
+const BROKEN: f64 = 10.0;
+/// A sensor disagrees before another one if it does so much earlier \[s\]: one of 1 Hz shows it by a few measurements.
+const LEAD: f64 = 2.0;
 /// It follows from a re-acquisition that was so long before it, at most \[s\].
 const SOON: f64 = 60.0;
 
@@ -68,15 +78,17 @@ impl Judged<'_> {
         })
     }
 
-    /// Gates that refuse more than some outliers, and sensors that were believed against the estimate.
+    /// Gates that refuse more than some outliers, and sensors that were believed against the estimate: the first to disagree
+    /// first.
     pub(super) fn refused(&self) -> Vec<Finding> {
-        self.sensors()
-            .filter(|(i, _)| i.has_gate)
-            .filter_map(|(_, s)| self.reacquired(s).or_else(|| self.rejected(s)))
-            .collect()
+        let gated = self.sensors().filter(|(i, _)| i.has_gate);
+        let told = gated.filter_map(|(i, s)| Some((disagrees_from(s), self.reacquired(i, s).or_else(|| self.rejected(i, s))?)));
+        let mut told: Vec<(f64, Finding)> = told.collect();
+        told.sort_by(|a, b| a.0.total_cmp(&b.0));
+        told.into_iter().map(|(_, finding)| finding).collect()
     }
 
-    fn rejected(&self, s: &SensorStatistics) -> Option<Finding> {
+    fn rejected(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
         let (good, all) = refused_by_its_gate(s);
         let share = rejected_share(s)?;
         Some(Finding {
@@ -86,12 +98,15 @@ impl Judged<'_> {
                 s.name,
                 100.0 * share
             ),
-            advice: format!("if they are not outliers, {}, then look at its `noise`; {SOFTER}", self.look()),
+            advice: format!(
+                "if they are not outliers, {}, then look at its `noise`; {SOFTER}",
+                self.look(sensor)
+            ),
         })
     }
 
     /// A sensor that was believed against the estimate, where a large error follows, or nothing tells of errors.
-    fn reacquired(&self, s: &SensorStatistics) -> Option<Finding> {
+    fn reacquired(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
         let last_before = |at: f64| s.reacquired_at.iter().copied().rev().find(|t| (0.0..SOON).contains(&(at - t)));
         let (time, error) = match &self.summary.score {
             None => (*s.reacquired_at.first()?, String::new()),
@@ -100,26 +115,64 @@ impl Judged<'_> {
             }
         };
         let (refused, all) = refused_by_its_gate(s);
+        // Only a declared fault says that it was the sensor, and not the estimate, that was wrong.
+        let is_own = |w: &&FaultWindow| w.stream == sensor.source || w.stream == sensor.name;
+        let fault = self.summary.faults.iter().filter(is_own).find(|w| (w.from..=w.to).contains(&time));
+        let advice = match fault {
+            Some(w) if sensor.has_recovery => format!(
+                "it was disturbed then by `{}`: forbid it with `gate.recovery.never_reacquire = true`",
+                w.fault
+            ),
+            Some(w) => format!("it was disturbed then by `{}`, which its gate took for good", w.fault),
+            None => format!(
+                "either it was wrong, or what the estimate had followed until then: another sensor, the input or the start; {}, and do the \
+                 same with the others",
+                self.look(sensor)
+            ),
+        };
         Some(Finding {
             about: s.name.clone(),
             evidence: format!(
                 "`{}` was believed against the estimate at {time:.1} s (re-acquired), its gate rejected {refused} of {all} measurements{error}",
                 s.name
             ),
+            advice,
+        })
+    }
+
+    /// The sensor that disagreed with the estimate before those that were `refused`.
+    pub(super) fn first_to_disagree(&self, refused: &[Finding]) -> Option<Finding> {
+        let from = disagrees_from;
+        let is_refused = |s: &SensorStatistics| refused.iter().any(|f| f.about == s.name);
+        let earlier = |a: &(&Instrument, &SensorStatistics), b: &(&Instrument, &SensorStatistics)| from(a.1).total_cmp(&from(b.1));
+        let (other, next) = self.sensors().filter(|(_, s)| is_refused(s)).min_by(earlier)?;
+        let (sensor, first) = self.sensors().min_by(earlier)?;
+        let name = &first.name;
+        // Where two parts of an instrument disagree it is the rest of the sensors, or this one, and not one against the other.
+        let is_told = !is_refused(first) && !sensor.is_of_one_with(other) && from(first) + LEAD < from(next);
+        is_told.then(|| Finding {
+            about: name.clone(),
+            evidence: format!(
+                "`{name}` was the first to disagree, from {:.1} s on, before `{}`, from {:.1} s on",
+                from(first),
+                next.name,
+                from(next)
+            ),
             advice: format!(
-                "if it was disturbed then, forbid it with `gate.recovery.never_reacquire = true`; if it was right, {}, then look at its \
-                 `noise`; {SOFTER}",
-                self.look()
+                "it comes before them, for they may disagree because of it: {}, then run once with `sensor.{name}.enabled = false`; if the \
+                 others agree then, it was wrong or disturbed",
+                self.look(sensor)
             ),
         })
     }
 
     /// The first thing to do about a sensor that disagrees.
-    const fn look(&self) -> &'static str {
+    fn look(&self, sensor: &Instrument) -> String {
+        let parts = sensor.parts();
         if self.is_recorded {
-            "let `fusion check DESIGN --data DIR` judge its time stamps, lever arm and axes"
+            format!("let {CHECK} judge its {parts}")
         } else {
-            "look at its time stamps, lever arm and axes"
+            format!("look at its {parts}")
         }
     }
 
@@ -128,19 +181,31 @@ impl Judged<'_> {
         let (name, nis) = (&sensor.name, s.nis.as_ref()?);
         // Of a gate that refuses nothing the power is infinite.
         let is_gated = s.gate_power.iter().any(|power| power.is_finite());
-        let look = self.look();
-        let advice = if sensor.is_constraint {
+        let look = self.look(sensor);
+        let advice = if sensor.is_detected() && ratio(nis) > BROKEN {
+            let input = format!("the axes, signs and units of the input of the process ({CHECK} compares it with others)");
+            let limits = match sensor.limits.as_slice() {
+                [] => "when it is applied".to_owned(),
+                limits => format!("what tells when it holds: {}", listed(limits)),
+            };
+            // A simulated input is as declared.
+            let parts = if self.is_recorded {
+                format!("{input}, then at {limits}")
+            } else {
+                limits
+            };
+            format!("so much is hardly noise: look first at {parts}; leave its `noise` until that is right")
+        } else if sensor.is_constraint {
             "the vehicle does not keep this constraint so well; raise its `noise`, or apply it less often".to_owned()
         } else if ratio(nis) > FAR {
-            format!(
-                "so much is hardly noise: look first at its axes, signs and units, at its time stamps ({CHECK} compares its channels with \
-                 others) and its lever arm; leave its `noise` until they are right"
-            )
+            format!("so much is hardly noise: first {look}; leave its `noise` until they are right")
         } else if lag_1(s).is_some_and(|rho| rho > LASTING) {
-            format!(
-                "each is like the one before, so it is no noise: {look}, and its scale, then look for a slow error without a state, such \
-                 as its `bias`"
-            )
+            let slow = match sensor.bias {
+                Some(Bias::Fixed) => "a slow error without a state, such as its `bias`",
+                Some(_) => "a slow error that its `bias` does not take, or that changes more than it may",
+                None => "a slow error without a state",
+            };
+            format!("each is like the one before, so it is no noise: {look}, then look for {slow}")
         } else if !is_gated {
             format!("are there outliers, which a `gate` would refuse? Else {look}, then look at its `noise`")
         } else {
@@ -158,11 +223,61 @@ impl Judged<'_> {
         })
     }
 
+    /// Whether each innovation of a sensor is like the one before.
+    pub(super) fn is_lasting(&self, name: &str) -> bool {
+        let own = self.sensors().find(|(_, s)| s.name == name);
+        own.and_then(|(_, s)| lag_1(s)).is_some_and(|rho| rho > LASTING)
+    }
+
     /// Whether the innovations of a sensor are all that tells of it: where errors are known, they judge, and what measures no part
     /// of the solution may be slow on purpose.
     fn is_judged_by_innovations(&self, sensor: &Instrument) -> bool {
-        let is_judged = Measures::ALL.into_iter().any(|what| self.nees(what).is_some());
+        // A few errors that last as long as the run judge nothing.
+        let judges = |c: &Consistency| c.independent >= JUDGE;
+        let is_judged = Measures::ALL.into_iter().any(|what| self.nees(what).is_some_and(judges));
         !sensor.is_constraint && sensor.measures.is_some() && !is_judged
+    }
+
+    /// Innovations of a log that are a little larger than expected, but more than chance allows, where nothing else judges.
+    pub(super) fn beyond_chance(&self) -> Option<Finding> {
+        let judged = self.sensors().filter(|(i, _)| self.is_recorded && self.is_judged_by_innovations(i));
+        let nis = judged.filter_map(|(i, s)| Some((i, s.nis.as_ref()?)));
+        let is_told = |nis: &Consistency| {
+            let excess = ratio(nis) - 1.0;
+            // The band is of 2σ of the mean: so much is beyond 3σ.
+            !is_large(nis) && excess > SLIGHT && excess > 1.5 * (nis.band.1 / nis.dof as f64 - 1.0)
+        };
+        let (sensor, nis) = nis
+            .filter(|(_, nis)| is_told(nis))
+            .max_by(|a, b| ratio(a.1).total_cmp(&ratio(b.1)))?;
+        Some(Finding {
+            about: sensor.name.clone(),
+            evidence: format!(
+                "NIS of `{}` is {} of {}, more than chance allows",
+                sensor.name,
+                short(nis.mean),
+                nis.dof
+            ),
+            advice: format!("it, or what the estimate takes from another sensor, is not quite as declared: let {CHECK} compare them"),
+        })
+    }
+
+    /// A detector that told nothing in a run that went wrong.
+    pub(super) fn never_held(&self) -> Option<Finding> {
+        let has_health = self.summary.health.iter().any(|h| h.filter.is_empty() && h.is_good());
+        let had_no_row = |i: &&Instrument| self.summary.consumers.iter().any(|c| c.name == i.name && c.rows == 0);
+        let sensor = self.instruments.iter().filter(|i| !i.limits.is_empty()).find(had_no_row)?;
+        (!has_health).then(|| Finding {
+            about: sensor.name.clone(),
+            evidence: format!(
+                "`{}` had no measurement: nothing in the run was within the limits of `{}`",
+                sensor.name, sensor.source
+            ),
+            advice: format!(
+                "if it should have had some, they are too narrow for this unit and vehicle: look at {}",
+                listed(&sensor.limits)
+            ),
+        })
     }
 
     /// Innovations that are smaller than the filter expects.
@@ -212,6 +327,11 @@ impl Judged<'_> {
             advice,
         })
     }
+}
+
+/// Since when a sensor disagreed \[s\]; infinite where it never did.
+pub(super) fn disagrees_from(s: &SensorStatistics) -> f64 {
+    s.disagrees_from.unwrap_or(f64::INFINITY)
 }
 
 /// How many good measurements a sensor's own gate rejected, of how many that it judged.

@@ -88,7 +88,7 @@ pub struct FilterHealth {
     /// Time spent in each state \[s\], from the first row to the last estimate.
     pub spent: Spent,
     /// Time of those degraded and lost that fell within declared outages \[s\]: from the first of its silence to the
-    /// first measurement used after it, and for as long as reasons are told after they have ceased.
+    /// first measurement after it, used or rejected, and for as long as reasons are told after they have ceased.
     pub in_outages: f64,
     /// The time of the last estimate \[s\].
     pub until: f64,
@@ -123,6 +123,8 @@ pub struct Spell {
     pub to: f64,
     /// The state.
     pub state: State,
+    /// When the first reason came \[s\]: a state that is no illness may have none at first.
+    pub told: f64,
     /// Why, each once, in the order in which they came.
     pub reasons: Vec<NamedReason>,
 }
@@ -137,6 +139,9 @@ impl FilterHealth {
             match all.last_mut().filter(|last| last.state == change.state) {
                 Some(last) => {
                     last.to = end;
+                    if last.reasons.is_empty() {
+                        last.told = change.time;
+                    }
                     let new = change.reasons.iter().filter(|r| !last.reasons.contains(r));
                     let new: Vec<NamedReason> = new.cloned().collect();
                     last.reasons.extend(new);
@@ -144,6 +149,7 @@ impl FilterHealth {
                 None => all.push(Spell {
                     from: change.time,
                     to: end,
+                    told: change.time,
                     state: change.state,
                     reasons: change.reasons.clone(),
                 }),
@@ -222,8 +228,8 @@ impl Silence {
         self.running.is_some() || self.told.is_some_and(|until| time <= until)
     }
 
-    /// A measurement of `sensor`, stamped `stamp`, was used at `time`.
-    fn used(&mut self, sensor: usize, stamp: Time, time: Time) {
+    /// A measurement of `sensor`, stamped `stamp`, was judged at `time`.
+    fn judged(&mut self, sensor: usize, stamp: Time, time: Time) {
         let is_over = self.running.is_some_and(|to| stamp >= to);
         if is_over && (self.outage.sensors.is_empty() || self.outage.sensors.contains(&sensor)) {
             (self.running, self.told) = (None, Some(time.shifted(nanos(self.hold + LATE))));
@@ -310,13 +316,13 @@ impl RunObserver for HealthRecord {
             RunEvent::Filter {
                 filter,
                 event: Event::Updated { sensor, update, time, row },
-            } if matches!(update.verdict, Verdict::Accepted | Verdict::Reacquired) => {
+            } if matches!(update.verdict, Verdict::Accepted | Verdict::Reacquired | Verdict::Rejected) => {
                 let followed = &mut self.followed[filter.number];
                 followed.reach(*time);
                 followed
                     .silences
                     .iter_mut()
-                    .for_each(|silence| silence.used(*sensor, row.stamp, *time));
+                    .for_each(|silence| silence.judged(*sensor, row.stamp, *time));
             }
             _ => {}
         }

@@ -87,6 +87,9 @@ pub struct SensorStatistics {
     pub nis: Option<Consistency>,
     /// Innovations of those accepted.
     pub innovations: Innovations,
+    /// Since when its measurements, rejected ones too, disagreed with the estimate beyond any chance \[s\]; none where they
+    /// never did.
+    pub disagrees_from: Option<f64>,
     /// The power of its gate, per residual row in SI: the median, over the measurements judged, of
     /// the smallest error of that row alone that would have been refused. Infinite (`null` in JSON)
     /// where none would be; none where nothing was judged.
@@ -124,7 +127,8 @@ impl Memory for Statistics {
     }
 }
 
-fusion_core::memory!(Follower { statistics, nis, power, squares, pairs, streak; from });
+fusion_core::memory!(Follower { statistics, nis, power, squares, pairs, streak, page; from });
+fusion_core::memory!(Page { sum, since });
 fusion_core::memory!(SensorStatistics {
     accepted,
     rejected,
@@ -135,7 +139,8 @@ fusion_core::memory!(SensorStatistics {
     disturbed,
     longest_rejection_streak,
     ends_denied,
-    innovations;
+    innovations,
+    disagrees_from;
     name,
     nis,
     gate_power
@@ -185,6 +190,37 @@ struct Follower {
     from: Option<Time>,
     /// The first of the measurements that are being rejected, and how many they are.
     streak: Option<(Time, u64)>,
+    page: Page,
+}
+
+/// Page's test of innovations: the logarithm of how much more probable twice their variance has become than the variance of
+/// the filter, since it was least.
+///
+/// Source: Page 1954, Biometrika 41, 100–115
+#[derive(Clone, Copy, Debug, Default)]
+struct Page {
+    sum: f64,
+    since: Option<Time>,
+}
+
+impl Page {
+    /// The sum that is no chance: of independent innovations it comes once in exp(20), 5e8 of them.
+    const ALARM: f64 = 20.0;
+    /// One measurement alone counts for so much at most: it takes four.
+    const MOST: f64 = Self::ALARM / 4.0;
+
+    /// Hears a NIS of `rows`; since when they have been too large, once that is beyond chance.
+    fn hear(&mut self, time: Time, nis: f64, rows: f64) -> Option<Time> {
+        // ln p(nis; 2σ²) − ln p(nis; σ²). `min` takes what is not a number for the most.
+        let gain = (0.25 * nis - 0.5 * core::f64::consts::LN_2 * rows).min(Self::MOST);
+        self.sum = (self.sum + gain).max(0.0);
+        if self.sum > 0.0 {
+            self.since.get_or_insert(time);
+        } else {
+            self.since = None;
+        }
+        self.since.filter(|_| self.sum > Self::ALARM)
+    }
 }
 
 /// Sums of the products of a residual row, in units of its σ, with itself and with the next one.
@@ -236,6 +272,7 @@ impl Follower {
             pairs: vec![Pairs::default(); m].into(),
             from,
             streak: None,
+            page: Page::default(),
         }
     }
 
@@ -279,7 +316,14 @@ impl Follower {
         } else {
             self.streak.get_or_insert((time, 0)).1 += 1;
         }
-        if update.verdict == Verdict::Accepted && self.from.is_none_or(|from| time >= from) {
+        let is_counted = self.from.is_none_or(|from| time >= from);
+        // A leader's rejection says nothing of this one.
+        let is_judged = is_used || update.threshold < f64::INFINITY;
+        if is_counted && is_judged && self.statistics.disagrees_from.is_none() {
+            let since = self.page.hear(time, update.nis, update.residual.len() as f64);
+            self.statistics.disagrees_from = since.map(Time::seconds);
+        }
+        if update.verdict == Verdict::Accepted && is_counted {
             self.nis.push(update.nis);
             self.statistics.innovations.count += 1;
             let Innovations { max, max_time, .. } = &mut self.statistics.innovations;
@@ -334,6 +378,23 @@ fn median(values: &mut Quantiles) -> Option<f64> {
 mod tests {
     use super::*;
 
+    #[test]
+    fn innovations_disagree_from_when_they_grow_and_never_by_one_of_them() {
+        let found = |nis: &dyn Fn(u32) -> f64| {
+            let mut page = Page::default();
+            (0..400).find_map(|k| page.hear(Time::from_seconds(f64::from(k)), nis(k), 3.0))
+        };
+        // Of three rows: the mean of a consistent filter, and twice that from 200 s on.
+        let consistent = |k: u32| [0.5, 2.0, 4.0, 5.5][(k % 4) as usize];
+        assert_eq!(found(&consistent), None);
+        let since = found(&|k| if k < 200 { consistent(k) } else { 2.0 * consistent(k) }).map(Time::seconds);
+        // The first of four is small.
+        assert!(since.is_some_and(|t| (200.0..205.0).contains(&t)), "{since:?}");
+        for outlier in [1e6, f64::INFINITY, f64::NAN] {
+            assert_eq!(found(&|k| if k == 200 { outlier } else { consistent(k) }), None);
+        }
+    }
+
     /// Of one residual row, disturbed now and then.
     fn follower() -> Follower {
         Follower {
@@ -347,6 +408,7 @@ mod tests {
             pairs: Box::new([Pairs::default()]),
             from: Some(at(2.0)),
             streak: None,
+            page: Page::default(),
         }
     }
 

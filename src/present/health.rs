@@ -117,7 +117,14 @@ fn spells(all: &[FilterHealth], most: usize) -> Section {
         let spells = health.spells();
         for spell in spells.iter().take(SPELLS) {
             let times = [spell.from, spell.to - spell.from].map(Cell::Seconds);
-            let words = [Cell::text(spell.state.word()), Cell::text(first(&spell.reasons, most))];
+            let reasons = first(&spell.reasons, most);
+            let is_late = spell.told > spell.from && !reasons.is_empty();
+            let because = if is_late {
+                format!("from {:.1} s on: {reasons}", spell.told)
+            } else {
+                reasons
+            };
+            let words = [Cell::text(spell.state.word()), Cell::text(because)];
             t.row([Cell::text(name(health))].into_iter().chain(times).chain(words));
         }
         if spells.len() > SPELLS {
@@ -139,6 +146,32 @@ fn spells(all: &[FilterHealth], most: usize) -> Section {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::health::Transition;
+
+    #[test]
+    fn a_reason_that_came_later_than_a_state_is_told_with_its_time() {
+        let change = |time, state, reasons| Transition { time, state, reasons };
+        let silent = |state| NamedReason {
+            reason: "silent",
+            of: "vel".to_owned(),
+            state,
+        };
+        let health = FilterHealth {
+            worst: State::Degraded,
+            until: 365.0,
+            transitions: vec![
+                change(132.3, State::Good, Vec::new()),
+                change(329.0, State::Good, vec![silent(State::Good)]),
+                change(329.3, State::Degraded, vec![silent(State::Degraded)]),
+            ],
+            ..FilterHealth::default()
+        };
+        let table = format!("{:?}", section(&[health]));
+        assert!(
+            table.contains("from 329.0 s on: `vel` silent") && table.matches(" s on: ").count() == 1,
+            "{table}"
+        );
+    }
 
     #[test]
     fn a_reason_is_told_once_with_the_worse_of_its_states_and_all_of_them_where_all_is_asked_for() {

@@ -32,6 +32,10 @@ pub struct Offset {
     pub sigma: [f64; 3],
     /// The share of the squares of the horizontal error that it explains, besides a constant error and a latency.
     pub explained: f64,
+    /// The share of the squares that are left without it that each axis explains by itself.
+    pub own: [f64; 3],
+    /// The same offset by the errors of the first and of the second half of the run \[m\].
+    pub halves: [[f64; 3]; 2],
     /// By how much the estimate is ahead of the reference \[s\], of a vehicle whose speed changes.
     pub latency: f64,
     /// Its 1σ \[s\].
@@ -40,9 +44,24 @@ pub struct Offset {
     pub latency_explained: f64,
 }
 
+/// Parts of a run of which each has sums of its own, at most; an even number.
+const PARTS: usize = 16;
+/// The length of a part of a short run \[s\]; it doubles when there are too many.
+const SHORTEST: f64 = 4.0;
+
+/// Fits all of a run, and its halves.
+#[derive(Clone, Debug, Default)]
+pub(super) struct OffsetFit {
+    parts: Vec<Sums>,
+    /// By how much parts are longer than the shortest.
+    doubled: u32,
+}
+
+fusion_core::memory!(OffsetFit { parts, doubled });
+
 /// Sums of the normal equations.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct OffsetFit {
+struct Sums {
     information: [[f64; N]; N],
     against: [f64; N],
     squares: f64,
@@ -50,7 +69,7 @@ pub(super) struct OffsetFit {
     span: Option<(Time, Time)>,
 }
 
-fusion_core::memory!(OffsetFit {
+fusion_core::memory!(Sums {
     information,
     against,
     squares,
@@ -61,6 +80,52 @@ fusion_core::memory!(OffsetFit {
 impl OffsetFit {
     /// The error at the next epoch; attitude and velocity are those estimated.
     pub(super) fn add(&mut self, time: Time, d: &Deviation, motion: Option<&(UnitQuaternion<f64>, Vector3<f64>)>) {
+        let length = SHORTEST * f64::from(self.doubled).exp2();
+        let is_full = |part: &Sums| part.span.is_some_and(|(first, _)| time.seconds_since(first) >= length);
+        if self.parts.last().is_none_or(is_full) {
+            if self.parts.len() == PARTS {
+                self.parts = self.parts.chunks(2).map(Sums::of_all).collect();
+                self.doubled += 1;
+            }
+            self.parts.push(Sums::default());
+        }
+        if let Some(part) = self.parts.last_mut() {
+            part.add(time, d, motion);
+        }
+    }
+
+    /// The offset; none without an epoch, or of errors that are all the same.
+    pub(super) fn finish(&self) -> Option<Offset> {
+        let middle = self.parts.len().div_ceil(2);
+        let half = |parts: &[Sums]| Some(Sums::of_all(parts).offset()?.body);
+        let (first, second) = self.parts.split_at(middle);
+        let offset = Sums::of_all(&self.parts).offset()?;
+        let halves = half(first).zip(half(second));
+        Some(Offset {
+            halves: halves.map_or([[0.0; 3]; 2], |(first, second)| [first, second]),
+            ..offset
+        })
+    }
+}
+
+impl Sums {
+    fn of_all(parts: &[Self]) -> Self {
+        parts.iter().fold(Self::default(), |mut all, part| {
+            let sums = all.information.as_flattened_mut().iter_mut().chain(&mut all.against);
+            let further = part.information.as_flattened().iter().chain(&part.against);
+            sums.zip(further).for_each(|(sum, more)| *sum += more);
+            all.squares += part.squares;
+            all.count += part.count;
+            all.span = match (all.span, part.span) {
+                (Some((first, _)), Some((_, last))) => Some((first, last)),
+                (all, part) => all.or(part),
+            };
+            all
+        })
+    }
+
+    /// The error at the next epoch; attitude and velocity are those estimated.
+    fn add(&mut self, time: Time, d: &Deviation, motion: Option<&(UnitQuaternion<f64>, Vector3<f64>)>) {
         let Some((q, v)) = motion.filter(|_| d.is_horizontal() && d.error.xy().iter().all(|e| e.is_finite())) else {
             return;
         };
@@ -80,7 +145,7 @@ impl OffsetFit {
     }
 
     /// The offset; none without an epoch, or of errors that are all the same.
-    pub(super) fn finish(&self) -> Option<Offset> {
+    fn offset(&self) -> Option<Offset> {
         let (first, last) = self.span?;
         let share = (last.seconds_since(first) / INDEPENDENT / self.count).clamp(f64::MIN_POSITIVE, 1.0);
         let without = self.fit(share, |unknown| unknown >= 3)?;
@@ -91,6 +156,12 @@ impl OffsetFit {
             body: core::array::from_fn(|k| with.x[k]),
             sigma: core::array::from_fn(|k| with.sigma[k]),
             explained: explained(&without),
+            own: core::array::from_fn(|k| {
+                // Without this axis (x/σ)² more of the variance of an independent row would be left.
+                let more = (with.x[k] / with.sigma[k]).powi(2) / (2.0 * self.count * share);
+                more / (1.0 + more)
+            }),
+            halves: [[0.0; 3]; 2],
             latency: with.x[LATENCY],
             latency_sigma: with.sigma[LATENCY],
             latency_explained: explained(&without_latency),
@@ -173,6 +244,19 @@ mod tests {
         assert!((found.latency - 0.2).abs() < 0.01 && found.latency_explained > 0.5, "{found:?}");
         // Nothing tells a height in horizontal errors of a vehicle that is level.
         assert!(found.sigma[2] > 9.9 && found.explained > 0.9, "{found:?}");
+    }
+
+    #[test]
+    fn an_offset_is_the_same_in_both_halves_and_each_axis_explains_its_part() {
+        let arm = Vector3::new(-2.0, 0.5, 0.0);
+        let found = fitted(drive, |_, q, _| q * arm);
+        for half in found.halves {
+            assert!((half[0] + 2.0).abs() < 0.3 && (half[1] - 0.5).abs() < 0.3, "{found:?}");
+        }
+        assert!(found.own[0] > 0.9 && found.own[1] > 0.5 && found.own[2] < 0.01, "{found:?}");
+        // Another arm in the second half: errors that wander.
+        let wanders = fitted(drive, |t, q, _| q * arm * if t < 100.0 { 1.0 } else { -1.0 });
+        assert!(wanders.halves[0][0] < -1.0 && wanders.halves[1][0] > 1.0, "{wanders:?}");
     }
 
     #[test]

@@ -63,6 +63,25 @@ const RECORDED: &[Case] = &[
     ),
 ];
 
+/// The settings with a value that advice names, as `--set` takes them.
+fn settings(about: &str, advice: &str) -> Vec<String> {
+    let quoted = advice
+        .split('`')
+        .skip(1)
+        .step_by(2)
+        .filter(|text| text.contains(" = ") && text.contains('.'));
+    let whole = |text: &str| {
+        let is_of_sensor = text.starts_with("gate.");
+        let path = if is_of_sensor {
+            format!("sensor.{about}.{text}")
+        } else {
+            text.to_owned()
+        };
+        path.replacen(" = ", "=", 1)
+    };
+    quoted.map(whole).collect()
+}
+
 fn check(cases: &[Case], data: Option<&Path>) {
     let w = Workspace::new(if data.is_some() {
         "findings-recorded"
@@ -79,6 +98,10 @@ fn check(cases: &[Case], data: Option<&Path>) {
         let text = |finding: &Value, key: &str| finding[key].as_str().unwrap().to_owned();
         let found = summary["findings"].as_array().unwrap();
         let found: Vec<(String, String)> = found.iter().map(|f| (text(f, "about"), text(f, "advice"))).collect();
+        for setting in found.iter().flat_map(|(about, advice)| settings(about, advice)) {
+            let arguments = ["check", file.as_str(), "--variant", variant, "--set", setting.as_str()];
+            w.fusion(&arguments).success();
+        }
         let fits = |(found, expected): (&(String, String), &(&str, &str))| found.0 == expected.0 && found.1.contains(expected.1);
         assert!(
             found.len() == expected.len() && found.iter().zip(*expected).all(fits),

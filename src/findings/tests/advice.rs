@@ -1,0 +1,220 @@
+//! Advice that can be followed, and that helps.
+
+use super::*;
+use crate::config::Document;
+use fusion_models::registry::{self, Role};
+
+/// A design with one sensor, and these lines after its own.
+fn text(lines: &str) -> String {
+    format!(
+        "[process]
+type = 'strapdown'
+gyro.noise = '0.01 deg/s/sqrt(Hz)'
+gyro.bias = {{ estimate = true, initial = [0, 0, 0], sigma = '0.1 deg/s' }}
+accelerometer.noise = '1 mg/sqrt(Hz)'
+accelerometer.bias = {{ estimate = true, initial = [0, 0, 0], sigma = '5 mg', random_walk = '1 ug/sqrt(s)' }}
+[filter.bank]
+[initial.start]
+type = 'explicit'
+position = {{ latitude = 0, longitude = 0, height = 0 }}
+position_sigma = 1
+velocity = [0, 0, 0]
+velocity_sigma = 1
+attitude = [0, 0, 0]
+attitude_sigma = '1 deg'
+[simulation]
+trajectory = [{{ type = 'rest', duration = 10 }}]
+imu = {{ rate = '10 Hz', preset = 'hg1700' }}
+sensor.gnss = {{ rate = '1 Hz', white = '1 m' }}
+[sensor.gnss]
+type = 'gnss_position'
+source = 'gnss'
+noise = {{ sigma = '1 m' }}
+{lines}"
+    )
+}
+
+#[test]
+fn the_setting_that_forbids_a_return_is_named_for_the_gates_that_have_it() {
+    fusion_models::link();
+    let (mut with, mut without) = (0, 0);
+    for gate in registry::all().into_iter().filter(|r| r.role == Role::Gate) {
+        let own: Vec<&str> = gate.example.lines().filter(|line| !line.starts_with("recovery")).collect();
+        let gate_table = format!("[sensor.gnss.gate]\ntype = '{}'\n{}\n", gate.name, own.join("\n"));
+        let document = Document::parse("x.toml", &text(&gate_table)).0;
+        let design = Design::read(document).unwrap_or_else(|d| panic!("{}: {d}", gate.name));
+        let has_recovery = Instrument::of_design(&design, &[])[0].has_recovery;
+        let forbidden = text(&format!("{gate_table}recovery = {{ never_reacquire = true }}\n"));
+        let is_accepted = Design::read(Document::parse("x.toml", &forbidden).0).is_ok();
+        assert_eq!(has_recovery, is_accepted, "{}", gate.name);
+        (with, without) = (with + usize::from(is_accepted), without + usize::from(!is_accepted));
+    }
+    assert!(with > 0 && without > 0);
+}
+
+#[test]
+fn a_sensor_is_forbidden_to_return_only_where_a_declared_fault_of_it_explains_that_it_disagreed() {
+    let of = |stream: &str, to: f64, has_recovery: bool| {
+        let summary = Summary {
+            sensors: vec![SensorStatistics {
+                rejected: 10,
+                reacquired: 1,
+                reacquired_at: vec![40.0],
+                ..sensor(3.0)
+            }],
+            faults: vec![FaultWindow {
+                stream: stream.to_owned(),
+                fault: "spoofer".to_owned(),
+                from: 20.0,
+                to,
+            }],
+            ..Summary::default()
+        };
+        let gnss = Instrument {
+            has_recovery,
+            ..instrument(None)
+        };
+        judged(&[gnss], &summary).findings()[0].advice.clone()
+    };
+    let forbidden = "it was disturbed then by `spoofer`: forbid it with `gate.recovery.never_reacquire = true`";
+    assert_eq!(of("receiver", 60.0, true), forbidden);
+    for other in [of("receiver", 30.0, true), of("compass", 60.0, true), of("receiver", 60.0, false)] {
+        assert!(!other.contains("never_reacquire"), "{other}");
+    }
+}
+
+#[test]
+fn a_poor_start_is_helped_by_a_chart_only_where_the_process_moves_that_angle() {
+    let of = |parameters: Vec<FinalState>| {
+        let summary = Summary {
+            start_angle: Some(("heading_offset".to_owned(), 1.8)),
+            parameters,
+            ..Summary::default()
+        };
+        judged(&[], &summary).findings()[0].advice.contains("right_invariant")
+    };
+    let parameter = FinalState {
+        name: "heading_offset".to_owned(),
+        kind: fusion_core::state::Kind::Angle,
+        value: vec![0.0],
+        sigma: vec![0.1],
+        start_sigma: vec![1.8],
+        covariance: Vec::new(),
+        unit: "rad",
+    };
+    assert!(of(Vec::new()) && !of(vec![parameter]));
+}
+
+#[test]
+fn a_sensor_is_looked_at_for_what_its_block_has() {
+    fusion_models::link();
+    let of = |kind: &str, more: &str| {
+        let own = format!("[sensor.other]\ntype = '{kind}'\nsource = 'other'\n{more}\n");
+        let world = text(&own).replace("sensor.gnss = {", "sensor.other = { rate = '1 Hz' }\nsensor.gnss = {");
+        let design = Design::read(Document::parse("x.toml", &world).0).unwrap_or_else(|d| panic!("{d}"));
+        Instrument::of_design(&design, &[])[1].parts()
+    };
+    assert_eq!(
+        of("gnss_velocity", "noise.sigma = 1"),
+        "time stamps, axes, signs, units and `lever_arm`"
+    );
+    let field = of(
+        "magnetometer",
+        "noise.sigma = '1 uT'\nstrength = '50 uT'\ninclination = 1\ndeclination = 0",
+    );
+    assert_eq!(
+        field,
+        "time stamps, axes, signs, units, `declination`, `hard_iron`, `inclination` and `strength`"
+    );
+    assert_eq!(
+        of("barometer", "noise.sigma = '3 Pa'"),
+        "time stamps, sign, unit, `lever_arm` and `sea_level_pressure`"
+    );
+    assert_eq!(
+        of("heading", "noise.sigma = '1 deg'"),
+        "time stamps, sign, unit, `declination` and `deviation`"
+    );
+}
+
+#[test]
+fn biases_of_the_input_that_cannot_change_are_named_before_a_sensor_without_a_bias() {
+    fusion_models::link();
+    let design = Design::read(Document::parse("x.toml", &text("")).0).unwrap_or_else(|d| panic!("{d}"));
+    let constant = instrument::constant_biases(&design.process.node);
+    assert_eq!(constant, ["`process.gyro.bias`"], "the other one walks");
+    let of = |bias: Option<Bias>, lag_1: f64, constant_biases: &[String]| {
+        let mut s = sensor(1.2);
+        (s.innovations.lag_1, s.innovations.count) = (vec![lag_1], 300);
+        let summary = Summary {
+            sensors: vec![s],
+            score: Some(Score {
+                nees_position: Some(consistency(12.0)),
+                ..Score::default()
+            }),
+            ..Summary::default()
+        };
+        let instruments = [instrument(bias)];
+        let judged = Judged {
+            constant_biases,
+            ..judged(&instruments, &summary)
+        };
+        judged.findings()[0].advice.clone()
+    };
+    let told = of(None, 0.6, &constant);
+    assert!(
+        told.contains("`process.gyro.bias` cannot change: give a `random_walk`") && !told.contains("raise its `noise`"),
+        "{told}"
+    );
+    for other in [of(None, 0.1, &constant), of(None, 0.6, &[]), of(Some(Bias::Fixed), 0.6, &constant)] {
+        assert!(!other.contains("cannot change"), "{other}");
+    }
+}
+
+#[test]
+fn what_explains_position_errors_is_not_said_of_a_velocity() {
+    let offset = Offset {
+        body: [-1.25, 0.0, 0.0],
+        sigma: [0.07; 3],
+        explained: 0.3,
+        own: [0.3, 0.0, 0.0],
+        halves: [[-1.2, 0.0, 0.0], [-1.3, 0.0, 0.0]],
+        ..Offset::default()
+    };
+    let summary = Summary {
+        score: Some(Score {
+            nees_velocity: Some(consistency(12.0)),
+            offset: Some(offset),
+            ..Score::default()
+        }),
+        sensors: vec![sensor(0.5)],
+        ..Summary::default()
+    };
+    let velocity = Instrument {
+        measures: Some(Measures::Velocity),
+        ..instrument(None)
+    };
+    let advice = judged(&[velocity], &summary).findings()[0].advice.clone();
+    let (process, reference) = (advice.find("a noise of the process is too small"), advice.find("`[reference]`"));
+    assert!(process.is_some() && process < reference && !advice.contains("1.25"), "{advice}");
+}
+
+#[test]
+fn a_mounting_is_not_removed_where_the_reference_has_other_axes() {
+    let of = |mean: f64| {
+        let summary = Summary {
+            score: Some(Score {
+                nees_attitude: Some(consistency(3000.0)),
+                attitude_deg: Some(Axes {
+                    mean: [0.0, 0.0, mean],
+                    ..Axes::all(mean)
+                }),
+                ..Score::default()
+            }),
+            ..Summary::default()
+        };
+        judged(&[], &summary).findings()[0]
+            .advice
+            .contains("`remove_mean_mounting` would hide it")
+    };
+    assert!(of(89.8) && !of(3.3));
+}
