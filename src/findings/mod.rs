@@ -243,7 +243,7 @@ impl Judged<'_> {
         let have_one_source = gated.iter().all(|(i, _)| i.source == gated[0].0.source);
         let each = each.filter(|each| each.len() >= 3 && !have_one_source)?;
         let mut finding = wrong_input(format!("every gate rejects measurements: {}", each.join(", ")));
-        let open = self.instruments.iter().filter(|i| !i.has_gate && !i.is_constraint);
+        let open = self.instruments.iter().filter(|i| !i.has_gate && !i.is_detected());
         let open: Vec<&Instrument> = open.collect();
         let first = gated.iter().map(|(_, s)| *s);
         let first = first.min_by(|a, b| disagrees_from(a).total_cmp(&disagrees_from(b)));
