@@ -290,7 +290,10 @@ fn wrong_latency(offset: &Offset) -> Option<Finding> {
 fn known_arm(offset: &Offset, point: [f64; 3]) -> Option<([f64; 3], [f64; 3])> {
     // What nothing tells stays as it is declared: errors that wander fit any arm for a while, and those of a level vehicle
     // hardly have a part of their own that an arm down explains.
-    let is_alike = |k: usize| offset.halves.iter().all(|half| (half[k] / offset.body[k] - 1.0).abs() < ALIKE);
+    let halves = || offset.halves.iter().zip(&offset.halves_sigma);
+    // A half that hardly tells it contradicts nothing.
+    let slack = |k: usize, sigma: f64| ALIKE * offset.body[k].abs() + 2.0 * sigma;
+    let is_alike = |k: usize| halves().all(|(half, sigma)| (half[k] - offset.body[k]).abs() < slack(k, sigma[k]));
     let is_told = |k: usize| {
         let is_known = offset.sigma[k] < UNKNOWN && offset.body[k].abs() > 2.0 * offset.sigma[k];
         is_known && offset.own[k] > OWN && is_alike(k)

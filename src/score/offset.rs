@@ -36,6 +36,8 @@ pub struct Offset {
     pub own: [f64; 3],
     /// The same offset by the errors of the first and of the second half of the run \[m\].
     pub halves: [[f64; 3]; 2],
+    /// Their 1σ \[m\].
+    pub halves_sigma: [[f64; 3]; 2],
     /// By how much the estimate is ahead of the reference \[s\], of a vehicle whose speed changes.
     pub latency: f64,
     /// Its 1σ \[s\].
@@ -97,12 +99,16 @@ impl OffsetFit {
     /// The offset; none without an epoch, or of errors that are all the same.
     pub(super) fn finish(&self) -> Option<Offset> {
         let middle = self.parts.len().div_ceil(2);
-        let half = |parts: &[Sums]| Some(Sums::of_all(parts).offset()?.body);
+        let half = |parts: &[Sums]| Sums::of_all(parts).offset();
         let (first, second) = self.parts.split_at(middle);
         let offset = Sums::of_all(&self.parts).offset()?;
-        let halves = half(first).zip(half(second));
+        let halves = half(first)
+            .zip(half(second))
+            .map(|(first, second)| [first, second])
+            .unwrap_or_default();
         Some(Offset {
-            halves: halves.map_or([[0.0; 3]; 2], |(first, second)| [first, second]),
+            halves: halves.map(|half| half.body),
+            halves_sigma: halves.map(|half| half.sigma),
             ..offset
         })
     }
@@ -162,6 +168,7 @@ impl Sums {
                 more / (1.0 + more)
             }),
             halves: [[0.0; 3]; 2],
+            halves_sigma: [[0.0; 3]; 2],
             latency: with.x[LATENCY],
             latency_sigma: with.sigma[LATENCY],
             latency_explained: explained(&without_latency),
