@@ -1,17 +1,20 @@
-//! The axes of a magnetometer: how the field turns in the body has to be how the body turns in the field.
+//! The axes of a magnetometer and of the gyros beside it: how the field turns in the body has to be how the body turns in the field.
 //!
 //! ```text
-//! Δ(P m) = −ω Δt × (P m̄ − b)     over each interval in which the unit turns
+//! Δ(P m) = −k ω Δt × (P m̄ − b)     over each interval in which the unit turns
 //! ```
 //!
-//! m is measured, ω the angular rate of the inertial unit, b the field of the body, found by least squares. P is each of the signed
-//! permutations of the axes, those of a left hand too. P and −P turn alike: which it is, is told by the field of the Earth, which
-//! points down north of the equator and up south of it. Strength and unit of the field do not matter. A vehicle that turns about one
-//! axis only leaves several P; then nothing is said.
+//! m is measured, ω the angular rate of the inertial unit, b the field of the body and k a factor, both found by least squares. P is
+//! each of the 24 rotations by quarter turns. k tells of the gyros: 1 where they are right, another number in another unit, negative
+//! where they turn the wrong way. An odd number of wrong signs of the gyros is such a turn, with axes turned by Pᵀ; of the field it is
+//! −P, which turns like P: which of the two it is, is told by the field of the Earth, which points down north of the equator and up
+//! south of it. Strength and unit of the field do not matter. A vehicle that turns about one axis only leaves several P; then only
+//! what all of them say is told.
 
-use super::judge::turned;
+use super::judge::{Compared, Comparison, Judge, LONG, sized, turned};
 use super::log::Track;
-use super::mistake::{Axes, DECLARED};
+use super::mistake::{self, Axes, DECLARED, Whole, complete, differing, handedness};
+use super::regression::FAR;
 use nalgebra::{Matrix3, Vector3};
 
 /// Intervals that are tried \[s\]: short ones for what is turned by hand, longer ones where vehicles turn less than noise does.
@@ -30,15 +33,35 @@ const EXPLAINED: f64 = 0.3;
 /// Axes that leave less than so many times what the best ones do may be those.
 const ALIKE: f64 = 2.0;
 
+/// A scale of the gyros from one half to two is one of the instrument, not of the unit.
+const SCALE: f64 = 2.0;
+/// What gyros in degrees, declared as radians, are too large by.
+const DEGREES: f64 = 180.0 / core::f64::consts::PI;
+
+/// Which declared axis each row is, and whether its negative; `None` where the data do not decide.
+pub(super) type Known = [Option<(usize, bool)>; 3];
+
 /// What the data say of the axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Told {
-    /// The declared ones explain it as well as any.
-    AsDeclared,
-    /// These do.
+    /// The declared ones explain it as well as any; the rows of which any others would do as well are `None`.
+    AsDeclared(Known),
+    /// The axes of the field are these.
     Other(Axes),
-    /// Too few turns, about too few axes, or a field that follows no axes.
-    Untold,
+    /// The gyros turn the other way: their axes are these.
+    Gyros(Known),
+    /// The gyros are too small by a factor.
+    Small(f64),
+    /// Too few turns.
+    Few,
+    /// The field does not follow the gyros, whatever the axes.
+    Unexplained,
+}
+
+impl Told {
+    const fn is_told(&self) -> bool {
+        !matches!(self, Self::Few | Self::Unexplained)
+    }
 }
 
 /// How much of the field points along gravity, at least, where its sign tells.
@@ -47,34 +70,54 @@ const STEEP: f64 = 0.2;
 /// Sums over intervals, of one choice of axes.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
-    /// Of c², c = Δ(P m) + ω Δt × P m̄.
-    cc: f64,
-    /// Of Wᵀc, W = \[ω Δt ×\], and of WᵀW.
-    wc: Vector3<f64>,
-    ww: Matrix3<f64>,
+    /// Of d², d = Δ(P m).
+    dd: f64,
+    /// Of w·d and w², w = −ω Δt × P m̄.
+    wd: f64,
+    ww: f64,
+    /// Of Wᵀd and Wᵀw, W = −\[ω Δt ×\], and of WᵀW.
+    bd: Vector3<f64>,
+    bw: Vector3<f64>,
+    bb: Matrix3<f64>,
 }
 
 impl Sums {
     fn plus(&self, other: &Self) -> Self {
         Self {
-            cc: self.cc + other.cc,
-            wc: self.wc + other.wc,
+            dd: self.dd + other.dd,
+            wd: self.wd + other.wd,
             ww: self.ww + other.ww,
+            bd: self.bd + other.bd,
+            bw: self.bw + other.bw,
+            bb: self.bb + other.bb,
         }
     }
 
-    /// The best field of the body.
-    fn body(&self) -> Vector3<f64> {
-        // About an axis that it does not turn about nothing tells of it.
-        let ridge = Matrix3::identity() * (1e-6 * self.ww.trace());
-        (self.ww + ridge)
-            .try_inverse()
-            .map_or_else(Vector3::zeros, |inverse| inverse * self.wc)
+    fn inverse(&self) -> Matrix3<f64> {
+        // About an axis that it does not turn about nothing tells of the field of the body.
+        let ridge = Matrix3::identity() * (1e-6 * self.bb.trace());
+        (self.bb + ridge).try_inverse().unwrap_or_else(Matrix3::zeros)
+    }
+
+    /// The best factor of the gyros.
+    fn factor(&self) -> f64 {
+        let inverse = self.inverse();
+        let (along, size) = (
+            self.wd - self.bw.dot(&(inverse * self.bd)),
+            self.ww - self.bw.dot(&(inverse * self.bw)),
+        );
+        if size > 0.0 { along / size } else { 0.0 }
+    }
+
+    /// The best field of the body for a factor, times that.
+    fn body(&self, factor: f64) -> Vector3<f64> {
+        self.inverse() * (self.bw * factor - self.bd)
     }
 
     /// What that leaves of it.
-    fn left(&self) -> f64 {
-        self.cc - self.wc.dot(&self.body())
+    fn left(&self, factor: f64) -> f64 {
+        let rest = self.bw * factor - self.bd;
+        self.dd - 2.0 * factor * self.wd + factor.powi(2) * self.ww - rest.dot(&self.body(factor))
     }
 }
 
@@ -86,54 +129,102 @@ struct Interval {
     down: Vector3<f64>,
 }
 
-/// Judges the axes of a field by the rates and forces of a unit, on this side of the equator, where that is known; also how many
-/// intervals tell of it.
+/// Judges the axes of a field by the rates and forces of a unit, on this side of the equator, where that is known, and the rates by
+/// the field; also how many intervals tell of it.
 pub(super) fn judge(field: &Track, rates: &Track, forces: &Track, is_north: Option<bool>) -> (Told, usize) {
     let judged = STEPS.map(|step| judge_by(&intervals(field, rates, forces, step), is_north));
-    judged.into_iter().find(|(told, _)| *told != Told::Untold).unwrap_or(judged[0])
+    let other = |factor: f64| {
+        let rates = Track {
+            values: rates.values.iter().map(|v| v.map(|v| v * factor)).collect(),
+            ..rates.clone()
+        };
+        let by = |step| judge_by(&intervals(field, &rates, forces, step), is_north);
+        let is_right = |(told, _): &(Told, usize)| matches!(told, Told::AsDeclared(_));
+        let found = STEPS.into_iter().map(by).find(is_right);
+        found.map(|(_, count)| (Told::Small(factor), count))
+    };
+    let told = judged.into_iter().find(|(told, _)| told.is_told());
+    // In another unit they may seem to rest.
+    told.or_else(|| [DEGREES, 1.0 / DEGREES].into_iter().find_map(other))
+        .unwrap_or(judged[0])
 }
 
 fn judge_by(intervals: &[Interval], is_north: Option<bool>) -> (Told, usize) {
-    let untold = (Told::Untold, intervals.len());
-    if intervals.len() < PARTS * ENOUGH {
-        return untold;
+    let count = intervals.len();
+    if count < PARTS * ENOUGH {
+        return (Told::Few, count);
     }
-    // One of each pair of opposites.
-    let all: Vec<Axes> = permutations().into_iter().filter(|axes| !axes[0].1).collect();
-    let part = |p: usize| p * intervals.len() / PARTS..(p + 1) * intervals.len() / PARTS;
+    let all: Vec<Axes> = permutations().into_iter().filter(|axes| handedness(axes) > 0.0).collect();
+    let part = |p: usize| p * count / PARTS..(p + 1) * count / PARTS;
     let parts: Vec<Vec<Sums>> = (0..PARTS)
         .map(|p| all.iter().map(|axes| sums(axes, &intervals[part(p)])).collect())
         .collect();
     let whole: Vec<Sums> = (0..all.len())
         .map(|k| parts.iter().fold(Sums::default(), |sum, part| sum.plus(&part[k])))
         .collect();
-    let left: Vec<f64> = whole.iter().map(Sums::left).collect();
+    let factors: Vec<f64> = whole.iter().map(Sums::factor).collect();
+    let left: Vec<f64> = whole.iter().zip(&factors).map(|(sums, factor)| sums.left(*factor)).collect();
     let Some(best) = (0..all.len()).min_by(|a, b| left[*a].total_cmp(&left[*b])) else {
-        return untold;
+        return (Told::Few, count);
     };
-    let declared = all.iter().position(|axes| *axes == DECLARED).unwrap_or(best);
     let change: f64 = intervals.iter().map(|i| i.change.norm_squared()).sum();
-    let alike = left.iter().filter(|l| **l < ALIKE * left[best]).count();
-    let better = parts.iter().filter(|part| part[best].left() < part[declared].left()).count();
-    let is_other = left[best] < BETTER * left[declared] && better >= PARTS_BETTER;
-    let told = if left[best] > EXPLAINED * change {
-        Told::Untold
-    } else if alike == 1 && (is_other || best == declared) {
-        // Of what points up where it has to point down all signs are wrong.
-        let down = steepness(&all[best], whole[best].body(), intervals);
-        match is_north.filter(|_| down.abs() > STEEP).map(|is_north| (down > 0.0) == is_north) {
-            Some(true) if is_other => Told::Other(all[best]),
-            Some(false) => Told::Other(all[best].map(|(axis, negative)| (axis, !negative))),
-            Some(true) => Told::AsDeclared,
-            None if is_other => Told::Untold,
-            None => Told::AsDeclared,
-        }
-    } else if left[declared] < ALIKE * left[best] {
-        Told::AsDeclared
-    } else {
-        Told::Untold
+    if left[best] > EXPLAINED * change {
+        return (Told::Unexplained, count);
+    }
+    let declared = all.iter().position(|axes| *axes == DECLARED).unwrap_or(best);
+    let is_alike = |k: usize| left[k] < ALIKE * left[best];
+    let alike = || (0..all.len()).filter(|k| is_alike(*k));
+    let is_size = |factor: f64| (1.0 / SCALE..SCALE).contains(&factor);
+    let is_sized = |k: usize| is_size(factors[k]);
+    // What those that are alike agree on.
+    let agreed = || {
+        let of = |k: usize| gyros(&all[k], factors[k] < 0.0);
+        let first = of(best);
+        [0, 1, 2].map(|row| alike().all(|k| of(k)[row] == first[row]).then_some(first[row]))
     };
-    (told, intervals.len())
+    let better = parts
+        .iter()
+        .filter(|part| part[best].left(factors[best]) < part[declared].left(1.0))
+        .count();
+    let is_other = left[best] < BETTER * whole[declared].left(1.0) && better >= PARTS_BETTER;
+    let told = if is_alike(declared) && is_sized(declared) {
+        match alike().count() {
+            1 => sided(&all[best], &whole[best], intervals, is_north, false),
+            _ => Told::AsDeclared(agreed()),
+        }
+    } else if !is_other {
+        Told::Unexplained
+    } else if alike().all(|k| is_size(-factors[k])) {
+        Told::Gyros(agreed())
+    } else if is_alike(declared) && alike().all(|k| factors[k] > 0.0 && !is_sized(k)) {
+        Told::Small(factors[declared])
+    } else if alike().count() == 1 && is_sized(best) {
+        sided(&all[best], &whole[best], intervals, is_north, true)
+    } else {
+        Told::Unexplained
+    };
+    (told, count)
+}
+
+/// The axes of a field, or their opposites: of what points up where it has to point down all signs are wrong.
+fn sided(axes: &Axes, sums: &Sums, intervals: &[Interval], is_north: Option<bool>, is_other: bool) -> Told {
+    let factor = sums.factor();
+    let down = steepness(axes, sums.body(factor) / factor, intervals);
+    match is_north.filter(|_| down.abs() > STEEP).map(|is_north| (down > 0.0) == is_north) {
+        Some(true) if is_other => Told::Other(*axes),
+        Some(false) => Told::Other(axes.map(|(axis, negative)| (axis, !negative))),
+        None if is_other => Told::Unexplained,
+        _ => Told::AsDeclared(DECLARED.map(Some)),
+    }
+}
+
+/// The axes of the gyros, where those of the field are right, that explain the same: Pᵀ, or −Pᵀ.
+fn gyros(axes: &Axes, is_reversed: bool) -> Axes {
+    let mut gyros = DECLARED;
+    for (row, (axis, negative)) in axes.iter().enumerate() {
+        gyros[*axis] = (row, *negative != is_reversed);
+    }
+    gyros
 }
 
 /// How much of the Earth's field points down: from −1 to 1.
@@ -169,21 +260,100 @@ fn intervals(field: &Track, rates: &Track, forces: &Track, step: f64) -> Vec<Int
 
 fn sums(axes: &Axes, intervals: &[Interval]) -> Sums {
     intervals.iter().fold(Sums::default(), |sum, i| {
-        let c = turned(&i.change, axes) + i.angle.cross(&turned(&i.mean, axes));
-        let w = i.angle.cross_matrix();
+        let (d, w) = (turned(&i.change, axes), -i.angle.cross(&turned(&i.mean, axes)));
+        let b = -i.angle.cross_matrix();
         sum.plus(&Sums {
-            cc: c.norm_squared(),
-            wc: w.transpose() * c,
-            ww: w.transpose() * w,
+            dd: d.norm_squared(),
+            wd: w.dot(&d),
+            ww: w.norm_squared(),
+            bd: b.transpose() * d,
+            bw: b.transpose() * w,
+            bb: b.transpose() * b,
         })
     })
 }
 
 /// All signed permutations.
-fn permutations() -> Vec<Axes> {
+pub(super) fn permutations() -> Vec<Axes> {
     const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
     let signs = |order: [usize; 3]| (0..8).map(move |s: usize| core::array::from_fn(|row| (order[row], s >> row & 1 == 1)));
     ORDERS.into_iter().flat_map(signs).collect()
+}
+
+impl Judge<'_> {
+    /// Compares every magnetic field with the turns of the inertial unit, where nothing speaks against that.
+    pub(super) fn fields(&mut self) {
+        let mut units = self.all("angular_rate").into_iter().filter(|rates| !self.is_reference(rates));
+        let Some((rates, forces)) = units.find_map(|rates| self.beside(&rates, "specific_force").map(|forces| (rates, forces))) else {
+            return;
+        };
+        let origin = self.design.run.origin.map(|place| place.latitude.si());
+        let fix = || self.all("position").first().map(|track| track.values[0][0]);
+        let is_north = origin.or_else(fix).map(|latitude| latitude > 0.0);
+        for track in self.all("magnetic_field") {
+            let with = format!("the turns of {}", self.name(&rates));
+            if !self.found.mistakes.is_empty() {
+                self.untold(&track, &with, "not judged while something else is wrong");
+                continue;
+            }
+            let (told, samples) = judge(&track, &rates, &forces, is_north);
+            self.field(&track, &rates, &with, &told, samples);
+        }
+    }
+
+    /// Tells what a magnetic field and the turns of the inertial unit say of each other.
+    fn field(&mut self, track: &Track, rates: &Track, with: &str, told: &Told, samples: usize) {
+        let name = self.name(track);
+        // Of the two, which is wrong.
+        let (wrong, with) = match told {
+            Told::Gyros(_) | Told::Small(_) => (rates, format!("the turns of {name}")),
+            _ => (track, with.to_owned()),
+        };
+        let verdict = match told {
+            Told::AsDeclared(known) => match mistake::of_rows(false, |row| known[row].is_none()) {
+                open if open.is_empty() => "as declared".to_owned(),
+                _ if known.iter().all(Option::is_none) => "not decided: other axes agree as well".to_owned(),
+                open => format!(
+                    "{} as declared; {open} not decided",
+                    mistake::of_rows(false, |row| known[row].is_some())
+                ),
+            },
+            Told::Few => "not judged: a minute of turns about several axes, far from iron, would tell".to_owned(),
+            Told::Unexplained => "not decided: no axes of field or gyros explain how the field turns; small or very fast turns do not, \
+                 nor does a field that iron disturbs"
+                .to_owned(),
+            Told::Other(axes) => differing(&axes.map(Some), false),
+            Told::Gyros(known) => match differing(known, false) {
+                known if known.is_empty() => "the wrong way round: which axis is not decided".to_owned(),
+                known => known,
+            },
+            Told::Small(small) => sized(*small),
+        };
+        self.found.comparisons.push(Comparison {
+            what: self.name(wrong),
+            with: with.clone(),
+            samples,
+            correlation: Vec::new(),
+            margin: 0.0,
+            verdict,
+        });
+        let compared = Compared {
+            with: &with,
+            is_world: false,
+            limit: FAR,
+            lack: LONG,
+            shift: 0.0,
+            axes: None,
+            or: None,
+        };
+        let mistake = match told {
+            Told::Other(axes) => self.axes(track, &axes.map(Some), Some(Whole { axes: *axes, open: None }), &compared),
+            Told::Gyros(known) if *known != [None; 3] => self.axes(rates, known, complete(*known, |_, _| None), &compared),
+            Told::Small(small) => self.factor(rates, &with, *small, 0.25),
+            _ => return,
+        };
+        self.found.mistakes.push(mistake);
+    }
 }
 
 #[cfg(test)]
@@ -199,6 +369,7 @@ mod tests {
             values,
             rate: 100.0,
             integrates: true,
+            way: Vec::new(),
         };
         let mut attitude = nalgebra::UnitQuaternion::identity();
         let (mut rate_sum, mut field_sum, mut force_sum) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros());
@@ -227,6 +398,8 @@ mod tests {
         ]
     }
 
+    const RIGHT: Told = Told::AsDeclared([Some((0, false)), Some((1, false)), Some((2, false))]);
+
     fn told([field, rates, forces]: &[Track; 3], is_north: Option<bool>) -> Told {
         judge(field, rates, forces, is_north).0
     }
@@ -235,19 +408,15 @@ mod tests {
     fn every_signed_permutation_is_found_of_a_unit_that_turns_about_all_axes() {
         for axes in permutations() {
             let unit = unit(3, &axes);
-            let expected = if axes == DECLARED { Told::AsDeclared } else { Told::Other(axes) };
+            let expected = if axes == DECLARED { RIGHT } else { Told::Other(axes) };
             assert_eq!(told(&unit, Some(true)), expected, "{axes:?}");
             // South of the equator the same numbers mean the opposite axes.
             let opposite = axes.map(|(axis, negative)| (axis, !negative));
-            let expected = if opposite == DECLARED {
-                Told::AsDeclared
-            } else {
-                Told::Other(opposite)
-            };
+            let expected = if opposite == DECLARED { RIGHT } else { Told::Other(opposite) };
             assert_eq!(told(&unit, Some(false)), expected, "{axes:?}");
             // Where nobody knows where it is, only what is right in one of them is told.
             let is_right = [axes, opposite].contains(&DECLARED);
-            let expected = if is_right { Told::AsDeclared } else { Told::Untold };
+            let expected = if is_right { RIGHT } else { Told::Unexplained };
             assert_eq!(told(&unit, None), expected, "{axes:?}");
         }
     }
@@ -256,10 +425,39 @@ mod tests {
     fn a_unit_that_turns_about_one_axis_accuses_no_axes_that_may_be_right() {
         // Turned about the vertical by 90°: the same turns.
         let turned = unit(1, &[(1, false), (0, true), (2, false)]);
-        assert_eq!(told(&turned, Some(true)), Told::AsDeclared);
+        assert_eq!(told(&turned, Some(true)), Told::AsDeclared([None, None, Some((2, false))]));
         // Left-handed: wrong, but others are as good.
         let left = unit(1, &[(1, false), (0, false), (2, false)]);
-        assert_eq!(told(&left, Some(true)), Told::Untold);
+        assert_eq!(told(&left, Some(true)), Told::Unexplained);
+    }
+
+    /// The unit with gyros whose axis i reads what `axes` says of the right ones, times `factor`.
+    fn with_gyros(axes: &Axes, factor: f64) -> [Track; 3] {
+        let mut unit = unit(3, &DECLARED);
+        for values in &mut unit[1].values {
+            let right = *values;
+            (0..3).for_each(|i| values[axes[i].0] = factor * if axes[i].1 { -right[i] } else { right[i] });
+        }
+        unit
+    }
+
+    #[test]
+    fn gyros_that_turn_the_wrong_way_are_found_and_no_field_is_accused() {
+        for axes in permutations().into_iter().filter(|axes| handedness(axes) < 0.0) {
+            assert_eq!(told(&with_gyros(&axes, 1.0), Some(true)), Told::Gyros(axes.map(Some)), "{axes:?}");
+        }
+    }
+
+    #[test]
+    fn gyros_in_another_unit_are_found_by_the_field() {
+        for factor in [DEGREES, 1.0 / DEGREES] {
+            let Told::Small(small) = told(&with_gyros(&DECLARED, factor), Some(true)) else {
+                panic!("{factor}: {:?}", told(&with_gyros(&DECLARED, factor), Some(true)));
+            };
+            // 10 %: over half a second of such turns an arc is no chord.
+            assert!((small * factor - 1.0).abs() < 0.1, "{factor}: {small}");
+        }
+        assert_eq!(told(&with_gyros(&DECLARED, 1.05), Some(true)), RIGHT, "a scale is none");
     }
 
     #[test]
@@ -271,6 +469,6 @@ mod tests {
             sum.iter_mut().take(3).for_each(|s| *s += random.unit());
             *values = sum;
         }
-        assert_eq!(told(&unit, Some(true)), Told::Untold);
+        assert_eq!(told(&unit, Some(true)), Told::Unexplained);
     }
 }

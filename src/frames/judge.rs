@@ -1,7 +1,6 @@
 //! The comparisons, one after the other: what was found wrong before is put right for those that follow.
 
 use super::clock::{self, Clocks};
-use super::field::{self, Told};
 use super::free;
 use super::heading::Turned;
 use super::log::{self, Track};
@@ -54,14 +53,21 @@ pub fn judge(design: &Design, options: &Options) -> Result<Judged, Diagnostics> 
     }
     let mut judge = Judge {
         design,
+        options,
         tracks: log::read(design, options)?,
         found: Judged::default(),
+        mended: Vec::new(),
     };
+    let has_time = judge.stamps();
     judge.places();
     let velocities = judge.velocities();
     let attitude = judge.attitude(&velocities);
     judge.instruments(&velocities, attitude.as_ref());
     judge.fields();
+    // What lies close together in time is read as its mean.
+    if has_time {
+        judge.ranges();
+    }
     let mut found = judge.found;
     // A parameter is told only by what is right otherwise.
     if found.mistakes.is_empty() {
@@ -74,8 +80,11 @@ pub fn judge(design: &Design, options: &Options) -> Result<Judged, Diagnostics> 
 
 pub(super) struct Judge<'a> {
     pub(super) design: &'a Design,
+    pub(super) options: &'a Options,
     pub(super) tracks: Vec<Track>,
     pub(super) found: Judged,
+    /// The tracks that were put right.
+    pub(super) mended: Vec<(usize, &'static str)>,
 }
 
 /// What is expected along some axes, with what was measured then.
@@ -147,7 +156,7 @@ pub(super) struct Compared<'a> {
     pub(super) shift: f64,
     /// Which sign an axis has, where the data do not decide.
     pub(super) axes: Option<Axes>,
-    /// What to write instead, if what it is compared with is wrong.
+    /// What to do instead, if what it is compared with is wrong.
     pub(super) or: Option<&'a str>,
 }
 
@@ -158,6 +167,12 @@ impl Judge<'_> {
 
     pub(super) fn name(&self, track: &Track) -> String {
         format!("{}.{}", self.design.sources[track.source].name, track.channel)
+    }
+
+    /// The name, of what was put right with a word on it.
+    pub(super) fn named(&self, track: &Track) -> String {
+        let is_mended = self.mended.contains(&(track.source, track.channel));
+        self.name(track) + if is_mended { ", put right" } else { "" }
     }
 
     pub(super) fn is_reference(&self, track: &Track) -> bool {
@@ -187,6 +202,9 @@ impl Judge<'_> {
         let factor = wrong_factor(fits, compared.limit);
         let wrong = differing(&known, compared.is_world);
         let mut verdict = match (wrong.is_empty(), factor) {
+            _ if known == [None; 3] && is_unsigned(track) => {
+                "not decided: no agreement, and none of its numbers changes its sign: are they 1σ?".to_owned()
+            }
             _ if known == [None; 3] => "not decided: no agreement, or too little motion".to_owned(),
             (true, None) => "as declared".to_owned(),
             (true, Some((small, _))) => sized(small),
@@ -244,7 +262,13 @@ impl Judge<'_> {
     }
 
     /// The axes of a channel are not those that are declared.
-    fn axes(&self, track: &Track, known: &[Option<(usize, bool)>; 3], whole: Option<Whole>, compared: &Compared<'_>) -> Diagnostic {
+    pub(super) fn axes(
+        &self,
+        track: &Track,
+        known: &[Option<(usize, bool)>; 3],
+        whole: Option<Whole>,
+        compared: &Compared<'_>,
+    ) -> Diagnostic {
         let node = self.node(track);
         let channel = node.at(&format!("channels.{}", track.channel));
         let &Compared { with, is_world, or, .. } = compared;
@@ -266,6 +290,10 @@ impl Judge<'_> {
                 let unknown: Vec<&str> = (0..3).filter(|i| known[*i].is_none()).map(|i| names(is_world)[i]).collect();
                 match unknown[..] {
                     [] => "two axes seem to be the same: check the columns".to_owned(),
+                    _ if is_upside_down(track, known) => format!(
+                        "a unit that is upside down has its gyros turned too: {}, and the gyros likewise; or name the axes in which it is mounted",
+                        remedy(channel, &UPSIDE_DOWN)
+                    ),
                     _ => format!(
                         "change the columns or their signs; about {} these data say nothing",
                         unknown.join(" and ")
@@ -273,12 +301,12 @@ impl Judge<'_> {
                 }
             }
         };
-        let or = or.map_or_else(String::new, |or| format!("; or, if it is the position that is wrong, {or} there"));
+        let or = or.map_or_else(String::new, |or| format!("; or, {or}"));
         at(node, track.channel, "columns", message).help(help + &or)
     }
 
     /// The numbers of a channel are too small or too large by a factor.
-    fn factor(&self, track: &Track, with: &str, small: f64, within: f64) -> Diagnostic {
+    pub(super) fn factor(&self, track: &Track, with: &str, small: f64, within: f64) -> Diagnostic {
         let message = format!("`{}` is {}, compared with {with}", self.name(track), sized(small));
         let node = self.node(track);
         let channel = node.at(&format!("channels.{}", track.channel));
@@ -291,7 +319,13 @@ impl Judge<'_> {
     /// The attitude that the instruments are compared with: one that does not contradict the course.
     fn attitude(&mut self, velocities: &[Moved]) -> Option<Seen> {
         let mut found = Vec::new();
-        for track in self.all("attitude").into_iter().chain(self.all("heading")) {
+        let moved = velocities.first().map(|moved| &moved.velocities);
+        let attitudes: Vec<Track> = self
+            .all("attitude")
+            .into_iter()
+            .filter_map(|track| self.redeclared(track, moved))
+            .collect();
+        for track in attitudes.into_iter().chain(self.all("heading")) {
             let is_reference = self.is_reference(&track);
             let is_right = velocities.first().is_none_or(|moved| self.heading(&track, moved));
             if is_right && track.channel == "attitude" {
@@ -354,6 +388,13 @@ impl Judge<'_> {
     /// Compares the stamps of a unit with those of whatever tells of turns; by how much later what it is compared with is stamped \[s\].
     fn clocks(&mut self, rates: &Track, velocities: &[Moved], attitude: Option<&Seen>) -> f64 {
         let mut told: Vec<(usize, &str, Vec<motion::Told>)> = Vec::new();
+        // What is late as declared is not late by its clock.
+        let known = |source: usize| {
+            self.delays(source, |kind| kind.ends_with("velocity"))
+                .first()
+                .copied()
+                .unwrap_or(0.0)
+        };
         let seen = attitude.map(|seen| seen.source);
         if let Some(seen) = attitude {
             told.push((seen.source, &seen.name, seen.attitudes.turns().collect()));
@@ -366,7 +407,7 @@ impl Judge<'_> {
         told.retain(|(source, ..)| *source != rates.source);
         let clocks: Vec<Clocks> = told
             .iter()
-            .map(|(source, _, legs)| clock::compare(rates, legs, &self.delays(*source), seen != Some(*source)))
+            .map(|(source, _, legs)| clock::compare(rates, legs, &self.delays(*source, |_| true), seen != Some(*source)))
             .collect();
         let apart = told.iter().zip(&clocks).filter_map(|((source, name, _), clocks)| match clocks {
             Clocks::Apart(shift) => Some((*source, *name, *shift)),
@@ -378,9 +419,9 @@ impl Judge<'_> {
         let mistakes: Vec<Diagnostic> = match (&all[..], is_alone) {
             (apart, true) => apart
                 .iter()
-                .map(|(source, name, shift)| self.shifted(*source, -shift, &self.name(rates), name))
+                .map(|(source, name, shift)| self.shifted(*source, known(*source) - shift, &self.name(rates), name))
                 .collect(),
-            ([(_, name, shift), ..], false) => vec![self.shifted(rates.source, *shift, name, &self.name(rates))],
+            ([(source, name, shift), ..], false) => vec![self.shifted(rates.source, *shift - known(*source), name, &self.name(rates))],
             ([], false) => Vec::new(),
         };
         self.found.mistakes.extend(mistakes);
@@ -390,14 +431,15 @@ impl Judge<'_> {
         }
     }
 
-    /// The delays that the design declares of what a source measures \[s\].
-    fn delays(&self, source: usize) -> Vec<f64> {
+    /// The delays that the design declares of what sensors of a type read of a source \[s\].
+    fn delays(&self, source: usize, is_asked: impl Fn(&str) -> bool) -> Vec<f64> {
         let name = &self.design.sources[source].name;
         let of = self
             .design
             .sensors
             .iter()
-            .filter(|s| s.node.get("source").and_then(Node::as_str) == Some(name));
+            .filter(|s| s.node.get("source").and_then(Node::as_str) == Some(name))
+            .filter(|s| s.node.get("type").and_then(Node::as_str).is_some_and(&is_asked));
         let declared = of.filter_map(|s| {
             let offset = s.node.get("time_offset")?;
             let offset: Duration = offset.get("initial").unwrap_or(offset).read(&mut Diagnostics::new())?;
@@ -428,52 +470,6 @@ impl Judge<'_> {
         Diagnostic::warning(message).at(place).help(help)
     }
 
-    /// Compares every magnetic field with the turns of the inertial unit, where nothing speaks against that.
-    fn fields(&mut self) {
-        let mut units = self.all("angular_rate").into_iter().filter(|rates| !self.is_reference(rates));
-        let Some((rates, forces)) = units.find_map(|rates| self.beside(&rates, "specific_force").map(|forces| (rates, forces))) else {
-            return;
-        };
-        let origin = self.design.run.origin.map(|place| place.latitude.si());
-        let fix = || self.all("position").first().map(|track| track.values[0][0]);
-        let is_north = origin.or_else(fix).map(|latitude| latitude > 0.0);
-        for track in self.all("magnetic_field") {
-            let with = format!("the turns of {}", self.name(&rates));
-            if !self.found.mistakes.is_empty() {
-                self.untold(&track, &with, "not judged while something else is wrong");
-                continue;
-            }
-            let (told, samples) = field::judge(&track, &rates, &forces, is_north);
-            let verdict = match &told {
-                Told::AsDeclared => "as declared, or turned about the axis of the turns".to_owned(),
-                Told::Untold => "not judged: a minute of turns about several axes, far from iron, would tell".to_owned(),
-                Told::Other(axes) => differing(&axes.map(Some), false),
-            };
-            self.found.comparisons.push(Comparison {
-                what: self.name(&track),
-                with: with.clone(),
-                samples,
-                correlation: Vec::new(),
-                margin: 0.0,
-                verdict,
-            });
-            if let Told::Other(axes) = told {
-                let compared = Compared {
-                    with: &with,
-                    is_world: false,
-                    limit: FAR,
-                    lack: LONG,
-                    shift: 0.0,
-                    axes: None,
-                    or: None,
-                };
-                let whole = Whole { axes, open: None };
-                let mistake = self.axes(&track, &axes.map(Some), Some(whole), &compared);
-                self.found.mistakes.push(mistake);
-            }
-        }
-    }
-
     /// Compares a specific force with gravity and with the motion; what puts it right.
     fn force(&mut self, track: &Track, moved: Option<&Moved>, attitude: Option<&Seen>, shift: f64) -> Force {
         let upright = Upright::of(track);
@@ -483,7 +479,8 @@ impl Judge<'_> {
             (None, None) => Vec::new(),
         };
         let fast = told(0.0);
-        let lag = clock::usual(track, &fast, shift);
+        let seek = if attitude.is_some() { clock::sought } else { clock::usual };
+        let lag = seek(track, &fast, shift);
         let mut fits = Expected::of(track, &fast, lag).fits();
         let is_doubtful = attitude.is_none() && doubt(&mut fits, &Expected::of(track, &told(SLOW), lag).fits());
         let mut with = match (attitude, moved) {
@@ -506,7 +503,7 @@ impl Judge<'_> {
             is_world: false,
             limit: if factor == 1.0 { FAR } else { NEAR },
             lack: LONG,
-            shift,
+            shift: if attitude.is_some() { early(lag, shift) } else { shift },
             axes: None,
             or: None,
         };
@@ -534,7 +531,8 @@ impl Judge<'_> {
             (None, None) => Vec::new(),
         };
         let fast = told(0.0);
-        let lag = clock::usual(track, &fast, shift);
+        let seek = if attitude.is_some() { clock::sought } else { clock::usual };
+        let lag = seek(track, &fast, shift);
         let mut fits = Expected::of(track, &fast, lag).fits();
         let is_doubtful = attitude.is_none() && doubt(&mut fits, &Expected::of(track, &told(SLOW), lag).fits());
         let housing = force.and_then(|(_, (known, _))| Some([known[0]?, known[1]?, known[2]?]));
@@ -542,20 +540,43 @@ impl Judge<'_> {
             let tilts = tilts(track, forces, right, lag, &moved.velocities).fits();
             (fits[0], fits[1]) = (tilts[0], tilts[1]);
         }
+        // An attitude that is right decides all axes of a unit that turns about all of them.
+        let doubt = attitude.filter(|_| known(&fits).contains(&None));
+        let doubt = doubt.map(|seen| {
+            format!(
+                "if `{}` is wrong, check the order of its numbers, `inverse` and its axes",
+                seen.name
+            )
+        });
         let compared = Compared {
             with: &with,
             is_world: false,
             limit: if attitude.is_some() { NEAR } else { FAR },
             lack: if attitude.is_some() { LONG } else { FAST },
-            shift,
+            shift: if attitude.is_some() { early(lag, shift) } else { shift },
             axes: housing,
-            or: None,
+            or: doubt.as_deref(),
         };
         self.compare(track, &fits, &compared);
         if is_doubtful {
             self.untold(track, &format!("the turns over {SLOW} s"), WAVES);
         }
     }
+}
+
+/// Turned about the forward axis by half a turn.
+const UPSIDE_DOWN: Axes = [(0, false), (1, true), (2, true)];
+
+/// Whether of a unit gravity alone is known, and points up.
+fn is_upside_down(track: &Track, known: &[Option<(usize, bool)>; 3]) -> bool {
+    track.channel == "specific_force" && *known == [None, None, Some((2, true))]
+}
+
+/// Whether a velocity moves, and never the other way along any axis.
+fn is_unsigned(track: &Track) -> bool {
+    let one_way = |i: usize| track.values.iter().all(|v| v[i] >= 0.0) || track.values.iter().all(|v| v[i] <= 0.0);
+    let moves = track.values.iter().any(|v| v[0] != 0.0 && v[1] != 0.0);
+    track.channel == "velocity" && moves && (0..3).all(one_way)
 }
 
 /// An attitude that the instruments are compared with.
@@ -569,6 +590,11 @@ struct Seen {
 const FAST: &str = "not judged: a minute of turns at more than 2 m/s would tell";
 /// ... and by what needs none.
 pub(super) const LONG: &str = "not judged: both together for a minute would tell";
+
+/// The shift that is told: that of the clocks, or a lag that is earlier than what is smoothed in both directions \[s\].
+fn early(lag: f64, shift: f64) -> f64 {
+    if lag - shift < -0.25 { lag } else { shift }
+}
 
 /// Longer than waves, and than the steps of a walk \[s\]: what is read off a course has to be true over such intervals too.
 const SLOW: f64 = 15.0;

@@ -7,7 +7,9 @@ use crate::run::{Options, data_dir, open_one};
 use crate::source::OpenContext;
 use fusion_core::time::Time;
 use fusion_models::block::Channel;
+use fusion_models::units::{Dimensional, dim};
 use fusion_models::vocabulary::channel;
+use nalgebra::Vector3;
 
 /// Samples of positions, velocities and attitudes are at least this far apart \[s\]: below it the slope of a
 /// position is mostly its noise.
@@ -18,7 +20,7 @@ const GRID: f64 = 0.1;
 const LONGEST: f64 = 1.0;
 
 /// The channels that are compared; of the first three the means over intervals are wanted, of the others the values.
-pub(super) const COMPARED: [Channel; 7] = [
+pub(super) const COMPARED: [Channel; 8] = [
     channel::ANGULAR_RATE,
     channel::SPECIFIC_FORCE,
     channel::MAGNETIC_FIELD,
@@ -26,6 +28,7 @@ pub(super) const COMPARED: [Channel; 7] = [
     channel::VELOCITY,
     channel::ATTITUDE,
     channel::HEADING,
+    Channel::vector("pressure", 1, dim::Pressure::KIND.dimension),
 ];
 
 /// A channel of a source over time.
@@ -42,11 +45,13 @@ pub(super) struct Track {
     /// Rows per second.
     pub(super) rate: f64,
     pub(super) integrates: bool,
+    /// Of a velocity that is thinned out, its integral over all samples: what lies between those that are kept counts in its means.
+    pub(super) way: Vec<(f64, Vector3<f64>)>,
 }
 
 impl Track {
     /// The mean over an interval; `None` where the log does not cover it.
-    pub(super) fn mean(&self, from: f64, to: f64) -> Option<nalgebra::Vector3<f64>> {
+    pub(super) fn mean(&self, from: f64, to: f64) -> Option<Vector3<f64>> {
         let (a, b) = (self.integral(from)?, self.integral(to)?);
         let first = self.times.partition_point(|t| *t <= from);
         let last = self.times.partition_point(|t| *t < to).min(self.times.len() - 1);
@@ -55,9 +60,9 @@ impl Track {
         (is_whole && to > from).then(|| (b - a) / (to - from))
     }
 
-    fn integral(&self, at: f64) -> Option<nalgebra::Vector3<f64>> {
+    fn integral(&self, at: f64) -> Option<Vector3<f64>> {
         let next = self.times.partition_point(|t| *t < at);
-        let vector = |i: usize| nalgebra::Vector3::new(self.values[i][0], self.values[i][1], self.values[i][2]);
+        let vector = |i: usize| Vector3::new(self.values[i][0], self.values[i][1], self.values[i][2]);
         match next {
             0 => (*self.times.first()? == at).then(|| vector(0)),
             n if n == self.times.len() => None,
@@ -76,6 +81,7 @@ struct Keeper {
     width: usize,
     delay: f64,
     sum: [f64; 4],
+    before: Option<Vector3<f64>>,
     last: f64,
     first: f64,
     count: f64,
@@ -96,6 +102,9 @@ impl Keeper {
             self.sum.iter_mut().zip(kept).for_each(|(sum, v)| *sum += v * covered);
             kept = self.sum;
         }
+        if self.track.channel == "velocity" {
+            self.travel(t, step, Vector3::new(kept[0], kept[1], kept[2]));
+        }
         self.first = self.first.min(t);
         self.count += 1.0;
         self.last = t;
@@ -107,8 +116,22 @@ impl Keeper {
         }
     }
 
+    /// Adds the way since the last velocity.
+    fn travel(&mut self, t: f64, step: f64, v: Vector3<f64>) {
+        let way = self.before.map_or_else(Vector3::zeros, |before| (before + v) * (step / 2.0));
+        self.before = Some(v);
+        (0..3).for_each(|i| self.sum[i] += way[i]);
+        if self.track.way.last().is_none_or(|(last, _)| t - last >= GRID - 1e-3) {
+            self.track.way.push((t, Vector3::new(self.sum[0], self.sum[1], self.sum[2])));
+        }
+    }
+
     fn finish(mut self) -> Track {
         self.track.rate = (self.count - 1.0).max(0.0) / (self.last - self.first).max(GRID);
+        // Nothing lies between samples that are all kept.
+        if self.count as usize == self.track.times.len() {
+            self.track.way.clear();
+        }
         self.track
     }
 }
@@ -116,28 +139,34 @@ impl Keeper {
 /// Reads the sources of a design, as it decodes them, over the time that it runs.
 pub(super) fn read(design: &Design, options: &Options) -> Result<Vec<Track>, Diagnostics> {
     let (mut d, mut tracks) = (Diagnostics::new(), Vec::new());
-    for (number, named) in design.sources.iter().enumerate() {
-        let context = OpenContext {
-            data_dir: data_dir(design, options),
-            name: named.name.clone(),
-            origin: design.run.origin.map(Into::into),
-            seed: options.seed.unwrap_or(design.run.seed),
-            ..OpenContext::default()
-        };
-        let mut rows = match open_one(&named.block, &context) {
-            Ok(rows) => rows,
-            Err(error) => {
-                d.extend(error.diagnostics(&named.node));
-                continue;
-            }
-        };
-        let mut keepers = keepers(number, rows.as_ref());
-        if let Err(error) = feed(design, rows.as_mut(), &mut keepers) {
-            d.extend(error.diagnostics(&named.node));
+    for number in 0..design.sources.len() {
+        match read_source(design, options, number) {
+            Ok(read) => tracks.extend(read),
+            Err(found) => d.extend(found.iter().cloned()),
         }
-        tracks.extend(keepers.into_iter().map(Keeper::finish).filter(|t| !t.times.is_empty()));
     }
     d.unless_errors(tracks)
+}
+
+/// Reads one source of a design.
+pub(super) fn read_source(design: &Design, options: &Options, number: usize) -> Result<Vec<Track>, Diagnostics> {
+    let named = &design.sources[number];
+    let context = OpenContext {
+        data_dir: data_dir(design, options),
+        name: named.name.clone(),
+        origin: design.run.origin.map(Into::into),
+        seed: options.seed.unwrap_or(design.run.seed),
+        ..OpenContext::default()
+    };
+    let wrong = |error: crate::rows::SourceError| {
+        let mut d = Diagnostics::new();
+        d.extend(error.diagnostics(&named.node));
+        d
+    };
+    let mut rows = open_one(&named.block, &context).map_err(wrong)?;
+    let mut keepers = keepers(number, rows.as_ref());
+    feed(design, rows.as_mut(), &mut keepers).map_err(wrong)?;
+    Ok(keepers.into_iter().map(Keeper::finish).filter(|t| !t.times.is_empty()).collect())
 }
 
 fn keepers(source: usize, rows: &dyn RowStream) -> Vec<Keeper> {
@@ -155,11 +184,13 @@ fn keepers(source: usize, rows: &dyn RowStream) -> Vec<Keeper> {
             values: Vec::new(),
             rate: 0.0,
             integrates: number < 3,
+            way: Vec::new(),
         },
         offset: p.offset,
         width: p.channel.width,
         delay: p.delay_ns as f64 * 1e-9,
         sum: [0.0; 4],
+        before: None,
         last: f64::NEG_INFINITY,
         first: f64::INFINITY,
         count: 0.0,
@@ -168,7 +199,7 @@ fn keepers(source: usize, rows: &dyn RowStream) -> Vec<Keeper> {
 }
 
 /// The names of [`COMPARED`].
-pub(super) const NAMES: [&str; 7] = [
+pub(super) const NAMES: [&str; 8] = [
     "angular_rate",
     "specific_force",
     "magnetic_field",
@@ -176,6 +207,7 @@ pub(super) const NAMES: [&str; 7] = [
     "velocity",
     "attitude",
     "heading",
+    "pressure",
 ];
 
 fn feed(design: &Design, rows: &mut dyn RowStream, keepers: &mut [Keeper]) -> Result<(), crate::rows::SourceError> {

@@ -164,6 +164,14 @@ fn units(channel: &str, is_increment: bool) -> &'static [&'static str] {
     }
 }
 
+/// Whether a factor is that between two units of velocity, one of which is m/s, within 5 %.
+pub(super) fn is_of_velocities(factor: f64) -> bool {
+    let sizes = units("velocity", false).iter().filter_map(|unit| parse_unit(unit).ok());
+    sizes
+        .map(|(size, _)| size)
+        .any(|size| (factor.ln().abs() - size.ln().abs()).abs() < 0.05)
+}
+
 /// What a wrong factor may come from, and what to write; `small` is by how much the numbers are too small, known to `within` in its
 /// logarithm, and `rate` how many samples a second has.
 pub(super) fn unit(node: Option<&Node>, channel: &str, small: f64, within: f64, rate: f64) -> Option<String> {
@@ -176,18 +184,21 @@ pub(super) fn unit(node: Option<&Node>, channel: &str, small: f64, within: f64, 
     if scale != 1.0 && is(1.0 / scale) {
         return Some("it would fit without the `scale`: leave it out".to_owned());
     }
-    if matches!(channel, "angular_rate" | "specific_force") && !is_increment && is(rate) {
-        return Some("the columns hold increments over a sample: write `increment = true`".to_owned());
-    }
-    if is_increment && is(1.0 / rate) {
-        return Some("the columns hold rates, no increments: leave out `increment`".to_owned());
-    }
     let declared_size = size(declared)?;
     let away = |unit: &str| Some((size(unit)? / (declared_size * scale * small)).ln().abs());
     let nearest = all.iter().filter_map(|unit| Some((away(unit)?, *unit)));
-    let (_, unit) = nearest
+    let nearest = nearest
         .filter(|(away, unit)| *away < within && *unit != declared)
-        .min_by(|a, b| a.0.total_cmp(&b.0))?;
+        .min_by(|a, b| a.0.total_cmp(&b.0));
+    // 50 rows a second are near the degrees of a radian.
+    let is_nearer = |factor: f64| is(factor) && nearest.is_none_or(|(away, _)| (small / factor).ln().abs() < away);
+    if matches!(channel, "angular_rate" | "specific_force") && !is_increment && is_nearer(rate) {
+        return Some("the columns hold increments over a sample: write `increment = true`".to_owned());
+    }
+    if is_increment && is_nearer(1.0 / rate) {
+        return Some("the columns hold rates, no increments: leave out `increment`".to_owned());
+    }
+    let (_, unit) = nearest?;
     Some(format!(
         "`{declared}` is declared, the numbers fit `{unit}`: write `unit = {unit:?}`"
     ))

@@ -6,10 +6,11 @@
 //! | position | the origin of the design, the position of the reference (`place.rs`) |
 //! | velocity | the slope of the position of its source, or of another (`world.rs`) |
 //! | stamps of an inertial unit | whatever tells of turns, shifted against it (`clock.rs`) |
-//! | attitude, heading | the course |
+//! | attitude, heading | the course; forces and rates of the inertial unit together (`redeclared.rs`) |
 //! | specific force | gravity; the slope of the velocity, ahead and to the right of the course |
 //! | angular rate | the turn of the attitude, or of the course and of the direction of gravity |
-//! | magnetic field | how the field turns in an inertial unit (`field.rs`) |
+//! | magnetic field | how the field turns in an inertial unit, and the unit in the field (`field.rs`) |
+//! | pressure of the air, field, rows of an inertial unit | what there is on Earth (`range.rs`) |
 //! | fixed lever arms, mountings, scales, declinations, latencies of sensors | what the filter of the design estimates in their place |
 //!
 //! A comparison is a regression of what is expected along one axis on each measured axis (`regression.rs`). A mistake
@@ -30,6 +31,8 @@ mod log;
 mod mistake;
 mod motion;
 mod place;
+mod range;
+mod redeclared;
 mod regression;
 mod upright;
 mod world;

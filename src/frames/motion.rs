@@ -9,7 +9,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 /// A course is judged above this horizontal speed \[m/s\]: 0.1 m/s of noise are 3° there.
 pub(super) const MIN_SPEED: f64 = 2.0;
 /// Samples further apart say little of what was between \[s\].
-const LONGEST: f64 = 3.0;
+pub(super) const LONGEST: f64 = 3.0;
 /// Gravity \[m/s²\], to what a comparison needs.
 pub(super) const GRAVITY: f64 = 9.81;
 
@@ -37,6 +37,8 @@ pub(super) fn slopes(track: &Track, seconds: f64) -> Vec<Told> {
 pub(super) struct Velocities {
     pub(super) times: Vec<f64>,
     pub(super) values: Vec<Vector3<f64>>,
+    /// The way up to some times, where it is known better than by these samples.
+    way: Vec<(f64, Vector3<f64>)>,
 }
 
 /// From one velocity to the next.
@@ -53,6 +55,7 @@ impl Velocities {
         Self {
             times: track.times.clone(),
             values: track.values.iter().map(|v| Vector3::new(v[0], v[1], v[2])).collect(),
+            way: track.way.clone(),
         }
     }
 
@@ -62,6 +65,7 @@ impl Velocities {
         Self {
             times: slopes.iter().map(|(from, to, _)| (from + to) / 2.0).collect(),
             values: slopes.into_iter().map(|(_, _, v)| v).collect(),
+            way: Vec::new(),
         }
     }
 
@@ -79,10 +83,26 @@ impl Velocities {
             sum += (before.1 + v) * ((t - before.0) / 2.0);
             before = (t, v);
         }
+        if let (Some(start), Some(end)) = (self.travelled(from), self.travelled(to)) {
+            sum = end - start;
+        }
         let is_whole = self.times[first.saturating_sub(1)..=last]
             .windows(2)
             .all(|t| t[1] - t[0] <= LONGEST);
         (is_whole && to > from).then(|| sum / (to - from))
+    }
+
+    /// The way up to a time, where it is known.
+    fn travelled(&self, time: f64) -> Option<Vector3<f64>> {
+        let next = self.way.partition_point(|(t, _)| *t < time);
+        let (after, there) = self.way.get(next)?;
+        match next.checked_sub(1) {
+            Some(last) => {
+                let (before, here) = self.way[last];
+                Some(here.lerp(there, (time - before) / (after - before)))
+            }
+            None => (*after == time).then_some(*there),
+        }
     }
 
     /// The mean over intervals of `seconds` at least between its samples.

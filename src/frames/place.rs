@@ -1,7 +1,9 @@
 //! Positions that are somewhere else, or go another way, than everything else says; and what may be declared wrongly of them.
 
 use super::log::Track;
+use super::motion::LONGEST;
 use crate::config::Node;
+use fusion_core::geometry::so3::wrap_angle;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::state::Manifold;
 use nalgebra::Vector3;
@@ -109,15 +111,26 @@ pub(super) fn apart(track: &Track, should: impl Fn(f64) -> Option<Geodetic>) -> 
     Some((*distances.get(middle)?, heights[middle], distances.len()))
 }
 
-/// The position of a track at a time, if it has one within a second of it.
+/// The position of a track at a time: between two samples, or the nearest within a second of it.
 pub(super) fn at(track: &Track, time: f64) -> Option<Geodetic> {
+    let place = |i: usize| Geodetic::read(&track.values[i][..3]);
     let next = track.times.partition_point(|t| *t < time);
-    let near = [next.checked_sub(1), Some(next)]
-        .into_iter()
-        .flatten()
-        .filter(|i| *i < track.times.len());
+    let (before, after) = (next.checked_sub(1), Some(next).filter(|i| *i < track.times.len()));
+    if let (Some(i), Some(next)) = (before, after)
+        && track.times[next] - track.times[i] <= LONGEST
+    {
+        let share = (time - track.times[i]) / (track.times[next] - track.times[i]);
+        let (a, b) = (place(i), place(next));
+        let of = |a: f64, b: f64| a + share * b;
+        return Some(Geodetic::new(
+            of(a.lat, b.lat - a.lat),
+            of(a.lon, wrap_angle(b.lon - a.lon)),
+            of(a.height, b.height - a.height),
+        ));
+    }
+    let near = [before, after].into_iter().flatten();
     let i = near.min_by(|a, b| (track.times[*a] - time).abs().total_cmp(&(track.times[*b] - time).abs()))?;
-    ((track.times[i] - time).abs() <= 1.0).then(|| Geodetic::read(&track.values[i][..3]))
+    ((track.times[i] - time).abs() <= 1.0).then(|| place(i))
 }
 
 /// A distance in words.
@@ -126,5 +139,34 @@ pub(super) fn shown(metres: f64) -> String {
         format!("{:.0} km", metres * 1e-3)
     } else {
         format!("{metres:.1} m")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_place_between_two_samples_lies_between_them() {
+        let track = Track {
+            source: 0,
+            channel: "position",
+            times: vec![0.0, 1.0, 9.0],
+            values: vec![
+                [0.8, PI - 1e-6, 100.0, 0.0],
+                [0.8 + 2e-6, 1e-6 - PI, 104.0, 0.0],
+                [0.8, 3.0, 0.0, 0.0],
+            ],
+            rate: 1.0,
+            integrates: false,
+            way: Vec::new(),
+        };
+        let middle = at(&track, 0.25).unwrap();
+        assert!((middle.lat - 0.8 - 0.5e-6).abs() < 1e-12 && (middle.height - 101.0).abs() < 1e-9);
+        // The shorter way, over the date line.
+        assert!((middle.lon - (PI - 0.5e-6)).abs() < 1e-12, "{}", middle.lon);
+        // Over a long gap only what is near counts.
+        assert!(at(&track, 5.0).is_none());
+        assert!((at(&track, 1.5).unwrap().height - 104.0).abs() < 1e-9);
     }
 }

@@ -54,10 +54,11 @@ impl Moved {
             pairs.for_each(|(v, m)| expected.push_all(&v, m));
             expected.fits()
         });
-        core::array::from_fn(|row| match (fast[row], slow[row]) {
+        let clearest = core::array::from_fn(|row| match (fast[row], slow[row]) {
             (Some(fast), Some(slow)) if slow.certainty > fast.certainty => Some(slow),
             (fast, slow) => fast.or(slow),
-        })
+        });
+        resolved(clearest)
     }
 
     /// Headings with courses, where it moves.
@@ -71,7 +72,7 @@ impl Moved {
 }
 
 /// Whether fits contradict what is declared.
-fn is_contradicted(fits: &[Option<Fit>; 3], limit: f64) -> bool {
+pub(super) fn is_contradicted(fits: &[Option<Fit>; 3], limit: f64) -> bool {
     let known = known(fits);
     let is_other = |row: usize| known[row].is_some_and(|k| k != (row, false));
     (0..3).any(is_other) || wrong_factor(fits, limit).is_some() || wrong_across(fits)
@@ -83,8 +84,26 @@ fn wrong_across(fits: &[Option<Fit>; 3]) -> bool {
     wrong(0) && wrong(1) && !wrong(2)
 }
 
+/// Without the axes of which the samples are too few. What swings faster than it is sampled seems to swing slowly: then velocity and
+/// slope go together with some factor, and with either sign. A unit has a factor that is known, or that another axis has too.
+fn resolved(fits: [Option<Fit>; 3]) -> [Option<Fit>; 3] {
+    let factor = |row: usize| fits[row].and_then(|f| f.wrong_factor(FAR));
+    let is_alone = |row: usize, of: f64| {
+        let mut others = (0..3).filter(|other| *other != row).filter_map(factor);
+        others.all(|other| (other / of).ln().abs() > SHARED)
+    };
+    let is_resolved = |row: usize, fit: &Fit| match factor(row) {
+        Some(of) if is_alone(row, of) => (fit.axis, fit.negative) == (row, false) && mistake::is_of_velocities(of),
+        _ => true,
+    };
+    core::array::from_fn(|row| fits[row].filter(|fit| is_resolved(row, fit)))
+}
+
+/// Factors of two axes are one, if the logarithms differ by less.
+const SHARED: f64 = 0.25;
+
 /// For or against.
-fn vote(fits: &[Option<Fit>; 3], limit: f64) -> i32 {
+pub(super) fn vote(fits: &[Option<Fit>; 3], limit: f64) -> i32 {
     match known(fits) {
         _ if is_contradicted(fits, limit) => -1,
         [None, None, None] => 0,
@@ -94,7 +113,7 @@ fn vote(fits: &[Option<Fit>; 3], limit: f64) -> i32 {
 
 impl Judge<'_> {
     fn moved(&self, track: &Track) -> Moved {
-        let name = self.name(track);
+        let name = self.named(track);
         let is_position = track.channel == "position";
         Moved {
             name: if is_position { format!("the slope of {name}") } else { name },
@@ -108,7 +127,9 @@ impl Judge<'_> {
         }
     }
 
+    /// Goes on with what has been put right.
     fn replace(&mut self, track: Track) {
+        self.mended.push((track.source, track.channel));
         if let Some(old) = self
             .tracks
             .iter_mut()
@@ -144,10 +165,10 @@ impl Judge<'_> {
         for (track, reference) in own.iter().flat_map(|t| references.iter().map(move |r| (t, r))) {
             let apart = |track: &Track| place::apart(track, |t| place::at(reference, t));
             let Some((across, height, samples)) = apart(track) else { continue };
-            let with = self.name(reference);
+            let with = self.named(reference);
             if across < FROM_REFERENCE && height < HEIGHT {
                 self.found.comparisons.push(Comparison {
-                    what: self.name(track),
+                    what: self.named(track),
                     with,
                     samples,
                     correlation: Vec::new(),
@@ -261,6 +282,7 @@ impl Judge<'_> {
             .then(|| self.change(right, wrong))
             .flatten();
         let or = or.and_then(|(change, _)| change.remedy(self.node(&right.track).at("channels.position")));
+        let or = or.map(|write| format!("if it is the position that is wrong, {write} there"));
         let compared = Compared {
             with: &right.name,
             is_world: true,
@@ -271,13 +293,17 @@ impl Judge<'_> {
             or: or.as_deref(),
         };
         let (axes, factor) = self.compare(&wrong.track, &fits, &compared);
-        let put = |v: &[f64; 4]| {
-            let right = turned(&nalgebra::Vector3::new(v[0], v[1], v[2]), &axes) * factor;
+        if (axes, factor) == (mistake::DECLARED, 1.0) {
+            return;
+        }
+        let put = |v: nalgebra::Vector3<f64>| turned(&v, &axes) * factor;
+        let values = wrong.track.values.iter().map(|v| {
+            let right = put(nalgebra::Vector3::new(v[0], v[1], v[2]));
             [right.x, right.y, right.z, v[3]]
-        };
-        let values = wrong.track.values.iter().map(put).collect();
+        });
         self.replace(Track {
-            values,
+            values: values.collect(),
+            way: wrong.track.way.iter().map(|(t, way)| (*t, put(*way))).collect(),
             ..wrong.track.clone()
         });
     }

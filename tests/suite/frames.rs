@@ -307,7 +307,7 @@ fn a_headings_frame_is_named_by_the_course() {
     let cases = [
         (&east[..], "it is counted anti-clockwise from east"),
         (&quarter[..], "the course is 90° clockwise of it"),
-        (&inverse[..], "it is counted anti-clockwise from north"),
+        (&inverse[..], "they agree with it as `inverse = false`: write that"),
     ];
     for (sets, expected) in cases {
         let Some((design, options)) = car(true, sets) else { return };
@@ -394,13 +394,16 @@ fn drive(workspace: &Workspace) {
         let f = rotation(&q((a + b) / 2.0)).transpose() * n;
         writeln!(imu, "{b},{},{},{},{},{},{}", w.x, w.y, w.z, f.x, f.y, f.z).unwrap();
     }
-    let (mut gnss, mut ahrs) = ("t,n,e,d,vn,ve,vd\n".to_owned(), "t,qw,qx,qy,qz\n".to_owned());
+    let (mut gnss, mut ahrs) = ("t,n,e,d,vn,ve,vd,sn,se,sd\n".to_owned(), "t,qw,qx,qy,qz\n".to_owned());
     let mut place = Vector3::zeros();
     for i in 0..30_000 {
         let t = f64::from(i) * 0.01;
         let (v, q) = (velocity(t), q(t));
         if i % 100 == 0 {
-            writeln!(gnss, "{t},{},{},{},{},{},{}", place.x, place.y, place.z, v.x, v.y, v.z).unwrap();
+            // 1σ that change with the sky.
+            let sigma = 0.1 + 0.03 * (0.017 * t).sin();
+            let row = [place.x, place.y, place.z, v.x, v.y, v.z, sigma, 1.2 * sigma, 2.0 * sigma];
+            writeln!(gnss, "{t},{}", row.map(|n| n.to_string()).join(",")).unwrap();
         }
         if i % 10 == 0 {
             writeln!(ahrs, "{t},{},{},{},{}", q.w, q.i, q.j, q.k).unwrap();
@@ -639,10 +642,210 @@ fn waves_do_not_accuse_a_unit_that_is_right() {
         "{warned}{compared}"
     );
     assert!(compared.contains("gnss_position.lever_arm"), "arms are judged: {compared}");
-    // Where waves hide a wrong sign, nothing else is advised.
+    // Where waves hide a wrong sign, the field tells it, and nothing else is advised.
     let (warned, compared) = said("log/wrong.toml");
+    assert_eq!(warned.matches("warning: ").count(), 1, "{warned}");
     assert!(
-        !warned.contains("warning") && compared.contains("not decided: waves"),
-        "{warned}{compared}"
+        warned.contains("the axes of `imu.angular_rate`") && warned.contains("down is minus the declared z"),
+        "{warned}"
     );
+    assert!(compared.contains("not decided: waves"), "{compared}");
+}
+
+/// Two minutes of a unit that is turned by hand about all its axes, with the field of the Earth: rows at 50 Hz.
+fn turned_by_hand(workspace: &Workspace) {
+    let rate = |t: f64| Vector3::new(0.8 * (0.7 * t).sin(), 0.6 * (1.1 * t).cos(), 0.9 * (0.5 * t + 1.0).sin());
+    let mut q = from_rpy(0.0, 0.0, 0.0);
+    let mut rows = "t,wx,wy,wz,fx,fy,fz,mx,my,mz\n".to_owned();
+    for i in 0..6000 {
+        let t = f64::from(i) * 0.02;
+        let to_body = rotation(&q).transpose();
+        let w = rate(t);
+        let (f, m) = (to_body * Vector3::new(0.0, 0.0, -9.8), to_body * Vector3::new(19.0, 1.0, 44.0));
+        writeln!(rows, "{t},{},{},{},{},{},{},{},{},{}", w.x, w.y, w.z, f.x, f.y, f.z, m.x, m.y, m.z).unwrap();
+        q *= fusion::core::geometry::so3::exp(&(rate(t + 0.01) * 0.02));
+    }
+    workspace.write("imu.csv", rows);
+}
+
+const BY_HAND: &str = r#"
+[run]
+origin = { latitude = "50 deg", longitude = "10 deg", height = "0 m" }
+[process]
+type = "attitude_only"
+source = "imu"
+gyro_noise = "0.1 deg/sqrt(s)"
+[initial.start]
+type = "explicit"
+attitude = [0, 0, 0]
+attitude_sigma = "5 deg"
+[sensor.field]
+type = "magnetometer"
+source = "imu"
+strength = "48 uT"
+inclination = "66 deg"
+declination = "3 deg"
+noise = { sigma = "1 uT" }
+[source.imu]
+type = "csv"
+path = "imu.csv"
+time = { column = "t" }
+[source.imu.channels]
+angular_rate = { columns = ["wx", "wy", "wz"], unit = "rad/s" }
+specific_force = { columns = ["fx", "fy", "fz"], unit = "m/s^2" }
+magnetic_field = { columns = ["mx", "my", "mz"], unit = "uT" }
+"#;
+
+#[test]
+fn gyros_that_turn_otherwise_than_the_field_are_accused_not_acquitted() {
+    let workspace = Workspace::new("frames-by-hand");
+    turned_by_hand(&workspace);
+    let (warnings, found) = told_of(&workspace, BY_HAND, &[]);
+    assert_eq!(warnings, "");
+    let said = found.comparisons.iter().find(|c| c.what == "imu.magnetic_field").unwrap();
+    assert_eq!(said.verdict, "as declared");
+    for (set, write) in [
+        (format!("{RATE}.columns.0=\"-wx\""), "write `columns = [\"wx\", \"wy\", \"wz\"]`"),
+        (format!("{RATE}.columns.2=\"-wz\""), "write `columns = [\"wx\", \"wy\", \"wz\"]`"),
+        (format!("{RATE}.unit=\"deg/s\""), "write `unit = \"rad/s\"`"),
+    ] {
+        let (warnings, found) = told_of(&workspace, BY_HAND, std::slice::from_ref(&set));
+        assert_eq!(warnings.matches("warning: ").count(), 1, "{set}: {warnings}{:?}", found.comparisons);
+        assert!(
+            warnings.contains("`imu.angular_rate`") && warnings.contains(write),
+            "{set}: {warnings}"
+        );
+    }
+}
+
+#[test]
+fn an_attitude_in_another_order_is_accused_and_no_unit() {
+    let workspace = Workspace::new("frames-order");
+    drive(&workspace);
+    let text = format!("{DRIVE}{AHRS}");
+    let quaternion = "source.ahrs.channels.attitude.quaternion";
+    for (set, write) in [
+        (
+            format!("{quaternion}=[\"qx\", \"qy\", \"qz\", \"qw\"]"),
+            "`quaternion = [\"qw\", \"qx\", \"qy\", \"qz\"]`: write that",
+        ),
+        (
+            "source.ahrs.channels.attitude.inverse=true".to_owned(),
+            "`inverse = false`: write that",
+        ),
+    ] {
+        let (warnings, found) = told_of(&workspace, &text, std::slice::from_ref(&set));
+        assert_eq!(warnings.matches("warning: ").count(), 1, "{set}: {warnings}");
+        assert!(
+            warnings.contains("`ahrs.attitude` contradicts") && warnings.contains(write),
+            "{set}: {warnings}"
+        );
+        let unit = found.comparisons.iter().filter(|c| c.what.starts_with("imu.") && c.samples > 0);
+        unit.for_each(|c| assert!(c.verdict.ends_with("as declared"), "{set}: {c:?}"));
+    }
+}
+
+#[test]
+fn numbers_that_are_not_of_this_earth_are_told_with_the_unit_that_fits() {
+    let workspace = Workspace::new("frames-ranges");
+    turned_by_hand(&workspace);
+    let rows = (0..200).fold("t,p\n".to_owned(), |rows, k| rows + &format!("{k},{}\n", 101_325 - k));
+    workspace.write("air.csv", rows);
+    let air = r#"
+[sensor.air]
+type = "barometer"
+source = "air"
+sea_level_pressure = "1013.25 hPa"
+noise = { sigma = "10 Pa" }
+[source.air]
+type = "csv"
+path = "air.csv"
+time = { column = "t" }
+channels.pressure = { column = "p", unit = "Pa" }
+"#;
+    let text = BY_HAND.replace(
+        "type = \"attitude_only\"\nsource = \"imu\"\ngyro_noise = \"0.1 deg/sqrt(s)\"",
+        "type = \"strapdown\"\nsource = \"imu\"\ngyro.noise = \"0.1 deg/s/sqrt(Hz)\"\naccelerometer.noise = \"1 mg/sqrt(Hz)\"",
+    ) + air;
+    for (set, write) in [
+        ("source.air.channels.pressure.unit=\"Pa\"", ""),
+        ("source.air.channels.pressure.unit=\"hPa\"", "write `unit = \"Pa\"`"),
+        ("source.imu.channels.magnetic_field.unit=\"T\"", "write `unit = \"uT\"`"),
+        ("source.imu.time.unit=\"ms\"", "write `time.unit = \"s\"`"),
+    ] {
+        let (warnings, _) = told_of(&workspace, &text, &[set.to_owned()]);
+        assert_eq!(
+            warnings.matches("warning: ").count(),
+            usize::from(!write.is_empty()),
+            "{set}: {warnings}"
+        );
+        assert!(warnings.contains(write), "{set}: {warnings}");
+    }
+}
+
+#[test]
+fn columns_of_1_sigma_are_told_from_a_velocity() {
+    let workspace = Workspace::new("frames-sigma");
+    drive(&workspace);
+    let (warnings, found) = told_of(&workspace, DRIVE, &[format!("{VELOCITY}.columns=[\"sn\", \"se\", \"sd\"]")]);
+    assert_eq!(warnings, "");
+    let said = found.comparisons.iter().find(|c| c.what == "gnss.velocity").unwrap();
+    assert!(said.verdict.ends_with("are they 1σ?"), "{said:?}");
+}
+
+#[test]
+fn utc_for_gps_time_is_told() {
+    let Some((design, options)) = car(true, &["source.gnss.time.offset=\"18 s\"".to_owned()]) else {
+        return;
+    };
+    let (warnings, _) = told(&design, &options);
+    assert!(warnings.contains("the stamps of `gnss` are about 1"), "{warnings}");
+    let offset = warnings.split("write `source.gnss.time.offset = \"").nth(1).unwrap();
+    let offset: f64 = offset.split(" s").next().unwrap().parse().unwrap();
+    // Receivers are late by up to half a second.
+    assert!(offset.abs() < 0.6, "{warnings}");
+}
+
+/// The warnings of a recorded template.
+fn warned(w: &Workspace, sets: &[&str]) -> String {
+    let sets: Vec<&str> = sets.iter().flat_map(|set| ["--set", set]).collect();
+    stderr(
+        &w.fusion(&[&["check", "log/design.toml", "--data", "log", "--format", "json"], &sets[..]].concat())
+            .success(),
+    )
+}
+
+#[test]
+fn the_stride_of_a_foot_accuses_no_axis_and_a_wrong_reference_no_unit() {
+    let w = Workspace::new("frames-foot");
+    w.fusion(&["new", "mine", "--from", "person"]).success();
+    w.fusion(&["record", "mine.toml", "--out", "log"]).success();
+    assert_eq!(warned(&w, &[]), "");
+    for every in [2, 5, 10, 20] {
+        assert_eq!(
+            warned(&w, &[&format!("source.reference.keep={{ every = {every} }}")]),
+            "",
+            "{every}"
+        );
+    }
+    for shift in ["-0.3 s", "-0.4 s", "0.3 s"] {
+        assert_eq!(warned(&w, &[&format!("source.reference.time.offset=\"{shift}\"")]), "", "{shift}");
+    }
+    let exchanged =
+        "source.reference.channels.velocity.columns=[\"velocity_east [m/s]\", \"velocity_north [m/s]\", \"velocity_down [m/s]\"]";
+    let order = "source.reference.channels.attitude.quaternion=[\"attitude_x\", \"attitude_y\", \"attitude_z\", \"attitude_w\"]";
+    for (set, accused) in [(exchanged, "`reference.velocity`"), (order, "`reference.attitude`")] {
+        let warned = warned(&w, &[set]);
+        assert_eq!(warned.matches("warning: ").count(), 1, "{warned}");
+        assert!(warned.contains(accused), "{warned}");
+    }
+}
+
+#[test]
+fn an_antenna_ahead_of_where_a_boat_turns_is_no_early_clock() {
+    let w = Workspace::new("frames-early");
+    w.fusion(&["new", "mine", "--from", "boat"]).success();
+    w.fusion(&["record", "mine.toml", "--out", "log", "--seed", "3"]).success();
+    let warned = warned(&w, &[]);
+    assert!(!warned.contains("the stamps of"), "{warned}");
 }
