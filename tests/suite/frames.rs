@@ -616,12 +616,113 @@ fn a_fixed_parameter_that_the_data_contradict_is_told_and_no_other() {
         ("sensor.gnss_position.time_offset=\"0.3 s\"", "`time_offset` of `gnss_position`"),
         ("sensor.gnss_position.lever_arm=[0, 0, 0]", "`lever_arm` of `gnss_position`"),
         ("sensor.log.mounting=[0, 0, \"8 deg\"]", "`mounting` of `log`"),
+        ("sensor.log.current=[0, 0, 0]", "`current` of `log`"),
     ] {
         let ran = w.fusion(&["check", "log/sea.toml", "--data", "log", "--set", set]).success();
         let warned = stderr(&ran);
         assert_eq!(warned.matches("warning: ").count(), 1, "{set}:\n{warned}");
         assert!(warned.contains(&format!("warning: {told} is declared as")), "{set}:\n{warned}");
     }
+}
+
+/// The log of a template, `log/design.toml`.
+fn recorded(w: &Workspace, template: &str) {
+    w.fusion(&["new", "mine", "--from", template]).success();
+    w.fusion(&["record", "mine.toml", "--seed", "3", "--out", "log"]).success();
+}
+
+/// What is warned of, and what is listed, with these changes of a recorded log.
+fn judged(w: &Workspace, sets: &[&str]) -> (String, String) {
+    let sets: Vec<&str> = sets.iter().flat_map(|set| ["--set", *set]).collect();
+    // As JSON no sentence is broken.
+    let args = [&["check", "log/design.toml", "--data", "log", "--format", "json"], &sets[..]].concat();
+    let ran = w.fusion(&args).success();
+    (stderr(&ran), stdout(&ran))
+}
+
+/// Each with one warning, which has these words.
+fn one_each(w: &Workspace, cases: &[(&[&str], &str, &str)]) {
+    for (sets, told, help) in cases {
+        let (warned, _) = judged(w, sets);
+        assert_eq!(warned.matches("warning: ").count(), 1, "{sets:?}:\n{warned}");
+        assert!(warned.contains(told) && warned.contains(help), "{sets:?}:\n{warned}");
+    }
+}
+
+#[test]
+fn of_an_underwater_vehicle_the_cause_is_told_and_not_what_acts_like_it() {
+    let w = Workspace::new("frames-auv");
+    recorded(&w, "auv");
+    // Attitude and mounting of the transceiver cancel: as states both go away from what is right.
+    let (warned, listed) = judged(&w, &[]);
+    assert_eq!(warned, "");
+    assert!(listed.contains("the data do not tell it from others: alone it is"), "{listed}");
+    let cases: [(&[&str], &str, &str); 4] = [
+        (
+            &["sensor.usbl.time_offset=\"2 s\""],
+            "`time_offset` of `usbl` is declared as",
+            "where it is estimated, it becomes 0.0",
+        ),
+        (
+            &["source.depth.channels.depth.column=\"-depth [m]\""],
+            "`depth.depth` has a wrong sign",
+            "write `column = \"depth [m]\"`",
+        ),
+        (
+            &["sensor.dvl.mounting.initial=[0, 0, \"90 deg\"]"],
+            "the axes of `dvl` are turned by -90 deg about down",
+            "write `mounting = [\"0 deg\", \"0 deg\", \"0 deg\"]`",
+        ),
+        (
+            &["sensor.usbl.attitude=[0, 0, \"90 deg\"]"],
+            "the axes of `usbl` are turned by -90 deg about down",
+            "write `attitude = [\"0 deg\", \"0 deg\", \"0 deg\"]`",
+        ),
+    ];
+    one_each(&w, &cases);
+}
+
+#[test]
+fn of_an_odometer_sign_unit_scale_and_delay_are_told() {
+    let w = Workspace::new("frames-odometer");
+    recorded(&w, "car");
+    assert_eq!(judged(&w, &[]).0, "");
+    let cases: [(&[&str], &str, &str); 6] = [
+        (
+            &["source.odometer.channels.speed.scale=-1"],
+            "the numbers of `odometer` have the wrong sign",
+            "change the sign",
+        ),
+        (
+            &["source.odometer.channels.speed.scale=3.6"],
+            "the numbers of `odometer` are too large by a factor of 3.5",
+            "leave it out",
+        ),
+        // Before that of a mounting, which would act like it.
+        (
+            &["source.odometer.time.offset=\"-0.5 s\"", "sensor.odometer.time_offset=\"0.1 s\""],
+            "`time_offset` of `odometer` is declared as",
+            "in all the delay is 0.0",
+        ),
+        (
+            &["source.odometer.time.offset=\"0.5 s\""],
+            "`time_offset` of `odometer` is left out",
+            "in all the delay is 0.0",
+        ),
+        // A latency that is declared too large is no negative one.
+        (
+            &["source.gnss.channels.position.latency=\"0.3 s\""],
+            "`time_offset` of `gnss_position` is left out",
+            "in all the delay is -0.00",
+        ),
+        // Where it would be, the other clock is late.
+        (
+            &["source.imu.time.offset=\"0.2 s\""],
+            "the stamps of `imu` are about 0.17 s late",
+            "write `source.imu.time.offset = \"0.03 s\"`",
+        ),
+    ];
+    one_each(&w, &cases);
 }
 
 #[test]

@@ -1,0 +1,212 @@
+//! What became of parameters in a run, and how probable its innovations were.
+
+use crate::observe::{Heard, RunEvent, RunObserver};
+use fusion_core::filter::Update;
+use fusion_core::runner::{Event, Halt};
+use fusion_core::state::{Belief, Block, Kind};
+use fusion_core::time::Time;
+
+/// A σ that is not below so much of its first one tells nothing.
+const LEARNT: f64 = 1.0 / 3.0;
+/// An estimate that goes so many of its first σ away is no estimate: the filter is.
+const ASTRAY: f64 = 4.0;
+/// In the second half of the data an estimate stays within so much of its way: what goes on moving follows something else.
+const STEADY: f64 = 0.3;
+/// Estimates are looked at no more often than this \[s\].
+const PERIOD: f64 = 1.0;
+/// Innovations are summed up over parts of this length \[s\].
+const PART: f64 = 20.0;
+/// What a squared number of an innovation, in units of its σ, counts at most: an outlier says no more than that it is one.
+const MOST: f64 = 9.0;
+/// The filter does not follow a sensor whose squared innovations have such a mean; 1 is expected.
+const GROSS: f64 = 2.0;
+
+/// How the parameters of the outermost filter go on.
+#[derive(Debug, Default)]
+pub(super) struct Course {
+    blocks: Vec<Block>,
+    initial: Vec<f64>,
+    /// Time, state, and 1σ of each axis.
+    told: Vec<(Time, Vec<f64>, Vec<f64>)>,
+    first: Option<Time>,
+    /// By sensor, its name and its parts.
+    sensors: Vec<(String, Vec<Part>)>,
+}
+
+/// The innovations of a sensor over part of a log.
+#[derive(Clone, Copy, Debug, Default)]
+struct Part {
+    measurements: f64,
+    numbers: f64,
+    /// Sum of the squares in units of σ.
+    squares: f64,
+    /// −2 ln of their density, but for a constant.
+    cost: f64,
+}
+
+/// What became of a parameter: by axis the difference from what is declared, and the sum of both, which of a rotation is the
+/// difference alone.
+#[derive(Clone, Debug)]
+pub(super) struct Estimate {
+    pub(super) difference: Vec<f64>,
+    pub(super) value: Vec<f64>,
+    pub(super) sigma: Vec<f64>,
+    /// Whether the 1σ has become so much smaller that something was learnt.
+    pub(super) is_learnt: Vec<bool>,
+    /// Whether it stays near its last value in the second half.
+    pub(super) is_steady: Vec<bool>,
+    /// How many of its first 1σ it went, along the axis where it went furthest.
+    pub(super) away: f64,
+}
+
+impl Estimate {
+    /// Whether it went further than its first 1σ allows.
+    pub(super) fn is_astray(&self) -> bool {
+        self.away > ASTRAY
+    }
+
+    /// What is declared along an axis; of a rotation nothing.
+    pub(super) fn declared(&self, k: usize) -> f64 {
+        self.value[k] - self.difference[k]
+    }
+}
+
+/// How much more probable the innovations of one run are than those of another.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Gain {
+    /// The difference of −2 ln of their density.
+    pub(super) total: f64,
+    /// The share of the parts of the log that are better.
+    pub(super) share: f64,
+}
+
+impl Course {
+    fn look(&mut self, filter: &Heard, belief: &Belief) {
+        if self.blocks.is_empty() {
+            self.blocks = filter.layout.blocks().to_vec();
+            self.initial = filter.layout.initial().to_vec();
+        }
+        let sigmas = self.blocks.iter().flat_map(|b| belief.covariance.sigmas(b)).collect();
+        self.told.push((belief.time, belief.x.clone(), sigmas));
+    }
+
+    fn measured(&mut self, filter: &Heard, sensor: usize, time: Time, update: &Update<'_>) {
+        if self.sensors.is_empty() {
+            self.sensors = filter.sensors.iter().map(|s| (s.name.clone(), Vec::new())).collect();
+        }
+        let at = time.seconds_since(*self.first.get_or_insert(time)) / PART;
+        let (Some((_, parts)), true) = (self.sensors.get_mut(sensor), update.nis.is_finite() && at >= 0.0) else {
+            return;
+        };
+        let at = at as usize;
+        if parts.len() <= at {
+            parts.resize(at + 1, Part::default());
+        }
+        let numbers = update.innovation_sigma.len() as f64;
+        let squares = update.nis.min(MOST * numbers);
+        let spread: f64 = update.innovation_sigma.iter().map(|sigma| 2.0 * sigma.ln()).sum();
+        let part = &mut parts[at];
+        part.measurements += 1.0;
+        part.numbers += numbers;
+        part.squares += squares;
+        part.cost += squares + spread;
+    }
+
+    /// Whether the filter does not follow a sensor.
+    pub(super) fn is_gross(&self, sensor: &str) -> bool {
+        // The beams of a Doppler log are sensors of their own.
+        let is_of = |name: &str| {
+            name.strip_prefix(sensor)
+                .is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+        };
+        let of = self.sensors.iter().filter(|(name, _)| is_of(name)).flat_map(|(_, parts)| parts);
+        let (numbers, squares) = of.fold((0.0, 0.0), |sum, part| (sum.0 + part.numbers, sum.1 + part.squares));
+        squares > GROSS * numbers
+    }
+
+    pub(super) fn is_any_gross(&self) -> bool {
+        self.sensors.iter().any(|(name, _)| self.is_gross(name))
+    }
+
+    /// What is gained over `before`, as if there were as many measurements as there. What is not estimated any more is as bad as
+    /// it can be.
+    pub(super) fn gain(&self, before: &Self) -> Gain {
+        let most = before.sensors.iter().map(|(_, parts)| parts.len()).max().unwrap_or(0);
+        let of = |part: usize| {
+            let pairs = before.sensors.iter().zip(&self.sensors);
+            let gains = pairs.filter_map(|((_, before), (_, now))| {
+                let before = before.get(part).filter(|p| p.measurements > 0.0)?;
+                let now = now.get(part).filter(|p| p.measurements > 0.0);
+                let cost = now.map_or(MOST * before.numbers, |p| p.cost / p.measurements * before.measurements);
+                Some(before.cost - cost)
+            });
+            gains.sum::<f64>()
+        };
+        let parts: Vec<f64> = (0..most).map(of).collect();
+        let better = parts.iter().filter(|gain| **gain > 0.0).count();
+        Gain {
+            total: if self.sensors.is_empty() {
+                f64::NEG_INFINITY
+            } else {
+                parts.iter().sum()
+            },
+            share: better as f64 / parts.len().max(1) as f64,
+        }
+    }
+
+    /// What became of the state `name`, which is `declared` to be, or what it starts from.
+    pub(super) fn estimate(&self, name: &str, declared: Option<&[f64]>) -> Option<Estimate> {
+        let block = self.blocks.iter().find(|b| b.name == name)?;
+        let ((start, ..), (end, last, sigma)) = (self.told.first()?, self.told.last()?);
+        let initial = &self.initial[block.storage_range()];
+        let from = |x: &[f64], base: &[f64]| {
+            let mut out = vec![0.0; block.tangent_range().len()];
+            block.kind.minus(&x[block.storage_range()], base, &mut out);
+            out
+        };
+        let base = declared
+            .filter(|d| block.kind != Kind::Attitude && d.len() == initial.len())
+            .unwrap_or(initial);
+        let (difference, way) = (from(last, base), from(last, initial));
+        let half = end.seconds_since(*start) / 2.0;
+        let second = self.told.iter().filter(|(t, ..)| end.seconds_since(*t) <= half);
+        let second: Vec<Vec<f64>> = second.map(|(_, x, _)| from(x, base)).collect();
+        let is_steady = |k: usize| second.iter().all(|d| (d[k] - difference[k]).abs() <= STEADY * difference[k].abs());
+        let sigma = sigma[block.tangent_range()].to_vec();
+        let is_learnt = |(sigma, first): (&f64, &f64)| *sigma > 0.0 && *sigma < LEARNT * first;
+        let away = way
+            .iter()
+            .zip(&block.sigma)
+            .map(|(d, first)| d.abs() / first.max(f64::MIN_POSITIVE));
+        Some(Estimate {
+            value: if block.kind == Kind::Attitude {
+                difference.clone()
+            } else {
+                last[block.storage_range()].to_vec()
+            },
+            is_learnt: sigma.iter().zip(&block.sigma).map(is_learnt).collect(),
+            is_steady: (0..difference.len()).map(is_steady).collect(),
+            away: away.fold(0.0, f64::max),
+            difference,
+            sigma,
+        })
+    }
+}
+
+impl RunObserver for Course {
+    fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
+        match event {
+            RunEvent::Estimate { filter, belief, .. }
+                if filter.is_outermost() && self.told.last().is_none_or(|(t, ..)| belief.time.seconds_since(*t) >= PERIOD) =>
+            {
+                self.look(filter, belief);
+            }
+            RunEvent::Filter {
+                filter,
+                event: Event::Updated { sensor, update, time, .. },
+            } if filter.is_outermost() => self.measured(filter, *sensor, *time, update),
+            _ => {}
+        }
+        Ok(())
+    }
+}
