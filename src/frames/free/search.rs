@@ -187,7 +187,8 @@ impl<'a> Search<'a> {
                 if tried.is_earlier(&estimate) {
                     earlier.push((tried, estimate.clone()));
                 }
-                if tried.differs(&estimate) && gain.total >= LEAST && gain.share >= SHARE {
+                // What is a state of the design already gains little: its own filter moves it too.
+                if tried.differs(&estimate) && (tried.is_state || gain.total >= LEAST && gain.share >= SHARE) {
                     keep(Some(Cause::of(tried, start, estimate, gain)), 0.0);
                 } else {
                     self.alone.insert(tried.name(), estimate);

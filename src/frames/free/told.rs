@@ -88,7 +88,7 @@ impl Tried<'_> {
         if times < certain {
             return Some(format!("{times:.1} σ from what is declared, {certain:.0} σ would be told"));
         }
-        if self.is_arm() && !e.is_near() {
+        if self.is_arm() && !e.is_near() && (0..3).any(|k| e.declared(k).abs() >= SHORTEST) {
             return Some("it goes further than an arm of this vehicle".to_owned());
         }
         // Nothing is measured before it is.
