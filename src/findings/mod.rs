@@ -142,15 +142,11 @@ impl Judged<'_> {
         let input = self.all_disagree().or_else(|| self.all_refused());
         let start = self.poor_start();
         let spikes = self.spikes();
-        let (input_far, far) = self
-            .far_parameter()
-            .filter(|_| input.is_none())
-            .map_or(
-                (None, None),
-                |(is_input, far)| {
-                    if is_input { (Some(far), None) } else { (None, Some(far)) }
-                },
-            );
+        let (input_far, far) = match self.far_parameter().filter(|_| input.is_none()) {
+            Some((true, far)) => (Some(far), None),
+            Some((false, far)) => (None, Some(far)),
+            None => (None, None),
+        };
         let refused = if input.is_some() { Vec::new() } else { self.refused() };
         let first = self.first_to_disagree(&refused);
         let never_held = self.never_held();

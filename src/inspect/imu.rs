@@ -20,6 +20,8 @@ const VALLEY: f64 = 0.1;
 const LEAK: f64 = 0.02;
 /// Factors of the limits that are tried.
 const TIMES: [f64; 4] = [2.0, 1.5, 1.25, 1.0];
+/// Windows that begin at any sample are shaken so much more than those that follow each other.
+const SLIDING: f64 = 1.1;
 /// Nothing at rest is shaken more, an idling engine included \[m/s²\].
 const SHAKEN: f64 = 1.0;
 
@@ -52,7 +54,7 @@ pub struct Rest {
     /// The same of the rates \[rad/s\].
     pub gyro_std: Vec3,
     /// Limits of a test of rest are so many times the deviations above: the largest of a few factors that hardly any
-    /// window in motion passes.
+    /// window in motion passes, but no less than all of the first rest passes.
     pub times: f64,
     /// The share of the windows in motion that pass these limits; NaN if it never moves.
     pub passing: f64,
@@ -188,7 +190,15 @@ fn rest(windows: &[Window], resting: &[bool]) -> Option<Rest> {
         return None;
     }
     let is_tight = |times: &f64| passing(*times) <= LEAK * count as f64;
-    let times = TIMES.into_iter().find(is_tight).unwrap_or(TIMES[TIMES.len() - 1]);
+    let tight = TIMES.into_iter().find(is_tight).unwrap_or(TIMES[TIMES.len() - 1]);
+    // All of the first rest has to pass: a start waits for a rest without a break, and six axes at 95 % each break it often.
+    let is_first = |w: &&Window| (first.0..first.0 + first.1).contains(&w.from);
+    let largest = |w: &Window| {
+        let ratios = (0..3).map(|i| (w.force[i].1 / accel_std[i]).max(w.rate[i].1 / gyro_std[i]));
+        ratios.fold(0.0, f64::max)
+    };
+    let needed = at_rest().filter(is_first).map(largest).fold(0.0, f64::max);
+    let times = tight.max((needed * 100.0 * SLIDING).ceil() / 100.0).min(TIMES[0]);
     // The Allan deviation of neighbouring means is the density, over a second.
     let density = |of: &dyn Fn(&Window) -> Vec3| {
         let pairs = windows.windows(2).zip(resting.windows(2)).filter(|(_, r)| r[0] && r[1]);

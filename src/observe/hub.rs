@@ -114,6 +114,14 @@ impl<'a> Hub<'a> {
         }
     }
 
+    /// The outermost filter begins anew.
+    pub(super) fn begin_outermost(&mut self) {
+        let outermost = self.filters.iter().find(|filter| filter.is_outermost());
+        if let Some(number) = outermost.map(|filter| filter.number) {
+            self.begin(number);
+        }
+    }
+
     /// The filter of that number begins anew.
     fn begin(&mut self, filter: usize) {
         if let Some(comparison) = self.comparisons.get_mut(filter) {

@@ -14,6 +14,8 @@ use fusion_core::memory::{self, Memory};
 use fusion_core::runner::{Event, Halt, Observer};
 use fusion_core::smoother::{FixedInterval, FixedLag, Link, Tape};
 use fusion_core::state::Belief;
+use fusion_core::time::Time;
+use std::collections::VecDeque;
 
 /// By which data estimates are smoothed.
 #[derive(Debug)]
@@ -36,6 +38,8 @@ pub struct Smoother<'a> {
     between: Vec<Link>,
     /// The latest estimate, until the next step.
     latest: Option<Asked>,
+    /// Where the filter started and nothing smoothed was told yet.
+    starts: VecDeque<Time>,
     smoothed: u64,
     /// A belief as the filter has them.
     blank: Belief,
@@ -60,6 +64,7 @@ impl<'a> Smoother<'a> {
             previous: None,
             between: Vec::new(),
             latest: None,
+            starts: VecDeque::new(),
             smoothed: 0,
             blank,
         }
@@ -71,7 +76,7 @@ impl<'a> Smoother<'a> {
     /// The first of an observer, or what was kept that cannot be read back.
     pub fn finish(mut self) -> Result<u64, Halt> {
         self.settle_all()?;
-        let mut tell = told(&mut self.hub, &mut self.smoothed);
+        let mut tell = told(&mut self.hub, &mut self.starts, &mut self.smoothed);
         match self.by {
             By::Lag(mut lag) => lag.finish(&mut tell)?,
             By::All(interval, turned) => {
@@ -136,15 +141,16 @@ impl<'a> Smoother<'a> {
     fn hand_on(&mut self, link: Link) -> Result<(), Halt> {
         match &mut self.by {
             By::All(interval, _) => interval.step(&link),
-            By::Lag(lag) => lag.step(link, &mut told(&mut self.hub, &mut self.smoothed)),
+            By::Lag(lag) => lag.step(link, &mut told(&mut self.hub, &mut self.starts, &mut self.smoothed)),
         }
     }
 
     fn start(&mut self, belief: &Belief) -> Result<(), Halt> {
         self.settle_all()?;
+        self.starts.push_back(belief.time);
         match &mut self.by {
             By::All(interval, _) => interval.start(belief),
-            By::Lag(lag) => lag.start(belief, &mut told(&mut self.hub, &mut self.smoothed)),
+            By::Lag(lag) => lag.start(belief, &mut told(&mut self.hub, &mut self.starts, &mut self.smoothed)),
         }
     }
 
@@ -156,9 +162,12 @@ impl<'a> Smoother<'a> {
     }
 }
 
-/// Counts what it tells `hub`.
-fn told<'h>(hub: &'h mut Hub<'_>, smoothed: &'h mut u64) -> impl FnMut(&Belief) -> Result<(), Halt> {
+/// Counts what it tells `hub`, and tells it where another piece begins.
+fn told<'h>(hub: &'h mut Hub<'_>, starts: &'h mut VecDeque<Time>, smoothed: &'h mut u64) -> impl FnMut(&Belief) -> Result<(), Halt> {
     |belief| {
+        while starts.pop_front_if(|start| *start <= belief.time).is_some() {
+            hub.begin_outermost();
+        }
         *smoothed += 1;
         hub.on(&Event::Estimate { belief })
     }
@@ -189,6 +198,7 @@ impl Memory for Smoother<'_> {
             }
         }
         self.between.remember(tape);
+        self.starts.remember(tape);
         self.smoothed.remember(tape);
     }
 }

@@ -10,7 +10,7 @@ const ABREAST: usize = 8;
 
 /// A series, in memory that does not grow with it.
 ///
-/// Its first 2^18 values are kept, or fewer of a [coarse](Self::coarse) one. Of a longer series it is the means of
+/// Its first 2^18 values are kept, or fewer of a coarse one. Of a longer series it is the means of
 /// 2, 4, … neighbours, and of all values count, mean and variance.
 #[derive(Clone, Debug)]
 pub struct Series {

@@ -21,7 +21,8 @@ const LAST: f64 = 1.94;
 /// Errors at the ends of the windows. Turns are counted: half a turn and half a turn the other way are a turn apart.
 #[derive(Default)]
 struct Ends {
-    /// Heading so far, of the estimate and of the reference \[rad\].
+    /// The window, and the heading so far, of the estimate and of the reference \[rad\].
+    window: f64,
     turned: [f64; 2],
     /// Sums of squares \[m²\], \[rad²\].
     squares: [f64; 2],
@@ -36,8 +37,9 @@ impl RunObserver for Ends {
             && let (Some(position), Some(attitude)) = (&error.position, &error.attitude)
         {
             let at = epoch.time.seconds() % SPACING;
-            if at < 0.01 {
-                self.turned = [0.0; 2];
+            let window = (epoch.time.seconds() / SPACING).floor();
+            if window != self.window {
+                (self.window, self.turned) = (window, [0.0; 2]);
             }
             for (turned, q) in self.turned.iter_mut().zip([&attitude.estimate, &attitude.truth]) {
                 *turned += wrap(so3::to_rpy(q).z - *turned);

@@ -32,7 +32,7 @@ pub(super) struct Cause<'a> {
 
 /// What may be wrong.
 pub(super) enum What<'a> {
-    Parameter(Tried<'a>, Start, Estimate),
+    Parameter(Box<Tried<'a>>, Start, Estimate),
     /// Columns of a channel: what is wrong with them, and what to write.
     Columns {
         source: usize,
@@ -340,7 +340,7 @@ impl<'a> Cause<'a> {
     fn of(tried: &Tried<'a>, start: Start, estimate: Estimate, gain: Gain) -> Self {
         Self {
             sets: vec![tried.assignment(&start)],
-            what: What::Parameter(tried.clone(), start, estimate),
+            what: What::Parameter(Box::new(tried.clone()), start, estimate),
             gain,
         }
     }
