@@ -372,7 +372,7 @@ impl Judge<'_> {
         for track in self.all("specific_force") {
             let rates = self.beside(&track, "angular_rate");
             let shift = rates.as_ref().map_or(0.0, |rates| self.clocks(rates, velocities, attitude));
-            let force = self.force(&track, velocities.first(), attitude, shift);
+            let force = self.force(&track, rates.as_ref(), velocities.first(), attitude, shift);
             if let Some(rates) = rates {
                 self.rates(&rates, Some((&track, force)), velocities.first(), attitude, shift);
             }
@@ -470,17 +470,23 @@ impl Judge<'_> {
         Diagnostic::warning(message).at(place).help(help)
     }
 
-    /// Compares a specific force with gravity and with the motion; what puts it right.
-    fn force(&mut self, track: &Track, moved: Option<&Moved>, attitude: Option<&Seen>, shift: f64) -> Force {
+    /// Compares a specific force with gravity and with the motion, where the gyros tell that the unit hardly turns; what puts it
+    /// right.
+    fn force(&mut self, track: &Track, rates: Option<&Track>, moved: Option<&Moved>, attitude: Option<&Seen>, shift: f64) -> Force {
         let upright = Upright::of(track);
         let told = |seconds: f64| match (attitude, moved) {
             (Some(seen), moved) => seen.attitudes.forces(moved.map(|m| &m.velocities)),
             (None, Some(moved)) => moved.velocities.course_forces(seconds),
             (None, None) => Vec::new(),
         };
-        let fast = told(0.0);
+        let mut fast = told(0.0);
         let seek = if attitude.is_some() { clock::sought } else { clock::usual };
         let lag = seek(track, &fast, shift);
+        // Of a foot that swings between two of its attitudes, neither they nor one half-way tell the mean.
+        if let Some(rates) = rates.filter(|_| attitude.is_some()) {
+            let turned = |from: f64, to: f64| rates.mean_length(from - lag, to - lag).map(|rate| rate * (to - from));
+            fast.retain(|(from, to, _)| turned(*from, *to).is_none_or(|angle| angle < MUCH));
+        }
         let mut fits = Expected::of(track, &fast, lag).fits();
         let is_doubtful = attitude.is_none() && doubt(&mut fits, &Expected::of(track, &told(SLOW), lag).fits());
         let mut with = match (attitude, moved) {
@@ -586,6 +592,8 @@ struct Seen {
     attitudes: Attitudes,
 }
 
+/// Between two attitudes of what turns by more \[rad\], there and back, lies another one.
+const MUCH: f64 = 1.0;
 /// What would have given enough samples to judge by a course ...
 const FAST: &str = "not judged: a minute of turns at more than 2 m/s would tell";
 /// ... and by what needs none.

@@ -40,7 +40,8 @@ pub(super) struct Track {
     pub(super) channel: &'static str,
     /// Of each kept sample \[s\].
     pub(super) times: Vec<f64>,
-    /// The numbers; of rates, forces and fields their integral up to then. Those beyond its width are zero.
+    /// The numbers; of rates, forces and fields their integral up to then, and as the fourth that of their length. Those
+    /// beyond its width are zero.
     pub(super) values: Vec<[f64; 4]>,
     /// Rows per second.
     pub(super) rate: f64,
@@ -58,6 +59,18 @@ impl Track {
         let steps = self.times[first.saturating_sub(1)..=last].windows(2);
         let is_whole = steps.into_iter().all(|w| w[1] - w[0] <= LONGEST);
         (is_whole && to > from).then(|| (b - a) / (to - from))
+    }
+
+    /// The mean length over an interval; `None` where the log does not cover it.
+    pub(super) fn mean_length(&self, from: f64, to: f64) -> Option<f64> {
+        let at = |time: f64| {
+            let next = self.times.partition_point(|t| *t < time);
+            let before = next.checked_sub(1)?;
+            let (after, length) = (*self.times.get(next)?, |i: usize| self.values[i][3]);
+            let share = (time - self.times[before]) / (after - self.times[before]);
+            Some(length(before) + share * (length(next) - length(before)))
+        };
+        Some((at(to)? - at(from)?) / (to - from))
     }
 
     fn integral(&self, at: f64) -> Option<Vector3<f64>> {
@@ -99,6 +112,7 @@ impl Keeper {
         kept[..self.width].copy_from_slice(values);
         if self.track.integrates {
             let covered = if step <= LONGEST { step } else { 0.0 };
+            kept[3] = Vector3::new(kept[0], kept[1], kept[2]).norm();
             self.sum.iter_mut().zip(kept).for_each(|(sum, v)| *sum += v * covered);
             kept = self.sum;
         }

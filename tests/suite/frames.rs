@@ -922,7 +922,7 @@ fn the_stride_of_a_foot_accuses_no_axis_and_a_wrong_reference_no_unit() {
     w.fusion(&["new", "mine", "--from", "person"]).success();
     w.fusion(&["record", "mine.toml", "--out", "log"]).success();
     assert_eq!(warned(&w, &[]), "");
-    for every in [5, 10, 20] {
+    for every in [2, 5, 10, 20] {
         assert_eq!(
             warned(&w, &[&format!("source.reference.keep={{ every = {every} }}")]),
             "",
