@@ -2,7 +2,7 @@
 
 use crate::config::{Diagnostics, Node};
 use crate::design::{Design, Named, SensorDesign, parameters};
-use fusion_models::units::{Duration, Vec3Of, dim};
+use fusion_models::units::{Axes, Duration, Vec3Of, dim};
 use serde_json::Value as Json;
 use std::f64::consts::PI;
 
@@ -70,6 +70,8 @@ pub(super) struct Tried<'a> {
     pub(super) sigma: f64,
     pub(super) is_rotation: bool,
     pub(super) is_state: bool,
+    /// 1σ with which a state begins, by axis: its initial value is no claim beyond that \[m\].
+    pub(super) prior: [f64; 3],
     /// The delay that its source declares of its rows \[s\].
     pub(super) delay: f64,
 }
@@ -262,6 +264,7 @@ fn of_sensor<'a>(sensor: &'a Named<SensorDesign>, design: &Design) -> Vec<Tried<
             },
             is_rotation,
             is_state,
+            prior: node.filter(|_| is_state && key == ARM).map_or([0.0; 3], prior),
             delay,
             key,
             sort,
@@ -284,6 +287,12 @@ fn delay(source: &Node, sensor: &Named<SensorDesign>) -> f64 {
 /// Whether a parameter is estimated.
 fn is_state(node: &Node) -> bool {
     node.get("estimate").is_some_and(|e| e.inline() == "true")
+}
+
+/// 1σ with which an arm that is a state begins \[m\].
+fn prior(node: &Node) -> [f64; 3] {
+    let sigma: Option<Axes<dim::Length>> = node.get("sigma").and_then(|n| n.read(&mut Diagnostics::new()));
+    sigma.map_or([0.0; 3], Axes::si)
 }
 
 /// The length of a declared arm \[m\].

@@ -13,6 +13,8 @@ use fusion_models::units::Duration;
 /// An arm that is so many σ on the other side of zero points there. Latencies that are not declared, and errors that are
 /// correlated, move an estimate by several σ.
 const MIRRORED: f64 = 10.0;
+/// What lies within so many of the 1σ with which a state begins is what its declaration allows.
+const CLAIMED: f64 = 3.0;
 /// An arm that is declared, and so many σ elsewhere, is another one.
 const CERTAIN: f64 = 6.0;
 /// From so many σ on it is said why nothing is told.
@@ -35,7 +37,8 @@ impl Tried<'_> {
         let declared = e.declared(k);
         if self.is_arm() && declared.abs() >= SHORTEST {
             let is_far = e.value[k].abs() > MIRRORED * e.sigma[k] && e.value[k].abs() > declared.abs() / 2.0;
-            if is_far && e.value[k] * declared < 0.0 && e.is_near() {
+            let is_claimed = e.difference[k].abs() > CLAIMED * self.prior[k];
+            if is_far && is_claimed && e.value[k] * declared < 0.0 && e.is_near() {
                 return Verdict::Mirrored;
             }
         }
