@@ -138,7 +138,12 @@ impl Instrument {
 
     /// What of it may be wrong but its noise, in a list.
     pub(super) fn parts(&self) -> String {
-        let parameters = self.parameters.iter().map(|name| format!("`{name}`"));
+        self.parts_but("")
+    }
+
+    /// The same without the parameter that is spoken of.
+    pub(super) fn parts_but(&self, told: &str) -> String {
+        let parameters = self.parameters.iter().filter(|name| *name != told).map(|name| format!("`{name}`"));
         let channels = self.channels.iter().filter(|_| !self.is_constraint).map(|part| (*part).to_owned());
         let parts: Vec<String> = ["time stamps".to_owned()].into_iter().chain(channels).chain(parameters).collect();
         listed(&parts)

@@ -290,7 +290,10 @@ impl Judged<'_> {
             .iter()
             .find(|i| name.strip_prefix(i.name.as_str()).is_some_and(|rest| rest.starts_with('.')));
         let parts = match sensor {
-            Some(sensor) => format!("the {} of `{}`", sensor.parts(), sensor.name),
+            Some(sensor) => {
+                let key = name.rsplit('.').next().unwrap_or_default();
+                format!("the {} of `{}`", sensor.parts_but(key), sensor.name)
+            }
             None => "the axes, signs and units of the input of the process".to_owned(),
         };
         let finding = Finding {

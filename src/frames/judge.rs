@@ -485,7 +485,7 @@ impl Judge<'_> {
         // Of a foot that swings between two of its attitudes, neither they nor one half-way tell the mean.
         if let Some(rates) = rates.filter(|_| attitude.is_some()) {
             let turned = |from: f64, to: f64| rates.mean_length(from - lag, to - lag).map(|rate| rate * (to - from));
-            fast.retain(|(from, to, _)| turned(*from, *to).is_none_or(|angle| angle < MUCH));
+            fast.retain(|(from, to, _)| turned(*from, *to).is_none_or(|angle| angle < motion::MUCH));
         }
         let mut fits = Expected::of(track, &fast, lag).fits();
         let is_doubtful = attitude.is_none() && doubt(&mut fits, &Expected::of(track, &told(SLOW), lag).fits());
@@ -592,8 +592,6 @@ struct Seen {
     attitudes: Attitudes,
 }
 
-/// Between two attitudes of what turns by more \[rad\], there and back, lies another one.
-const MUCH: f64 = 1.0;
 /// What would have given enough samples to judge by a course ...
 const FAST: &str = "not judged: a minute of turns at more than 2 m/s would tell";
 /// ... and by what needs none.

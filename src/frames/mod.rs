@@ -11,7 +11,7 @@
 //! | angular rate | the turn of the attitude, or of the course and of the direction of gravity |
 //! | magnetic field | how the field turns in an inertial unit, and the unit in the field (`field.rs`) |
 //! | pressure of the air, field, rows of an inertial unit | what there is on Earth (`range.rs`) |
-//! | fixed lever arms, mountings, scales, declinations, latencies of sensors | what the filter of the design estimates in their place |
+//! | fixed lever arms, mountings, scales, declinations, latencies of sensors; signs, units and quarter turns of what the filter does not follow | what the filter of the design makes of others in their place (`free/`) |
 //!
 //! A comparison is a regression of what is expected along one axis on each measured axis (`regression.rs`). A mistake
 //! is told only where another signed axis, or a factor such as 57.3, explains the data clearly better than what is

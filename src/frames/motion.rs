@@ -10,6 +10,8 @@ use nalgebra::{UnitQuaternion, Vector3};
 pub(super) const MIN_SPEED: f64 = 2.0;
 /// Samples further apart say little of what was between \[s\].
 pub(super) const LONGEST: f64 = 3.0;
+/// What turns by more between two samples of its attitude \[rad\], there and back, has another one in between.
+pub(super) const MUCH: f64 = 1.0;
 /// Gravity \[m/s²\], to what a comparison needs.
 pub(super) const GRAVITY: f64 = 9.81;
 
@@ -207,7 +209,7 @@ impl Attitudes {
         let steps = self.times.windows(2).zip(self.values.windows(2));
         let turns = steps.map(|(t, q)| (t[0], t[1], log(&(q[0].inverse() * q[1])) / (t[1] - t[0])));
         // Half a turn may be one the other way round; the mean of a fast turn is none of its axes.
-        turns.filter(|(from, to, w)| to - from <= LONGEST && w.norm() * (to - from) < 1.0)
+        turns.filter(|(from, to, w)| to - from <= LONGEST && w.norm() * (to - from) < MUCH)
     }
 
     pub(super) fn at(&self, time: f64) -> Option<UnitQuaternion<f64>> {
