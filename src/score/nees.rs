@@ -277,8 +277,9 @@ mod tests {
         assert_eq!((mean.mean, mean.dof, mean.count, series.undefined()), (3.0, 2, 2, 4));
     }
 
-    /// Deviations with a covariance of 1, of which each axis goes on with `rho` from one to the next.
-    fn deviations(count: usize, rho: f64, size: f64) -> NeesSeries {
+    /// Deviations with a covariance of 1: along each axis what was drawn once, and noise that goes on with `rho` from one
+    /// to the next.
+    fn deviations(count: usize, drawn: f64, rho: f64, size: f64) -> NeesSeries {
         let (mut bits, mut error) = (9_u64, [0.0; 3]);
         let mut series = NeesSeries::default();
         let mut noise = || {
@@ -288,11 +289,10 @@ mod tests {
                 sum + (bits >> 33) as f64 / f64::from(1_u32 << 31)
             })
         };
-        error.iter_mut().for_each(|e| *e = noise());
         for _ in 0..count {
             error.iter_mut().for_each(|e| *e = rho * *e + (1.0 - rho * rho).sqrt() * noise());
             series.add_deviation(&Deviation {
-                error: nalgebra::Vector3::from(error) * size,
+                error: nalgebra::Vector3::from(error.map(|e| drawn + size * e)),
                 own: nalgebra::Matrix3::identity(),
                 ..Deviation::default()
             });
@@ -302,21 +302,22 @@ mod tests {
 
     #[test]
     fn an_error_that_lasts_as_long_as_the_run_is_one_error() {
-        // Drawn once: however many epochs repeat it, it is one draw.
-        let drawn = deviations(1000, 1.0, 1.0).consistency().unwrap();
+        // Drawn once, 1.3 of its 1σ along each axis, with a little noise: however many epochs repeat it, it is one draw. Its
+        // NEES of 5.3 varies by the noise alone, as a thousand samples would.
+        let drawn = deviations(1000, 1.3, 0.0, 0.3).consistency().unwrap();
         assert!(
             drawn.independent < 3.0 && drawn.verdict() == Some(crate::score::Verdict::Consistent),
             "{drawn:?}"
         );
         // White errors twice as large as stated are told by a hundred of them; half of 1000 count at least.
-        let white = deviations(1000, 0.0, 2.0).consistency().unwrap();
+        let white = deviations(1000, 0.0, 0.0, 2.0).consistency().unwrap();
         assert!(
             white.independent > 500.0 && white.verdict() == Some(crate::score::Verdict::Overconfident),
             "{white:?}"
         );
         // τ of the squares with ρ = 0.9 between neighbours is (1 + 0.81)/(1 − 0.81) = 9.5: 105 of 1000; within a factor of
         // 1.5, as the autocorrelation of a hundred is known.
-        let slow = deviations(1000, 0.9, 1.0).consistency().unwrap();
+        let slow = deviations(1000, 0.0, 0.9, 1.0).consistency().unwrap();
         assert!((70.0..160.0).contains(&slow.independent), "{slow:?}");
     }
 }
