@@ -17,6 +17,8 @@ const MOST_OF_HEADING: f64 = 0.8;
 const MOUNTED: f64 = 20.0;
 /// An RMS of the heading error from which on it is wrong, whatever the use of it is \[deg\].
 const WRONG_HEADING: f64 = 10.0;
+/// The share of the squares of the heading errors from which on most of them are of the reference; it is known to two 1σ.
+const MOST_OF_ERRORS: f64 = 0.5;
 /// How often a consistent filter may be found too sure in its outages.
 const CHANCE: f64 = 0.02;
 /// So much of the errors an offset or a latency has to explain to be what is wrong, and to be named at all, being so many of its
@@ -37,7 +39,9 @@ impl Judged<'_> {
     /// What is said of errors, which may follow from `causes` that are told already.
     pub(super) fn all_errors(&self, causes: &[String]) -> Vec<Finding> {
         let Some(score) = &self.summary.score else { return Vec::new() };
-        let heading = constant_heading(score).or_else(|| self.wrong_heading(score));
+        let heading = constant_heading(score)
+            .or_else(|| self.wrong_reference(score))
+            .or_else(|| self.wrong_heading(score));
         // A simulated truth is that of the body origin, and in time.
         let offset = score.offset.as_ref().filter(|_| causes.is_empty() && self.is_recorded);
         let latency = offset.and_then(wrong_latency);
@@ -63,8 +67,9 @@ impl Judged<'_> {
             let check = format!("{BEGIN}{CHECK}, which tries latencies, lever arms, axes, scales and angles; if nothing is found wrong: ");
             first.advice = first.advice.replacen(TIMES, &format!("{TIMES}{check}"), 1);
         }
+        let outside = self.attitude_outside(score, causes, heading.is_some());
         let known = heading.into_iter().chain(latency).chain(arm);
-        known.chain(errors).chain(bold_outages(&score.drift)).collect()
+        known.chain(errors).chain(outside).chain(bold_outages(&score.drift)).collect()
     }
 
     /// Errors against the reference that are not what the covariance says.
@@ -146,6 +151,64 @@ impl Judged<'_> {
             (Measures::Position, Some(arm)) => format!("another point (the position errors fit `lever_arm = [{}]`)", metres(arm)),
         };
         format!("the `[reference]` has {sigma}{other} or late stamps (`latency` of its channels)")
+    }
+
+    /// A reference whose heading goes less well with its own velocity than the estimated one does.
+    fn wrong_reference(&self, score: &Score) -> Option<Finding> {
+        let (axes, course) = (score.attitude_deg.as_ref()?, score.course?);
+        let is_worse = course.share - 2.0 * course.share_sigma > MOST_OF_ERRORS;
+        let is_outside = Verdict::of_share(axes.inside[2]) == Some(Verdict::Overconfident);
+        (self.is_recorded && is_outside && is_worse).then(|| Finding {
+            about: "heading".to_owned(),
+            evidence: format!(
+                "{:.0} % of the heading errors lie inside 3σ; about the course of the reference's own velocity its heading scatters by {}°, \
+                 that of the filter by {}°, so {:.0} % of the squares of these errors are of the reference, 1σ {:.0} %",
+                100.0 * axes.inside[2],
+                short(course.reference_deg),
+                short(course.estimate_deg),
+                100.0 * course.share,
+                100.0 * course.share_sigma
+            ),
+            advice: format!(
+                "unless the vehicle slides sideways, give the heading of the reference a 1σ of \"{:.2} deg\", the third of \
+                 `reference.sigma.attitude`",
+                course.own_deg
+            ),
+        })
+    }
+
+    /// Attitude errors outside 3σ, where a mounting is taken out and there is no NEES; whether one finding is of the heading alone.
+    fn attitude_outside(&self, score: &Score, causes: &[String], tells_heading: bool) -> Option<Finding> {
+        let axes = score.attitude_deg.as_ref().filter(|_| score.nees_attitude.is_none())?;
+        let is_outside = |k: &usize| Verdict::of_share(axes.inside[*k]) == Some(Verdict::Overconfident);
+        let outside: Vec<usize> = (0..3).filter(is_outside).collect();
+        // What the first lines show is the worst of them, and that is not told twice.
+        let worst = outside.iter().copied().min_by(|a, b| axes.inside[*a].total_cmp(&axes.inside[*b]))?;
+        if worst == 2 && tells_heading {
+            return None;
+        }
+        let each: Vec<String> = outside
+            .iter()
+            .map(|k| format!("{:.1} % of {}", 100.0 * axes.inside[*k], ["roll", "pitch", "yaw"][*k]))
+            .collect();
+        let advice = if causes.is_empty() {
+            let check = if self.is_recorded {
+                format!("{BEGIN}{CHECK}; if nothing is found wrong: ")
+            } else {
+                String::new()
+            };
+            format!(
+                "{check}a noise of the process is too small, an error of a sensor has no state, or the `[reference]` has errors of its own \
+                 (`sigma.attitude`) or late stamps (`latency` of its channels)"
+            )
+        } else {
+            format!("{BEGIN}what is said of {}", listed(causes))
+        };
+        Some(Finding {
+            about: "attitude".to_owned(),
+            evidence: format!("inside 3σ lie {} of the attitude errors", each.join(", ")),
+            advice,
+        })
     }
 
     /// A heading that is wrong beyond any doubt, though its 1σ is small.

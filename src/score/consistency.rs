@@ -118,6 +118,17 @@ impl Consistency {
         Self::with_independent(self.mean, self.dof, self.count, self.independent.min(independent.max(1.0)))
     }
 
+    /// The same as one of so many that are judged together: with a band that is wider, so that they all lie in theirs with a
+    /// probability of 95 % at least, whatever they have in common (Bonferroni).
+    #[must_use]
+    pub fn among(self, judged: usize) -> Self {
+        let probability = 1.0 - (1.0 - BAND) / judged.max(1) as f64;
+        Self {
+            band: mean_band(probability, self.dof, self.independent.round() as usize),
+            ..self
+        }
+    }
+
     fn with_independent(mean: f64, dof: usize, count: usize, independent: f64) -> Self {
         Self {
             mean,
@@ -240,6 +251,16 @@ mod tests {
         let (fewer, more) = (c.at_most(2.3), c.at_most(1e6));
         assert_eq!((fewer.independent, fewer.band), (2.3, mean_band(0.95, 3, 2)));
         assert_eq!((more.independent, c.at_most(0.1).independent), (100.0, 1.0));
+    }
+
+    #[test]
+    fn one_of_many_has_the_band_in_which_all_of_them_lie() {
+        let c = with_mean(3.2).at_most(100.0);
+        assert_eq!(c.among(1).band, mean_band(0.95, 3, 100));
+        // By χ² of 300 degrees at 1/8 of 5 %: 3 ± 0.67, where 2.5 % are 3 ± 0.48.
+        let among = c.among(8);
+        assert_eq!((among.mean, among.band), (3.2, mean_band(1.0 - 0.05 / 8.0, 3, 100)));
+        assert!(among.band.0 < c.among(1).band.0 && c.among(1).band.1 < among.band.1);
     }
 
     #[test]

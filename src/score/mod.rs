@@ -9,6 +9,7 @@ mod bounded;
 mod comparison;
 mod consistency;
 mod convergence;
+mod course;
 mod drift;
 mod episodes;
 mod nees;
@@ -24,6 +25,7 @@ pub(crate) use bounded::Quantiles;
 pub use comparison::{AttitudeError, Comparison, Deviation, EpochError, attitude_error};
 pub use consistency::{Consistency, Verdict};
 pub use convergence::{Convergence, Limits};
+pub use course::Course;
 pub use drift::{Drift, Outage};
 pub use episodes::{Episodes, PartScore};
 pub(crate) use nees::of as nees_of;
@@ -134,6 +136,8 @@ pub struct Score {
     pub velocity: Option<Axes>,
     /// Attitude error, roll pitch yaw \[deg\].
     pub attitude_deg: Option<Axes>,
+    /// Which heading goes with the course of the reference's velocity; none without both, or without a way.
+    pub course: Option<Course>,
     /// RMS of the heading error 2 atan2(|z|, |w|) of q_est ⊗ q_ref* \[deg\]: the turn about the
     /// vertical. With `inclination_rmse_deg` free of gimbal lock; as Laidig et al. 2021 (BROAD).
     pub heading_rmse_deg: Option<f64>,

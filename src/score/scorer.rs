@@ -4,6 +4,7 @@ use super::attitudes::Attitudes;
 use super::bounded::Quantiles;
 use super::comparison::{Deviation, EpochError};
 use super::convergence::{Limits, Tracker};
+use super::course::CourseFit;
 use super::drift::{Drifts, Outage};
 use super::episodes::EpisodeScorer;
 use super::nees::NeesSeries;
@@ -131,6 +132,7 @@ pub struct Scorer {
     attitudes: Attitudes,
     horizontal: Horizontal,
     offset: OffsetFit,
+    course: CourseFit,
     /// Lengths of the errors of position \[m\] and velocity \[m/s\].
     lengths: [Quantiles; 2],
     poses: Poses,
@@ -152,6 +154,7 @@ fusion_core::memory!(Scorer {
     attitudes,
     horizontal,
     offset,
+    course,
     lengths,
     poses,
     nees_position,
@@ -179,6 +182,7 @@ impl Scorer {
             velocity: Sums::default(),
             horizontal: Horizontal::default(),
             offset: OffsetFit::default(),
+            course: CourseFit::default(),
             lengths: Default::default(),
             poses: Poses::default(),
             nees_position: NeesSeries::default(),
@@ -209,6 +213,7 @@ impl Scorer {
         if !counts {
             return;
         }
+        self.course.add(error);
         if self.rules.trajectory.is_some() {
             self.poses.add(error);
         }
@@ -296,6 +301,7 @@ impl Scorer {
             offset: self.offset.finish(),
             velocity: self.velocity.axes(),
             attitude_deg: attitude.axes,
+            course: self.course.finish(),
             position_rmse_m: self.position.whole_rms(),
             rotation_rmse_deg: attitude.rotation,
             heading_rmse_deg: attitude.heading,

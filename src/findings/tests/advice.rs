@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::config::Document;
+use crate::score::Offset;
 use fusion_models::registry::{self, Role};
 
 /// A design with one sensor, and these lines after its own.

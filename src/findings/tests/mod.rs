@@ -1,4 +1,5 @@
 mod advice;
+mod reference;
 mod suspects;
 
 use super::errors::bold_outages;
@@ -6,7 +7,7 @@ use super::instrument::Bias;
 use super::*;
 use crate::observe::{ConsumerCounts, Disturbed};
 use crate::run::FaultWindow;
-use crate::score::{Axes, Drift, Offset, Spread, Spreads};
+use crate::score::{Axes, Drift};
 
 fn consistency(mean: f64) -> Consistency {
     Consistency {
@@ -369,35 +370,6 @@ fn sensors_that_all_disagree_by_far_are_compared_with_a_wrong_input() {
 }
 
 #[test]
-fn a_heading_that_is_wrong_by_a_constant_is_told_before_what_follows_from_it() {
-    let told = |mean: f64, rms: f64, nees: f64| {
-        let summary = Summary {
-            score: Some(Score {
-                nees_attitude: Some(consistency(nees)),
-                attitude_deg: Some(Axes {
-                    mean: [0.0, 0.0, mean],
-                    rms: [0.1, 0.1, rms],
-                    ..Axes::default()
-                }),
-                ..Score::default()
-            }),
-            ..Summary::default()
-        };
-        let judged = judged(&[], &summary);
-        judged.findings().iter().map(ToString::to_string).collect::<Vec<_>>()
-    };
-    let all = told(-3.3, 3.4, 3000.0);
-    assert!(
-        all[0].starts_with("the heading error is nearly constant, -3.3°") && all[0].contains("`declination`"),
-        "{all:?}"
-    );
-    for (mean, rms, nees) in [(-0.9, 0.9, 3000.0), (-3.3, 5.0, 3000.0), (-3.3, 3.4, 3.0)] {
-        let all = told(mean, rms, nees);
-        assert!(!all.iter().any(|t| t.contains("nearly constant")), "{all:?}");
-    }
-}
-
-#[test]
 fn what_is_to_be_done_about_several_errors_is_told_once() {
     let summary = Summary {
         score: Some(Score {
@@ -623,126 +595,4 @@ fn gates_that_all_reject_are_compared_with_a_wrong_input() {
     );
     // One that agrees is compared with the same input.
     assert_eq!(of(0).len(), 2);
-}
-
-#[test]
-fn a_heading_that_is_wrong_beyond_doubt_is_told_whatever_the_reference_knows_of_itself() {
-    let of = |rms: f64, inside: f64| {
-        let summary = Summary {
-            score: Some(Score {
-                attitude_deg: Some(Axes {
-                    inside: [1.0, 1.0, inside],
-                    ..Axes::all(rms)
-                }),
-                heading_rmse_deg: Some(rms),
-                spread: Spreads {
-                    heading_deg: Some(Spread { median: rms, p95: rms }),
-                    ..Spreads::default()
-                },
-                ..Score::default()
-            }),
-            ..Summary::default()
-        };
-        let all = judged(&[], &summary).findings();
-        all.iter()
-            .any(|f| f.about == "heading" && f.advice.contains("either the filter or the reference"))
-    };
-    assert!(of(93.0, 0.0));
-    assert!(!of(93.0, 1.0), "the filter says that it does not know");
-    assert!(!of(3.0, 0.5));
-}
-
-#[test]
-fn a_latency_and_an_offset_are_told_with_their_figures() {
-    let of = |offset: Offset, nees: f64| {
-        let summary = Summary {
-            score: Some(Score {
-                nees_position: Some(consistency(nees)),
-                offset: Some(offset),
-                ..Score::default()
-            }),
-            ..Summary::default()
-        };
-        let all = judged(&[], &summary).findings();
-        all.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
-    };
-    let late = Offset {
-        latency: 1.0,
-        latency_sigma: 0.01,
-        latency_explained: 0.98,
-        ..Offset::default()
-    };
-    let told = of(late, 59.0);
-    assert!(
-        told.starts_with("position error is explained to 98 % by a reference that is late by 1.00 s"),
-        "{told}"
-    );
-    assert!(
-        told.contains("`latency = \"1.00 s\"`") && told.ends_with("what is said of the reference"),
-        "{told}"
-    );
-    let early = of(Offset { latency: -0.18, ..late }, 59.0);
-    assert!(
-        early.contains("the sensors of position are later than their `time_offset` says, by 0.18 s"),
-        "{early}"
-    );
-    assert_eq!(
-        of(
-            Offset {
-                latency_sigma: 0.3,
-                ..late
-            },
-            3.0
-        ),
-        ""
-    );
-    let arm = Offset {
-        body: [-1.25, -0.004, -20.0],
-        sigma: [0.07, 0.04, 5.0],
-        explained: 0.6,
-        own: [0.5, 0.0, 0.0],
-        halves: [[-1.2, 0.0, 9.0], [-1.3, 0.0, -20.0]],
-        ..Offset::default()
-    };
-    assert!(of(arm, 3.0).contains("give `reference.lever_arm = [1.25, 0.00, 0.00]`"));
-    // What is not known of an axis is none, and a millimetre is not worth a word.
-    for body in [[0.01, 0.0, -60.0], [0.0; 3]] {
-        assert_eq!(
-            of(
-                Offset {
-                    body,
-                    sigma: [0.001, 0.04, 5.0],
-                    ..arm
-                },
-                3.0
-            ),
-            ""
-        );
-    }
-    // Down is known, too, as far as its 1σ tells; but it explains nothing by itself, as of a vehicle that is level.
-    let level = Offset {
-        body: [-1.25, -0.004, -1.9],
-        sigma: [0.07, 0.04, 0.3],
-        own: [0.5, 0.0, 0.01],
-        halves: [[-1.2, 0.0, -1.8], [-1.3, 0.0, -2.0]],
-        ..arm
-    };
-    assert!(of(level, 3.0).contains("`reference.lever_arm = [1.25, 0.00, 0.00]`"));
-    let tilted = Offset {
-        own: [0.5, 0.0, 0.1],
-        ..level
-    };
-    assert!(of(tilted, 3.0).contains("`reference.lever_arm = [1.25, 0.00, 1.90]`"));
-    // Errors that wander fit another arm in each half.
-    let wanders = Offset {
-        halves: [[-0.3, 0.0, 0.0], [-2.1, 0.0, 0.0]],
-        ..arm
-    };
-    assert_eq!(of(wanders, 3.0), "");
-    // Known, but not all of it: named as one of the causes.
-    let part = of(Offset { explained: 0.4, ..arm }, 30.0);
-    assert!(
-        !part.contains("is explained") && part.contains("the position errors fit `lever_arm = [1.25, 0.00, 0.00]`"),
-        "{part}"
-    );
 }

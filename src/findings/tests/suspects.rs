@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::health::{FilterHealth, NamedReason, State, Transition};
+use crate::run::Detector;
 
 fn named(name: &str) -> Instrument {
     Instrument {
@@ -183,6 +184,44 @@ fn a_detector_that_found_nothing_is_told_where_the_run_went_wrong() {
     };
     let all = of(0, None);
     assert!(all.len() == 1 && all[0].ends_with("look at `stage.standing.still`"), "{all:?}");
+    let figures = |detector: Detector| {
+        let summary = Summary {
+            consumers: vec![ConsumerCounts {
+                name: "gnss".to_owned(),
+                ..ConsumerCounts::default()
+            }],
+            sensors: vec![sensor(9.0)],
+            detectors: vec![detector],
+            ..Summary::default()
+        };
+        let standing = Instrument {
+            is_constraint: true,
+            limits: vec!["`stage.standing.still`".to_owned()],
+            ..instrument(None)
+        };
+        told(&[standing], &summary).join("\n")
+    };
+    let missed = figures(Detector {
+        stage: "receiver".to_owned(),
+        tests: 90,
+        nearest: Some("the quietest window has 0.031 m/s² where `still.accel_std` allows 0.0050".to_owned()),
+        ..Detector::default()
+    });
+    assert!(
+        missed.contains("of `receiver` (the quietest window has 0.031") && missed.contains("at first twice of what it says"),
+        "{missed}"
+    );
+    // One that always holds has limits that are too wide.
+    let always = figures(Detector {
+        stage: "receiver".to_owned(),
+        tests: 90,
+        held: 90,
+        nearest: None,
+    });
+    assert!(
+        always.contains("times what is expected; `receiver` held in 100 % of its tests"),
+        "{always}"
+    );
     assert!(of(0, Some(1.0)).is_empty() && of(9, None).is_empty());
 }
 

@@ -1,0 +1,200 @@
+//! Which of two headings goes with the course, that of the estimate or that of the reference.
+//!
+//! a = course − yaw of the reference, b = course − yaw of the estimate, d = a − b
+//!
+//! with the course of the reference's own velocity. a is a slip less the error of the reference, d the error of the estimate
+//! less that: the slope of a over d is the share of the reference in the squares of d, whatever turns the course from the
+//! heading, a mounting, a slip, noise of the velocity. Weighted by the square of the speed, for so exact is a course; a vehicle
+//! at rest tells nothing. Parts of the run, each about its own mean, tell the 1σ of the share.
+//!
+//! Not here  a constant error of either, which a mounting hides; an estimate that follows the course of a vehicle
+//!           that slides: the slip then seems to be an error of the reference
+
+use super::comparison::EpochError;
+use fusion_core::geometry::so3;
+use fusion_core::time::Time;
+use nalgebra::UnitQuaternion;
+use serde::Serialize;
+
+/// Headings against the course.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Course {
+    /// Standard deviation of the reference's heading about the course \[deg\].
+    pub reference_deg: f64,
+    /// That of the estimated heading \[deg\].
+    pub estimate_deg: f64,
+    /// 1σ of what varies of the reference's own heading error \[deg\].
+    pub own_deg: f64,
+    /// The share of the squares of the heading errors that is of the reference.
+    pub share: f64,
+    /// Its 1σ, by how the parts of the run differ.
+    pub share_sigma: f64,
+}
+
+/// Parts of a run, at most, and those of which fewer tell no 1σ; the length of one of a short run \[s\], which doubles when there
+/// are too many.
+const PARTS: usize = 16;
+const LEAST: usize = 4;
+const SHORTEST: f64 = 4.0;
+
+/// Adds up a run.
+#[derive(Clone, Debug, Default)]
+pub(super) struct CourseFit {
+    parts: Vec<Sums>,
+    /// By how much parts are longer than the shortest.
+    doubled: u32,
+}
+
+/// Of a part: when it began, the weight, and weighted sums of cosine and sine of a, b and d.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    begun: Time,
+    weight: f64,
+    angles: [[f64; 2]; 3],
+}
+
+fusion_core::memory!(CourseFit { parts, doubled });
+fusion_core::memory!(Sums { begun, weight, angles });
+
+impl Sums {
+    fn of_all(parts: &[Self]) -> Self {
+        let begun = parts.first().map_or_else(Time::default, |part| part.begun);
+        let mut all = Self { begun, ..Self::default() };
+        for part in parts {
+            all.weight += part.weight;
+            for (sum, more) in all.angles.as_flattened_mut().iter_mut().zip(part.angles.as_flattened()) {
+                *sum += more;
+            }
+        }
+        all
+    }
+
+    /// Of a, b, and d: of a normal angle the mean of exp(iφ) has the length exp(−σ²/2).
+    fn variances(&self) -> [f64; 3] {
+        self.angles.map(|[c, s]| -2.0 * (c.hypot(s) / self.weight).min(1.0).ln())
+    }
+}
+
+/// The covariance of a and d: 2 cov = a + d − b.
+fn own([a, b, d]: [f64; 3]) -> f64 {
+    0.5 * (a + d - b)
+}
+
+impl CourseFit {
+    /// The next epoch of the reference.
+    pub(super) fn add(&mut self, error: &EpochError) {
+        let (Some(velocity), Some(truth), Some(attitude)) = (error.truth.velocity, error.truth.attitude, &error.attitude) else {
+            return;
+        };
+        let yaw = |q: &UnitQuaternion<f64>| so3::to_rpy(q).z;
+        let course = velocity.y.atan2(velocity.x);
+        let (estimate, truth) = (yaw(&attitude.estimate), yaw(&truth));
+        let weight = velocity.xy().norm_squared();
+        if !weight.is_finite() {
+            return;
+        }
+        let (time, length) = (error.time(), SHORTEST * f64::from(self.doubled).exp2());
+        if self.parts.last().is_none_or(|part| time.seconds_since(part.begun) >= length) {
+            if self.parts.len() == PARTS {
+                self.parts = self.parts.chunks(2).map(Sums::of_all).collect();
+                self.doubled += 1;
+            }
+            self.parts.push(Sums {
+                begun: time,
+                ..Sums::default()
+            });
+        }
+        if let Some(part) = self.parts.last_mut() {
+            part.weight += weight;
+            for (sums, angle) in part.angles.iter_mut().zip([course - truth, course - estimate, estimate - truth]) {
+                *sums = [sums[0] + weight * angle.cos(), sums[1] + weight * angle.sin()];
+            }
+        }
+    }
+
+    /// What they say; none without a way, or of too few parts.
+    pub(super) fn finish(&self) -> Option<Course> {
+        let all = Sums::of_all(&self.parts);
+        let [a, b, d] = all.variances();
+        // Squares of d of each part, and how much of them is of the reference.
+        let moved = self.parts.iter().filter(|part| part.weight > 0.0);
+        let parts: Vec<(f64, f64)> = moved
+            .map(|p| (p.weight * p.variances()[2], p.weight * own(p.variances())))
+            .collect();
+        let (squares, of_reference) = parts.iter().fold((0.0, 0.0), |(s, o), (squares, own)| (s + squares, o + own));
+        let share = of_reference / squares;
+        let scatter = parts.iter().map(|(squares, own)| (own - share * squares).powi(2)).sum::<f64>();
+        let n = parts.len() as f64;
+        (parts.len() >= LEAST && squares > 0.0).then(|| Course {
+            reference_deg: a.sqrt().to_degrees(),
+            estimate_deg: b.sqrt().to_degrees(),
+            own_deg: own([a, b, d]).max(0.0).sqrt().to_degrees(),
+            share,
+            share_sigma: (scatter * n / (n - 1.0)).sqrt() / squares,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Comparison, ReferenceEpoch};
+    use super::*;
+    use crate::solution::Solution;
+    use core::convert::Infallible;
+    use fusion_core::time::Time;
+    use nalgebra::{Matrix3, Vector3};
+
+    /// Errors that are independent of each other, in (−1, 1).
+    fn noise(k: u32) -> f64 {
+        2.0 * (f64::from(k) * 0.754_877_666 + 0.3).fract() - 1.0
+    }
+
+    /// Of a way with slips, where the headings err by these.
+    fn of(slip: f64, reference: f64, estimate: f64) -> Course {
+        let mut fit = CourseFit::default();
+        let epoch = |k: u32| ReferenceEpoch {
+            time: Time::from_seconds(f64::from(k)),
+            // Half of the time at rest, where a course is none.
+            velocity: Some(
+                if k.is_multiple_of(2) { 10.0 } else { 0.0 } * Vector3::new((slip * noise(k * k)).cos(), (slip * noise(k * k)).sin(), 0.0),
+            ),
+            attitude: Some(so3::from_rpy(0.0, 0.0, 0.7 + reference * noise(k + 7))),
+            ..ReferenceEpoch::default()
+        };
+        let mut comparison = Comparison::new(Vector3::zeros(), (0..2000).map(epoch));
+        for k in 0..2000 {
+            let solution = Solution {
+                time: Time::from_seconds(f64::from(k)),
+                velocity: Some((Vector3::zeros(), Matrix3::identity())),
+                attitude: Some((so3::from_rpy(0.0, 0.0, 0.2 + estimate * noise(5 * k + 3)), Matrix3::identity())),
+                ..Solution::default()
+            };
+            let added = comparison.reach(&solution, None, |_, error| {
+                error.into_iter().for_each(|error| fit.add(error));
+                Ok::<_, Infallible>(())
+            });
+            let Ok(()) = added;
+        }
+        fit.finish().unwrap()
+    }
+
+    #[test]
+    fn the_heading_with_the_smaller_error_goes_with_the_course_whatever_the_vehicle_slips() {
+        // 1σ of noise in (−1, 1) is 1/√3; 5 % for the samples there are, and their chance correlation.
+        let sigma = |scale: f64| scale.to_degrees() / 3.0_f64.sqrt();
+        let is_near = |a: f64, b: f64| (a / b - 1.0).abs() < 0.05;
+        let found = of(0.01, 0.02, 0.0);
+        assert!(is_near(found.reference_deg, sigma(0.01_f64.hypot(0.02))), "{found:?}");
+        assert!(is_near(found.estimate_deg, sigma(0.01)), "{found:?}");
+        assert!(is_near(found.own_deg, sigma(0.02)), "{found:?}");
+        assert!(
+            (found.share - 1.0).abs() < 3.0 * found.share_sigma && found.share_sigma < 0.1,
+            "{found:?}"
+        );
+        let found = of(0.01, 0.0, 0.02);
+        assert!(
+            is_near(found.estimate_deg, sigma(0.01_f64.hypot(0.02))) && found.own_deg < 0.3 * sigma(0.02),
+            "{found:?}"
+        );
+    }
+}
