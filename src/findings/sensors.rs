@@ -4,7 +4,7 @@ use super::instrument::{Bias, Instrument, Measures, listed};
 use super::{CHECK, FAR, Finding, Judged, is_large, ratio};
 use crate::observe::SensorStatistics;
 use crate::present::short;
-use crate::run::FaultWindow;
+use crate::run::{Detector, FaultWindow};
 use crate::score::{Consistency, Score, Verdict};
 
 /// The share of rejected measurements from which on a gate does more than to remove outliers: a gate of 99 %
@@ -211,10 +211,18 @@ impl Judged<'_> {
         } else {
             format!("{look}; if they are right, raise its `noise` or that of the process")
         };
+        // Limits that are too wide let through what is no rest at all.
+        let held = self.detector(sensor).filter(|d| d.held > 0).map_or_else(String::new, |d| {
+            format!(
+                "; `{}` held in {:.0} % of its tests",
+                d.stage,
+                100.0 * d.held as f64 / d.tests as f64
+            )
+        });
         is_large(nis).then(|| Finding {
             about: name.clone(),
             evidence: format!(
-                "NIS of `{name}` is {} of {}, innovations are {} times what is expected",
+                "NIS of `{name}` is {} of {}, innovations are {} times what is expected{held}",
                 short(nis.mean),
                 nis.dof,
                 short(nis.error_ratio())
@@ -267,17 +275,24 @@ impl Judged<'_> {
         let has_health = self.summary.health.iter().any(|h| h.filter.is_empty() && h.is_good());
         let had_no_row = |i: &&Instrument| self.summary.consumers.iter().any(|c| c.name == i.name && c.rows == 0);
         let sensor = self.instruments.iter().filter(|i| !i.limits.is_empty()).find(had_no_row)?;
+        let nearest = self.detector(sensor).and_then(|d| d.nearest.as_ref());
+        let (figures, wider) = nearest.map_or_else(Default::default, |n| (format!(" ({n})"), ", at first twice of what it says"));
         (!has_health).then(|| Finding {
             about: sensor.name.clone(),
             evidence: format!(
-                "`{}` had no measurement: nothing in the run was within the limits of `{}`",
-                sensor.name, sensor.source
+                "`{}` had no measurement: nothing in the run was within the limits of `{}`{}",
+                sensor.name, sensor.source, figures
             ),
             advice: format!(
-                "if it should have had some, they are too narrow for this unit and vehicle: look at {}",
+                "if it should have had some, they are too narrow for this unit and vehicle: look at {}{wider}",
                 listed(&sensor.limits)
             ),
         })
+    }
+
+    /// The detector that tells when a sensor holds.
+    fn detector(&self, sensor: &Instrument) -> Option<&Detector> {
+        self.summary.detectors.iter().find(|d| d.stage == sensor.source)
     }
 
     /// Innovations that are smaller than the filter expects.

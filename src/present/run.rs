@@ -227,7 +227,12 @@ impl Summary {
         for s in self.sensors.iter().filter(|_| self.started.is_some()) {
             let (good, bad) = (s.accepted + s.reacquired, s.rejected + s.unusable);
             if good + bad == 0 {
-                all.push(format!("sensor `{}` had no measurement after the start", s.name));
+                // A stage may have the name of the sensor that reads it.
+                let reads = |stage: &str| self.consumers.iter().any(|c| c.name == s.name && c.stream == stage);
+                let detector = self.detectors.iter().find(|d| reads(&d.stage));
+                let nearest = detector.and_then(|d| Some(format!(": of `{}` {}", d.stage, d.nearest.as_ref()?)));
+                let nearest = nearest.unwrap_or_default();
+                all.push(format!("sensor `{}` had no measurement after the start{nearest}", s.name));
             } else if bad > good {
                 all.push(format!("sensor `{}`: {bad} of {} measurements were not used", s.name, good + bad));
             }

@@ -13,7 +13,7 @@ pub use crate::rows::SourceStatistics;
 pub use files::Finished;
 pub use recorded::open_one;
 pub use saving::Checkpoints;
-pub use summary::{Current, FaultWindow, FinalState, InsideScore, Smoothed, Summary};
+pub use summary::{Current, Detector, FaultWindow, FinalState, InsideScore, Smoothed, Summary};
 
 use crate::assembly::{Assembly, assemble, declared_streams, stream_of};
 use crate::config::{Diagnostic, Diagnostics, Node};
@@ -271,6 +271,7 @@ impl<'a> Run<'a> {
             started: counters.started,
             start_angle: counters.start_angle,
             waiting: if has_started { Vec::new() } else { runner.waits_for() },
+            detectors: runner.tested().into_iter().map(Detector::from).collect(),
             held_back: if rewinds { 0.0 } else { runner.lag() },
             epochs: counters.epochs,
             judged_by: crate::design::of_a_sensor(self.design).map(str::to_owned),
@@ -307,9 +308,7 @@ impl<'a> Run<'a> {
             wall_seconds: self.begun.elapsed().as_secs_f64(),
             filter_ns_per_epoch: timing.ns_per_epoch(counters.epochs),
         };
-        if !self.is_one_of_many {
-            summary.findings = findings(self.design, &summary);
-        }
+        summary.findings = findings(self.design, &summary);
         let checkpoints = self.options.checkpoint.iter().map(|c| &c.file).chain(&self.options.resume);
         Ok(Finished {
             summary,

@@ -6,9 +6,35 @@ use crate::observe::{ConsumerCounts, SensorStatistics};
 use crate::provenance::Provenance;
 use crate::rows::SourceStatistics;
 use crate::score::Score;
+use fusion_core::runner::Tested;
 use fusion_core::state::{Belief, Dynamics, Kind, Layout, StateRole};
 use fusion_models::sim::Record;
 use serde::Serialize;
+
+/// What became of the tests of a stage that is a detector.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Detector {
+    /// The stage.
+    pub stage: String,
+    /// How often it tested since the filter runs.
+    pub tests: u64,
+    /// How often that held for which it tests.
+    pub held: u64,
+    /// What was nearest to that where it never held, with the limits that it missed.
+    pub nearest: Option<String>,
+}
+
+impl From<(String, Tested)> for Detector {
+    fn from((stage, tested): (String, Tested)) -> Self {
+        let Tested { tests, held, nearest } = tested;
+        Self {
+            stage,
+            tests,
+            held,
+            nearest,
+        }
+    }
+}
 
 /// The state of one parameter at the end of a run.
 #[derive(Clone, Debug, Serialize)]
@@ -104,6 +130,8 @@ pub struct Summary {
     pub start_angle: Option<(String, f64)>,
     /// What it was still waiting for at the end.
     pub waiting: Vec<(String, String)>,
+    /// What became of the tests of the stages that are detectors.
+    pub detectors: Vec<Detector>,
     /// For how long rows are held back, so that late ones are used in order of time \[s\]: so old is the estimate that a
     /// vehicle has. 0 where rows are used as they arrive.
     pub held_back: f64,

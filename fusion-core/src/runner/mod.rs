@@ -30,7 +30,7 @@ pub use event::{Discard, Event, Halt, Observer, Observers, RowId};
 pub use nested::{Nested, Outlet};
 pub use offset::Offset;
 pub use ordering::Runner;
-pub use parts::{Emitter, Initialiser, InitialiserUnit, InputLimits, Noise, Port, Sensor, Stage, StageUnit};
+pub use parts::{Emitter, Initialiser, InitialiserUnit, InputLimits, Noise, Port, Sensor, Stage, StageUnit, Tested};
 pub use rewind::{RewindNeeds, Rewinds};
 pub use rows::Row;
 

@@ -7,7 +7,9 @@ use super::parts::Emitted;
 use super::quarantine::{Admission, Held, Quarantine};
 use super::rewind::Rewind;
 use super::rows::{Consumer, Entry, Queue, Row, Rows};
-use super::{Discard, Event, Halt, InitialiserUnit, InputLimits, Observer, Port, RowId, RunError, Sensor, StageUnit, StreamId, WrongWidth};
+use super::{
+    Discard, Event, Halt, InitialiserUnit, InputLimits, Observer, Port, RowId, RunError, Sensor, StageUnit, StreamId, Tested, WrongWidth,
+};
 use crate::filter::Estimator;
 use crate::gate::Outcome;
 use crate::health::{Limits, Monitor};
@@ -318,6 +320,13 @@ impl Runner {
             waiting.map(|(name, why)| (format!("{}.{name}", unit.name), why))
         });
         pending.chain(inside).collect()
+    }
+
+    /// What became of the tests of its stages, by name.
+    #[must_use]
+    pub fn tested(&self) -> Vec<(String, Tested)> {
+        let stages = self.newest().stages.iter();
+        stages.filter_map(|unit| Some((unit.name.clone(), unit.stage.tested()?))).collect()
     }
 
     /// How long rows are held back \[s\]: the buffer plus the longest declared delay, and what

@@ -119,6 +119,17 @@ impl Sensor {
     }
 }
 
+/// What became of the tests of a stage.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Tested {
+    /// How often it tested.
+    pub tests: u64,
+    /// How often that held for which it tests.
+    pub held: u64,
+    /// What was nearest to that where it never held, with its figures and the limits that it missed.
+    pub nearest: Option<String>,
+}
+
 /// Turns streams into a stream: a detector, a clock, a filter of its own.
 pub trait Stage: Memory + Debug + Send {
     /// Sees a row of its input number `input`; `view` is the estimate once there is one.
@@ -134,6 +145,11 @@ pub trait Stage: Memory + Debug + Send {
     /// What a filter inside it still waits for before it can start: names and reasons.
     fn waits_for(&self) -> Vec<(String, String)> {
         Vec::new()
+    }
+
+    /// What became of its rows, of a stage that tests whether something holds, since the filter runs.
+    fn tested(&self) -> Option<Tested> {
+        None
     }
 
     /// Hears that no row follows: the end of the log.

@@ -107,6 +107,7 @@ impl InitialiserSpec for LevellingSpec {
             found: None,
             wander: 0.0,
             last: None,
+            longest: 0.0,
         }))
     }
 }
@@ -243,6 +244,8 @@ struct Levelling {
     /// 1σ of tilt \[rad\] by which the force wandered over the rest that was found.
     wander: f64,
     last: Option<Time>,
+    /// The longest rest so far \[s\].
+    longest: f64,
 }
 
 impl Memory for Levelling {
@@ -254,6 +257,7 @@ impl Memory for Levelling {
         self.found.remember(tape);
         self.wander.remember(tape);
         self.last.remember(tape);
+        self.longest.remember(tape);
     }
 }
 
@@ -281,7 +285,7 @@ impl Initialiser for Levelling {
         self.last = Some(time);
         // Nothing is known of the bias before the first rest, and little changes after it.
         let bias = self.found.map_or_else(Vector3::zeros, |(_, bias)| bias);
-        if self.test.as_ref().map_or(self.found.is_none(), |test| test.is_still(&bias)) {
+        if self.test.as_mut().map_or(self.found.is_none(), |test| test.is_still(&bias)) {
             if self.rest.since.is_none() {
                 self.rest = Rest {
                     since: Some(time),
@@ -289,6 +293,7 @@ impl Initialiser for Levelling {
                 };
             }
             let lasted = self.rest.since.map_or(0.0, |since| time.seconds_since(since));
+            self.longest = self.longest.max(lasted);
             self.rest.add(&w, &f, lasted / self.duration);
             if lasted >= self.duration {
                 self.solve();
@@ -305,12 +310,21 @@ impl Initialiser for Levelling {
     fn waits_for(&self) -> Option<String> {
         self.found.is_none().then(|| {
             let rest = format!("{} s at rest, to level", self.duration);
-            match self.test.as_ref().map(StillTest::unrest) {
-                Some([gyro, accel]) if gyro.max(accel) > 1.0 => {
-                    format!("{rest}; lately the rate shakes by {gyro:.1} and the force by {accel:.1} of what `still` allows")
-                }
-                _ => rest,
-            }
+            let Some(test) = &self.test else { return rest };
+            let [gyro, accel, mean] = test.unrest(&Vector3::zeros());
+            let lately = match gyro.max(accel).max(mean) > 1.0 {
+                true if mean > 1.0 => format!(
+                    "; lately the rate shakes by {gyro:.1}, the force by {accel:.1}, and the mean rate is {mean:.1} of what `still` allows"
+                ),
+                true => format!("; lately the rate shakes by {gyro:.1} and the force by {accel:.1} of what `still` allows"),
+                false => String::new(),
+            };
+            let so_far = match test.missed() {
+                Some(missed) => format!("; {missed}"),
+                None if self.longest > 0.0 => format!("; the longest rest so far lasted {:.1} s", self.longest),
+                None => String::new(),
+            };
+            format!("{rest}{lately}{so_far}")
         })
     }
 
@@ -417,6 +431,7 @@ mod tests {
                     found: None,
                     wander: 0.0,
                     last: None,
+                    longest: 0.0,
                 };
                 let mut k = 0;
                 while levelling.found.is_none() {
@@ -446,6 +461,7 @@ mod tests {
             found: None,
             wander: 0.0,
             last: None,
+            longest: 0.0,
         }
     }
 
@@ -548,6 +564,19 @@ mod tests {
             message.contains("the rate shakes by 0.0 and the force by 3.0 of what `still` allows"),
             "{message}"
         );
+        assert!(
+            message.ends_with("the quietest window has 0.30 m/s² where `still.accel_std` allows 0.10"),
+            "{message}"
+        );
+        // Rests that are too short.
+        let mut levelling = unbounded(2.0);
+        levelling.test = Some(StillTest::new(&still));
+        for k in 0..1000 {
+            let shake = if k % 200 > 150 { f64::from(k % 2) } else { 0.0 };
+            levelling.row(0, Time::from_seconds(f64::from(k) * 0.01), &[0.0, 0.0, 0.0, shake, 0.0, -G]);
+        }
+        let message = levelling.waits_for().unwrap();
+        assert!(message.contains("the longest rest so far lasted 0.6 s"), "{message}");
     }
 
     #[test]

@@ -14,7 +14,7 @@ use crate::block::{Build, BuildError, Channel, Listen, StageSpec, imu_channels};
 use crate::units::{Positive, dim};
 use crate::vocabulary::{channel, state};
 use fusion_core::memory;
-use fusion_core::runner::{Emitter, Stage};
+use fusion_core::runner::{Emitter, Stage, Tested};
 use fusion_core::state::{Attitude, Quantity, Vector, Velocity, View};
 use fusion_core::time::{Time, nanos};
 use nalgebra::Vector3;
@@ -123,6 +123,8 @@ impl StageSpec for StationaritySpec {
             period: nanos(1.0 / self.rate.si()),
             reported: None,
             passed: 0,
+            counts: [0; 3],
+            rows: 0,
             next_test: Time::MIN,
             next_row: Time::MIN,
         }))
@@ -144,16 +146,19 @@ struct Stationarity {
     period: i64,
     reported: Option<(Time, f64)>,
     passed: u32,
+    /// Tests, windows that were still, and those at which all else held, too.
+    counts: [u64; 3],
+    rows: u64,
     next_test: Time,
     next_row: Time,
 }
 memory!(Stationarity {
-    test, reported, passed, next_test, next_row;
+    test, reported, passed, counts, rows, next_test, next_row;
     gyro_bias, lift, filter_speed, witness, persist, test_period, period
 });
 
 impl Stationarity {
-    fn is_still(&self, time: Time, view: &View<'_>) -> bool {
+    fn is_still(&mut self, time: Time, view: &View<'_>) -> bool {
         let value = |q: &Option<Quantity<Vector<3>>>| q.as_ref().map_or_else(Vector3::zeros, |q| view.get(q));
         let report = self
             .witness
@@ -168,11 +173,32 @@ impl Stationarity {
             let f_n = view.get(attitude) * (self.test.means()[1] - value(bias));
             f_n.x.hypot(f_n.y) <= *max
         });
-        slow && held && self.test.is_still(&value(&self.gyro_bias))
+        let is_still = self.test.is_still(&value(&self.gyro_bias));
+        let holds = slow && held && is_still;
+        self.counts[0] += 1;
+        self.counts[1] += u64::from(is_still);
+        self.counts[2] += u64::from(holds);
+        holds
     }
 }
 
 impl Stage for Stationarity {
+    fn tested(&self) -> Option<Tested> {
+        let [tests, still, held] = self.counts;
+        let nearest = match (still, held) {
+            (0, _) => self.test.missed(),
+            (_, 0) => Some(format!(
+                "{still} windows of {tests} were still, but none of them while speed and mean acceleration were within their limits"
+            )),
+            (..) if self.rows == 0 => Some(format!(
+                "{held} of {tests} tests held, but never {} in a row (`persist`)",
+                self.persist
+            )),
+            _ => None,
+        };
+        Some(Tested { tests, held, nearest })
+    }
+
     fn row(&mut self, input: usize, time: Time, row: &[f64], view: Option<&View<'_>>, out: &mut Emitter) {
         if input == 1 {
             self.reported = Some((time, Vector3::new(row[0], row[1], row[2]).norm()));
@@ -197,6 +223,7 @@ impl Stage for Stationarity {
             return;
         }
         self.next_row = time.shifted(self.period);
+        self.rows += 1;
         let [w, f] = self.test.means();
         out.emit(time, &[w.x, w.y, w.z, f.x, f.y, f.z]);
     }

@@ -47,8 +47,11 @@ pub struct StillTest {
     sum: [Vector3<f64>; 2],
     squares: [Vector3<f64>; 2],
     origin: Option<[Vector3<f64>; 2]>,
+    /// Of all full windows that were judged the one that is nearest to still: standard deviations of rate and force, mean
+    /// rate less the bias.
+    nearest: Option<[Vector3<f64>; 3]>,
 }
-fusion_core::memory!(StillTest { samples, sum, squares, origin; window, accel_std, gyro_std, mean_rate });
+fusion_core::memory!(StillTest { samples, sum, squares, origin, nearest; window, accel_std, gyro_std, mean_rate });
 
 impl StillTest {
     /// From its declared bounds.
@@ -63,6 +66,7 @@ impl StillTest {
             sum: [Vector3::zeros(); 2],
             squares: [Vector3::zeros(); 2],
             origin: None,
+            nearest: None,
         }
     }
 
@@ -106,26 +110,72 @@ impl StillTest {
         })
     }
 
-    /// How far the window is from still: the largest standard deviation over its bound, of rate and of
-    /// force.
+    /// How far the window is from still, given the gyro bias \[rad/s\]: the largest standard deviation over its bound, of
+    /// rate and of force, and the largest mean rate over its own.
     #[must_use]
-    pub fn unrest(&self) -> [f64; 2] {
+    pub fn unrest(&self, gyro_bias: &Vector3<f64>) -> [f64; 3] {
+        self.shares(&self.figures(gyro_bias)).map(|share| share.max())
+    }
+
+    /// What is held against the bounds.
+    fn figures(&self, gyro_bias: &Vector3<f64>) -> [Vector3<f64>; 3] {
         let [w, f] = self.deviations();
-        [w.component_div(&self.gyro_std).max(), f.component_div(&self.accel_std).max()]
+        [w, f, (self.means()[0] - gyro_bias).abs()]
+    }
+
+    /// In shares of the bounds.
+    fn shares(&self, figures: &[Vector3<f64>; 3]) -> [Vector3<f64>; 3] {
+        let bounds = [self.gyro_std, self.accel_std, self.mean_rate];
+        core::array::from_fn(|k| figures[k].component_div(&bounds[k]))
+    }
+
+    /// What every window that was judged has missed: by the one that was nearest to still, with its figures and the bounds. None
+    /// where one was still, or none was full.
+    #[must_use]
+    pub fn missed(&self) -> Option<String> {
+        let nearest = self.nearest.as_ref()?;
+        let shares = self.shares(nearest);
+        let kinds = [
+            ("gyro_std", "deg/s", 1_f64.to_degrees()),
+            ("accel_std", "m/s²", 1.0),
+            ("mean_rate", "deg/s", 1_f64.to_degrees()),
+        ];
+        let missed = (0..3).filter(|k| shares[*k].max() > 1.0).map(|k| {
+            let (axis, (name, unit, factor)) = (shares[k].imax(), kinds[k]);
+            let value = nearest[k][axis];
+            let [value, bound] = [value, value / shares[k][axis]].map(|v| two_digits(factor * v));
+            format!("{value} {unit} where `still.{name}` allows {bound}")
+        });
+        let missed: Vec<String> = missed.collect();
+        (!missed.is_empty()).then(|| format!("the quietest window has {}", missed.join(", and ")))
     }
 
     /// Whether the window is full and still, given the gyro bias \[rad/s\].
     #[must_use]
-    pub fn is_still(&self, gyro_bias: &Vector3<f64>) -> bool {
+    pub fn is_still(&mut self, gyro_bias: &Vector3<f64>) -> bool {
         let (Some(first), Some(last)) = (self.samples.front(), self.samples.back()) else {
             return false;
         };
         let n = self.samples.len() as f64;
         // n samples cover n intervals, of which n − 1 lie between them.
         let full = n >= 4.0 && (last.0 - first.0) * n / (n - 1.0) >= 0.9 * self.window;
-        let mean = self.means()[0] - gyro_bias;
-        full && self.unrest().iter().all(|share| *share <= 1.0) && (0..3).all(|i| mean[i].abs() <= self.mean_rate[i])
+        if !full {
+            return false;
+        }
+        let figures = self.figures(gyro_bias);
+        let most = |figures: &[Vector3<f64>; 3]| self.shares(figures).iter().map(Vector3::max).fold(0.0, f64::max);
+        let unrest = most(&figures);
+        if self.nearest.as_ref().is_none_or(|nearest| unrest < most(nearest)) {
+            self.nearest = Some(figures);
+        }
+        unrest <= 1.0
     }
+}
+
+/// Two significant digits.
+fn two_digits(value: f64) -> String {
+    let decimals = (1.0 - value.abs().log10().floor()).clamp(0.0, 9.0);
+    format!("{value:.*}", decimals as usize)
 }
 
 #[cfg(test)]
@@ -174,6 +224,28 @@ mod tests {
         }
         assert!(!t.is_still(&Vector3::zeros()), "0.05 rad/s is a turn");
         assert!(t.is_still(&turn), "0.05 rad/s is the bias");
+    }
+
+    #[test]
+    fn what_was_missed_is_that_of_the_quietest_window_with_its_figures() {
+        let mut t = test();
+        assert_eq!(t.missed(), None);
+        for k in 0..900 {
+            // Quietest from 3 s to 6 s, and never still; 1σ of a force that changes its sign is its size.
+            let size = if (300..600).contains(&k) { 0.4 } else { 4.0 };
+            let shake = if k % 2 == 0 { size } else { -size };
+            t.push(f64::from(k) * 0.01, Vector3::new(0.0, 0.03, 0.0), Vector3::new(0.0, shake, -9.8));
+            assert!(!t.is_still(&Vector3::zeros()));
+        }
+        assert_eq!(
+            t.missed().unwrap(),
+            "the quietest window has 0.40 m/s² where `still.accel_std` allows 0.20, and 1.7 deg/s where `still.mean_rate` allows 1.1"
+        );
+        for k in 900..1100 {
+            t.push(f64::from(k) * 0.01, Vector3::zeros(), Vector3::new(0.0, 0.0, -9.8));
+            let _ = t.is_still(&Vector3::zeros());
+        }
+        assert_eq!(t.missed(), None, "one was still");
     }
 
     #[test]
