@@ -7,6 +7,7 @@ pub use history::{History, Together, together};
 
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
+use crate::findings::Finding;
 use crate::health::{FilterHealth, State};
 use crate::observe::{RunObserver, SensorStatistics};
 use crate::provenance::Provenance;
@@ -62,6 +63,9 @@ pub struct RunRow {
     pub spikes: u64,
     /// The drift in each declared outage.
     pub drift: Vec<Drift>,
+    /// What to look at next.
+    #[serde(skip)]
+    pub findings: Vec<Finding>,
 }
 
 /// What the filter of a run said of itself.
@@ -127,6 +131,7 @@ impl RunRow {
             control: summary.control.clone(),
             spikes: summary.spikes,
             drift: score.drift,
+            findings: summary.findings.clone(),
         }
     }
 }
@@ -399,6 +404,30 @@ impl Campaign {
         }
         all.sort_by(|a, b| a[0].from.total_cmp(&b[0].from).then(a[0].to.total_cmp(&b[0].to)));
         all
+    }
+
+    /// The run in the middle by its position error, or by its attitude error where no run has a position; the first one where
+    /// nothing tells.
+    #[must_use]
+    pub fn middle(&self) -> Option<&RunRow> {
+        let by = |error: fn(&RunRow) -> f64| {
+            let mut known: Vec<&RunRow> = self.rows.iter().filter(|row| error(row).is_finite()).collect();
+            known.sort_by(|a, b| error(a).total_cmp(&error(b)));
+            known.get(known.len() / 2).copied()
+        };
+        by(|row| row.position_rmse)
+            .or_else(|| by(|row| row.rotation_rmse))
+            .or(self.rows.first())
+    }
+
+    /// What to look at next by the run in the middle, in how many runs something was said of the same: of at least half of them,
+    /// for what fewer say is chance, or an accident of theirs.
+    #[must_use]
+    pub fn findings(&self) -> Vec<(&Finding, usize)> {
+        let said_by = |about: &str| self.rows.iter().filter(|row| row.findings.iter().any(|f| f.about == about)).count();
+        let middle = self.middle().into_iter().flat_map(|row| &row.findings);
+        let counted = middle.map(|finding| (finding, said_by(&finding.about)));
+        counted.filter(|(_, runs)| 2 * runs >= self.rows.len()).collect()
     }
 
     /// The runs whose worst state was this one.

@@ -192,10 +192,26 @@ impl Campaign {
                     self.consistency(),
                     Section::new("Sensors, counts over all runs", [self.gates()]),
                     Section::new("Innovations of accepted measurements, over the runs", [self.innovations()]),
+                    self.look_next(),
                     Section::new("", []).note(pace(&self.pace)),
                 ])
                 .collect(),
         }
+    }
+
+    /// What to look at next, by the run in the middle and as at least half of the runs say it.
+    fn look_next(&self) -> Section {
+        let (found, all) = (self.findings(), self.rows.len());
+        let Some(middle) = self.middle().filter(|_| !found.is_empty()) else {
+            return Section::default();
+        };
+        let mut section = Section::new("Look at next", []).note(format!(
+            "Said by the run in the middle, `fusion run … --seed {}`, whose figures they are, and by at least half of the runs:",
+            middle.seed
+        ));
+        let lines = found.iter().map(|(finding, runs)| format!("- {finding} ({runs} of {all} runs)."));
+        section.notes.extend(lines);
+        section
     }
 
     /// What a reader must not overlook of the runs together.
@@ -265,8 +281,10 @@ impl Campaign {
         let nees: Vec<_> = nees.filter_map(|(i, of)| Some((of, self.judge(|r| r.nees[i])?))).collect();
         let nis = self.sensors().iter().enumerate();
         let nis = nis.filter_map(|(i, s)| Some((s.name.as_str(), self.judge(|r| r.sensors[i].nis)?)));
-        let (what, judged) = if nees.is_empty() { ("NIS", nis.collect()) } else { ("NEES", nees) };
-        let known: Vec<(&str, Consistency, Verdict)> = judged.into_iter().filter_map(|(of, c)| Some((of, c, c.verdict()?))).collect();
+        let (what, judged): (_, Vec<_>) = if nees.is_empty() { ("NIS", nis.collect()) } else { ("NEES", nees) };
+        let count = judged.iter().filter(|(_, c)| c.verdict().is_some()).count();
+        let judged = judged.into_iter().map(|(of, c)| (of, c.among(count)));
+        let known: Vec<(&str, Consistency, Verdict)> = judged.filter_map(|(of, c)| Some((of, c, c.verdict()?))).collect();
         let words = |(of, c, verdict): &(&str, Consistency, Verdict)| {
             let [mean, low, high] = [c.mean, c.band.0, c.band.1].map(|v| significant(v / c.dof as f64));
             let side = if *verdict == Verdict::Consistent { "in" } else { "outside" };
@@ -288,8 +306,13 @@ impl Campaign {
             _ => ("Not consistent", wrong),
         };
         let told: Vec<String> = told.into_iter().map(words).collect();
+        let same = if self.independence == Independence::Identical {
+            " that are all the same"
+        } else {
+            ""
+        };
         Some(format!(
-            "{head} over {} runs: {what} over its degrees of freedom, of {}.",
+            "{head} over {} runs{same}: {what} over its degrees of freedom, of {}.",
             self.rows.len(),
             told.join("; of ")
         ))
