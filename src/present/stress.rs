@@ -66,6 +66,14 @@ impl Stress {
         } else {
             section
         };
+        let section = if self.rows.iter().any(|r| r.verdict() == Some(Verdict::NoClock)) {
+            section.note(
+                "no clock: no stream has a row any more, so the filter does not know that time goes on, and says nothing; whoever uses \
+                 its estimate has to look at the age of it.",
+            )
+        } else {
+            section
+        };
         match self.unfit.as_slice() {
             [] => section,
             unfit => section.note(format!("On no stream of this design: {}.", unfit.join(", "))),

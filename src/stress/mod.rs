@@ -55,6 +55,8 @@ pub enum Verdict {
     Known,
     /// The design declares it, and it was not so.
     Passed,
+    /// It was, but nothing had a row any more by which the filter could know.
+    NoClock,
 }
 
 impl Verdict {
@@ -65,6 +67,7 @@ impl Verdict {
             Self::Failed => "FAILED",
             Self::Known => "known",
             Self::Passed => "passes now",
+            Self::NoClock => "no clock",
         }
     }
 }
@@ -75,6 +78,8 @@ impl Row {
     pub fn verdict(&self) -> Option<Verdict> {
         let is_wrong = self.outcome.stopped.is_some() || self.outcome.unsaid > self.case.recovery;
         match (is_wrong, self.case.is_known) {
+            // What hears nothing cannot know that time goes on.
+            (true, _) if self.outcome.hears_nothing && self.outcome.stopped.is_none() => Some(Verdict::NoClock),
             (true, true) => Some(Verdict::Known),
             (true, false) => Some(Verdict::Failed),
             (false, true) if self.case.sets.len() == 1 => Some(Verdict::Passed),
@@ -208,4 +213,28 @@ fn names(assembly: &Assembly) -> Names {
     filters
         .outermost()
         .map_or_else(Names::default, |filter| Names::new(filter, assembly))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_filter_that_hears_nothing_any_more_has_no_clock_and_did_not_fail() {
+        let row = |hears_nothing, unsaid| Row {
+            case: Case {
+                recovery: 30.0,
+                ..Case::undisturbed(Time::default())
+            },
+            outcome: Outcome {
+                hears_nothing,
+                unsaid,
+                ..Outcome::default()
+            },
+        };
+        assert_eq!(row(true, 37.5).verdict(), Some(Verdict::NoClock));
+        assert_eq!(row(false, 37.5).verdict(), Some(Verdict::Failed));
+        // A fault at the end of the log, after which nothing was to come.
+        assert_eq!(row(true, 0.0).verdict(), None);
+    }
 }

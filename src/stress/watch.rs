@@ -34,6 +34,8 @@ pub struct Outcome {
     pub unsaid: f64,
     /// The worst that its health said after the fault began.
     pub health: Option<Said>,
+    /// Whether no stream has had a row since the fault began.
+    pub hears_nothing: bool,
     /// Why the run stopped before its end.
     pub stopped: Option<String>,
 }
@@ -86,6 +88,8 @@ pub(super) struct Watch<'a> {
     samples: Vec<Sample>,
     /// The time of the log, by streams whose stamps are right.
     now: Option<Time>,
+    /// Whether a row came after the fault began, of whatever stream.
+    hears: bool,
     changes: Vec<Change>,
     /// The watch is over; the run need not go on.
     pub(super) is_over: bool,
@@ -112,6 +116,7 @@ impl<'a> Watch<'a> {
             mounting: survey.mounting,
             samples: Vec::new(),
             now: None,
+            hears: false,
             changes: Vec::new(),
             is_over: false,
         }
@@ -166,6 +171,7 @@ impl<'a> Watch<'a> {
             }
         }
         out.health = self.said(names);
+        out.hears_nothing = !self.hears;
         out.survived = !ends_wrong;
         out.recovered = (!ends_wrong).then(|| last_wrong.map_or(0.0, |t| t.seconds_since(to).max(0.0)));
         out
@@ -201,6 +207,9 @@ fn greatest(a: Option<f64>, b: Option<f64>) -> Option<f64> {
 
 impl RunObserver for Watch<'_> {
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
+        if let RunEvent::Row(row) = event {
+            self.hears |= row.time > self.from;
+        }
         match event {
             RunEvent::Row(row) if !self.disturbed.contains(&row.stream) => {
                 self.now = self.now.max(Some(row.time));
