@@ -39,13 +39,16 @@ impl Turned {
         }
         if against > TIED && along < 0.7 && near(sum) {
             let from = ["north", "east", "south", "west"][(quarters(sum) as i64).rem_euclid(4) as usize];
+            let minus = "write a minus before the name of its column, as in `\"-NAME\"`";
             let help = match from {
-                "east" => {
-                    "from east-north-up, write `navigation_rotation = { axes = [\"y\", \"x\", \"-z\"] }`; of roll, pitch, yaw: `\"-yaw\"` with the `offset` `\"90 deg\"`"
-                }
-                _ => "change the sign of the heading: `\"-yaw\"`, or of a quaternion the opposite of its `inverse`",
+                "east" => format!(
+                    "from east-north-up, write `navigation_rotation = {{ axes = [\"y\", \"x\", \"-z\"] }}`; of roll, pitch, yaw: {minus}, with \
+                     the `offset` `\"90 deg\"`"
+                ),
+                "north" => format!("{minus}, or of a quaternion the opposite of its `inverse`"),
+                _ => format!("{minus}, with the `offset` `\"{} deg\"`", 90.0 * quarters(sum)),
             };
-            return Some((format!("it is counted anti-clockwise from {from}"), help.to_owned()));
+            return Some((format!("it is counted anti-clockwise from {from}"), help));
         }
         None
     }

@@ -53,6 +53,9 @@ impl Summary {
         match &self.score {
             Some(score) if score.epochs > 0 => {
                 errors(&mut t, "", score);
+                if let Some(line) = self.while_aligning(score) {
+                    t.row(["", &line]);
+                }
                 smoothed.into_iter().for_each(|score| errors(&mut t, "smoothed ", score));
                 if let Some(source) = &self.judged_by {
                     t.row([
@@ -71,6 +74,19 @@ impl Summary {
             None => {}
         }
         Section::new("", [t])
+    }
+
+    /// That the largest heading error is one of the time in which the filter itself said that it was not aligned.
+    fn while_aligning(&self, score: &Score) -> Option<String> {
+        let aligned = self.health.iter().find(|h| h.filter.is_empty())?.aligned?;
+        let (at, most) = score.attitude_deg.as_ref().map(|axes| (axes.max_time[2], axes.max[2]))?;
+        (at < aligned).then(|| {
+            format!(
+                "its largest heading error, {}° at {at:.1} s, is of the time before the filter was aligned, at {aligned:.1} s, which counts in \
+                 these figures: `[reference] from = \"{aligned:.1} s\"` leaves it out",
+                short(most)
+            )
+        })
     }
 
     /// What to look at next, at most so many findings.

@@ -2,7 +2,7 @@
 
 use super::tree::{Cell, Column, Section, Table};
 use super::unit::Unit;
-use crate::health::{FilterHealth, NamedReason, State};
+use crate::health::{FilterHealth, NamedReason, State, Transition};
 
 /// Spells of ill health that are listed.
 const SPELLS: usize = 20;
@@ -28,8 +28,22 @@ pub(super) fn line(health: &FilterHealth) -> String {
             Some(told) => format!("good; from {:.1} s on: {}", told.time, named(&told.reasons)),
             None => "good".to_owned(),
         },
-        (_, true) => format!("{} at the end", health.state),
-        _ => format!("{}{declared}; {} at the end", ill.join(", "), health.state),
+        (_, true) => at_the_end(health),
+        _ => format!("{}{declared}; {}", ill.join(", "), at_the_end(health)),
+    }
+}
+
+/// The state at the end; where it is a want of input that the log ends with, so.
+fn at_the_end(health: &FilterHealth) -> String {
+    let last = health.transitions.last().filter(|_| health.further_transitions == 0);
+    let is_end_of_input = |t: &&Transition| t.state == State::Coasting && t.reasons.iter().all(|r| r.reason == "no_input");
+    match last.filter(is_end_of_input) {
+        Some(last) => format!(
+            "{} for the last {:.1} s, for the input of the process ends before the other rows do",
+            health.state,
+            (health.until - last.time).max(0.0)
+        ),
+        None => format!("{} at the end", health.state),
     }
 }
 
@@ -146,7 +160,32 @@ fn spells(all: &[FilterHealth], most: usize) -> Section {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::health::Transition;
+
+    #[test]
+    fn a_log_that_ends_with_its_input_is_no_filter_that_coasts() {
+        let at_the_end = |reason: &'static str| {
+            let coasting = NamedReason {
+                reason,
+                of: String::new(),
+                state: State::Coasting,
+            };
+            line(&FilterHealth {
+                state: State::Coasting,
+                until: 99.9,
+                transitions: vec![Transition {
+                    time: 99.3,
+                    state: State::Coasting,
+                    reasons: vec![coasting],
+                }],
+                ..FilterHealth::default()
+            })
+        };
+        assert_eq!(
+            at_the_end("no_input"),
+            "coasting for the last 0.6 s, for the input of the process ends before the other rows do"
+        );
+        assert_eq!(at_the_end("silent"), "coasting at the end");
+    }
 
     #[test]
     fn a_reason_that_came_later_than_a_state_is_told_with_its_time() {

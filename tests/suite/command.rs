@@ -1,4 +1,5 @@
 use crate::support::{DESIGN, Workspace, fixes, has, narrow, shows, snapshot, squeezed, stderr, stdout};
+use predicates::prelude::PredicateBooleanExt;
 use predicates::str::contains;
 use serde_json::{Value, json};
 
@@ -175,6 +176,25 @@ fn a_campaign_is_the_same_file_for_any_number_of_threads() {
         rows.len() == 4 && rows[0].starts_with("run,seed,rms_n_m") && rows[1] != rows[2],
         "{one}"
     );
+}
+
+#[test]
+fn a_campaign_tells_what_half_of_its_runs_say() {
+    let w = Workspace::new("command-campaign-findings");
+    let of = |design: &str| {
+        let file = format!("{}/configs/{design}.toml", env!("CARGO_MANIFEST_DIR"));
+        squeezed(&stdout(&w.fusion(&["montecarlo", &file, "-n", "4"]).success())).join(" ")
+    };
+    let told = of("ins-gps-outlier");
+    for part in [
+        "Said by the run in the middle, `fusion run … --seed",
+        "declare its `bias`",
+        "(4 of 4 runs).",
+    ] {
+        assert!(told.contains(part), "{part}: {told}");
+    }
+    // What one run in twenty says by chance is not told.
+    assert!(!of("ins-gps").contains("Look at next"));
 }
 
 #[test]
@@ -405,6 +425,26 @@ fn a_filter_that_never_starts_is_a_warning() {
     let ran = w.fusion(&["run", "design.toml", "--set", "run.start=1000 s"]);
     let ran = ran.success().stdout(has("started never"));
     snapshot("never_started", &stderr(&ran));
+}
+
+#[test]
+fn a_detector_that_never_holds_is_told_with_what_it_missed() {
+    let w = Workspace::new("command-detector");
+    w.fusion(&["new", "mine", "--from", "person"]).success();
+    let narrow = "stage.standing.still.accel_std=0.005 m/s^2";
+    let missed = "of `standing` the quietest window has";
+    w.fusion(&["run", "mine.toml", "--set", narrow])
+        .success()
+        .stderr(contains(missed).and(contains("where `still.accel_std` allows 0.0050")));
+    w.fusion(&["run", "mine.toml"]).success().stderr(contains(missed).not());
+}
+
+#[test]
+fn a_truth_beside_what_the_filter_believes_is_told_its_place() {
+    let w = Workspace::new("command-truth");
+    w.fusion(&["run", "design.toml", "--set", "sensor.gnss.truth.lever_arm=[1, 0, 0]"])
+        .code(2)
+        .stderr(contains("`[simulation.sensor.NAME]`").and(contains("unknown field").not()));
 }
 
 #[test]
