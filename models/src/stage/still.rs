@@ -164,8 +164,13 @@ impl StillTest {
         }
         let figures = self.figures(gyro_bias);
         let most = |figures: &[Vector3<f64>; 3]| self.shares(figures).iter().map(Vector3::max).fold(0.0, f64::max);
+        // What is not a number is not still.
+        if !figures.iter().all(|figure| figure.iter().all(|v| v.is_finite())) {
+            return false;
+        }
         let unrest = most(&figures);
-        if self.nearest.as_ref().is_none_or(|nearest| unrest < most(nearest)) {
+        let is_nearer = self.nearest.as_ref().is_none_or(|nearest| unrest < most(nearest));
+        if is_nearer {
             self.nearest = Some(figures);
         }
         unrest <= 1.0
@@ -246,6 +251,16 @@ mod tests {
             let _ = t.is_still(&Vector3::zeros());
         }
         assert_eq!(t.missed(), None, "one was still");
+    }
+
+    #[test]
+    fn what_is_not_a_number_is_not_still() {
+        let mut t = test();
+        for k in 0..110 {
+            let force = if k == 50 { f64::NAN } else { -9.8 };
+            t.push(f64::from(k) * 0.01, Vector3::zeros(), Vector3::new(0.0, 0.0, force));
+        }
+        assert!(!t.is_still(&Vector3::zeros()) && t.missed().is_none());
     }
 
     #[test]
