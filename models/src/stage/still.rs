@@ -72,6 +72,12 @@ impl StillTest {
 
     /// Adds a sample: time \[s\], angular rate \[rad/s\], specific force \[m/s²\].
     pub fn push(&mut self, time: f64, w: Vector3<f64>, f: Vector3<f64>) {
+        // What is not a number would stay in the sums for ever: the window begins anew behind it.
+        if !w.iter().chain(f.iter()).all(|v| v.is_finite()) {
+            self.samples.clear();
+            (self.sum, self.squares, self.origin) = Default::default();
+            return;
+        }
         // Sums are taken about the first sample, so that squares do not cancel.
         let origin = *self.origin.get_or_insert([w, f]);
         self.samples.push_back((time, w, f));
@@ -164,10 +170,6 @@ impl StillTest {
         }
         let figures = self.figures(gyro_bias);
         let most = |figures: &[Vector3<f64>; 3]| self.shares(figures).iter().map(Vector3::max).fold(0.0, f64::max);
-        // What is not a number is not still.
-        if !figures.iter().all(|figure| figure.iter().all(|v| v.is_finite())) {
-            return false;
-        }
         let unrest = most(&figures);
         let is_nearer = self.nearest.as_ref().is_none_or(|nearest| unrest < most(nearest));
         if is_nearer {
@@ -261,6 +263,10 @@ mod tests {
             t.push(f64::from(k) * 0.01, Vector3::zeros(), Vector3::new(0.0, 0.0, force));
         }
         assert!(!t.is_still(&Vector3::zeros()) && t.missed().is_none());
+        for k in 110..160 {
+            t.push(f64::from(k) * 0.01, Vector3::zeros(), Vector3::new(0.0, 0.0, -9.8));
+        }
+        assert!(t.is_still(&Vector3::zeros()), "a window after it");
     }
 
     #[test]
