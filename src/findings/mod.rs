@@ -183,6 +183,7 @@ impl Judged<'_> {
             .chain(far)
             .chain(never_held)
             .chain(large)
+            .chain(self.undecided())
             .chain(errors)
             .chain(self.sensors().filter_map(|(i, s)| self.small(i, s)))
             .chain(self.sensors().filter_map(|(i, s)| self.lasting(i, s)))
@@ -302,6 +303,21 @@ impl Judged<'_> {
             advice: format!("look at {parts}; if they are right, `{name}` is worse known than declared: widen its `sigma`"),
         };
         Some((sensor.is_none(), finding))
+    }
+
+    /// Several headings that are still possible at the end.
+    fn undecided(&self) -> Option<Finding> {
+        let own = self.summary.health.iter().find(|h| h.filter.is_empty())?;
+        let last = own.transitions.last().filter(|_| own.further_transitions == 0)?;
+        let start = self.summary.start_angle.as_ref();
+        last.reasons.iter().any(|r| r.reason == "undecided").then(|| Finding {
+            about: start.map_or_else(|| "filter.bank".to_owned(), |(name, _)| name.clone()),
+            evidence: "several headings are still possible at the end".to_owned(),
+            advice:
+                "the data do not decide between them; what is shown is one, and its 1σ knows nothing of the others: give a better start (a \
+                     smaller `sigma`) or a sensor that differs between them, as a compass or a velocity ahead does"
+                    .to_owned(),
+        })
     }
 
     /// A start so poor that one linearisation does not reach the truth, where nothing shows that it did.

@@ -11,7 +11,7 @@ use serde::{Serialize, Serializer};
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct NamedReason {
     /// What it is: `no_input`, `stopped`, `refused`, `unsound`, `floor`, `calibration`,
-    /// `pulled`, `innovations`, `rejected`, `reacquired`, `silent`, `ahead`, `unaided`.
+    /// `pulled`, `innovations`, `rejected`, `reacquired`, `silent`, `ahead`, `unaided`, `undecided`.
     pub reason: &'static str,
     /// The sensor, stream or block; empty where it is the filter as a whole.
     pub of: String,
@@ -21,7 +21,7 @@ pub struct NamedReason {
 }
 
 /// Every word that a reason can have.
-const WORDS: [&str; 19] = [
+const WORDS: [&str; 20] = [
     "",
     "no_input",
     "stopped",
@@ -36,6 +36,7 @@ const WORDS: [&str; 19] = [
     "silent",
     "ahead",
     "unaided",
+    "undecided",
     State::Good.word(),
     State::Aligning.word(),
     State::Coasting.word(),
@@ -69,6 +70,7 @@ impl NamedReason {
             ("reacquired", _) => "re-acquired",
             ("ahead", _) => "stamped ahead of the process input",
             ("unaided", _) => "nothing measures position or velocity",
+            ("undecided", _) => "several headings are still possible",
             ("silent", State::Good) => "silent, and others measure what it does",
             _ => "silent",
         }
@@ -124,6 +126,7 @@ impl Names {
             Reason::Rejected { sensor, .. } => ("rejected", Some(&self.sensors), sensor),
             Reason::Reacquired { sensor } => ("reacquired", Some(&self.sensors), sensor),
             Reason::Unaided => ("unaided", None, 0),
+            Reason::Undecided => ("undecided", None, 0),
             Reason::Silent { sensor, .. } => ("silent", Some(&self.sensors), sensor),
             Reason::StreamSilent { stream } => ("silent", Some(&self.streams), stream),
             Reason::Ahead { stream } => ("ahead", Some(&self.streams), stream),

@@ -13,7 +13,7 @@
 //! After Reid, *An algorithm for tracking multiple targets*, IEEE TAC 24 (1979).
 
 use super::estimator::{Estimator, FilterError, Observed, Update, Verdict};
-use super::starts::headings;
+use super::starts::{headings, is_angle};
 use super::step::Step;
 use crate::chart::{Body, Chart};
 use crate::consistency::chi_square_quantile;
@@ -21,8 +21,9 @@ use crate::gate::{Answer, Decision, Gate, GateInput, Mode, Odds, Outcome, log_no
 use crate::loss::Loss;
 use crate::memory::{self, Memory, Tape};
 use crate::model::Input;
-use crate::state::{Belief, Block, Kind, Layout, View};
+use crate::state::{Belief, Block, Layout, View};
 use crate::time::Time;
+use core::f64::consts::TAU;
 
 /// How many hypotheses there may be, and which.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,6 +74,10 @@ struct Report {
     weight: f64,
     /// Whether the gate of the sensor leaves it open whether a measurement is false.
     may_be_false: bool,
+    /// See [`Broker::usual`].
+    usual: Option<f64>,
+    /// Whether it was left out with that of another sensor, whatever it says itself.
+    is_aside: bool,
 }
 
 impl Report {
@@ -87,6 +92,8 @@ impl Report {
             nis: f64::NAN,
             weight: 0.0,
             may_be_false: false,
+            usual: None,
+            is_aside: false,
         }
     }
 
@@ -179,6 +186,7 @@ impl Hypothesis {
     /// Offers the measurement to its estimator, `intent` being what to do with it.
     fn update(&mut self, intent: Intent, offer: &Offer<'_, '_>) -> Weighed {
         let sensor = offer.observed.sensor;
+        (self.report.usual, self.report.is_aside) = (None, false);
         let Some(gate) = self.gates.get_mut(sensor) else {
             return Weighed::Nothing;
         };
@@ -189,14 +197,18 @@ impl Hypothesis {
             cap: offer.cap,
             weighed: Weighed::Nothing,
             gives_odds: false,
+            usual: None,
+            is_aside: false,
         };
         let update = self.estimator.update(offer.observed, &mut broker, &self.outcomes, offer.loss);
         let (weighed, gives_odds) = (broker.weighed, broker.gives_odds);
+        let (usual, is_aside) = (broker.usual, broker.is_aside);
         if let Weighed::Doubt(_) = weighed {
             return weighed;
         }
         self.report.keep(&update);
         self.report.may_be_false = gives_odds;
+        (self.report.usual, self.report.is_aside) = (usual, is_aside);
         let outcome = Outcome {
             time: self.estimator.belief().time,
             is_used: self.report.is_used(),
@@ -246,6 +258,9 @@ struct Broker<'a> {
     cap: f64,
     weighed: Weighed,
     gives_odds: bool,
+    /// ln of the density of a measurement of which it is expected, NIS = m, where the gate gives no odds.
+    usual: Option<f64>,
+    is_aside: bool,
 }
 
 impl core::fmt::Debug for Broker<'_> {
@@ -270,16 +285,15 @@ impl Gate for Broker<'_> {
     fn judge(&mut self, input: &GateInput<'_>) -> Answer {
         let Some(odds) = self.gate.odds(input) else {
             let answer = self.gate.judge(input);
-            let m = input.residual.len() as f64;
-            let nis = if answer.decision == Decision::Reject && self.gate.leader().is_some() {
-                // It went with another one, and says nothing.
-                m
-            } else {
-                // Capped, so that one wild residual does not decide between hypotheses.
-                input.nis.min(self.cap)
+            let Some(density) = log_normal(input.residual, input.innovation) else {
+                return answer;
             };
-            let density = log_normal(input.residual, input.innovation);
-            self.weighed = density.map_or(Weighed::Nothing, |l| Weighed::Done(l + 0.5 * (input.nis - nis)));
+            self.usual = Some(density + 0.5 * (input.nis - input.residual.len() as f64));
+            self.is_aside = answer.decision == Decision::Reject && self.gate.leader().is_some();
+            if !self.is_aside {
+                // Capped, so that one wild residual does not decide between hypotheses.
+                self.weighed = Weighed::Done(density + 0.5 * (input.nis - input.nis.min(self.cap)));
+            }
             return answer;
         };
         self.gives_odds = true;
@@ -358,8 +372,7 @@ impl Bank {
         let mut hypotheses = Vec::with_capacity(WAYS * most);
         let delta = vec![0.0; first.estimator.layout().dim()];
         let blocks = first.estimator.layout().blocks().iter();
-        let is_angle = |b: &&Block| matches!(b.kind, Kind::Attitude | Kind::Angle);
-        let angles = blocks.filter(is_angle).flat_map(Block::tangent_range).collect();
+        let angles = blocks.filter(|b| is_angle(b)).flat_map(Block::tangent_range).collect();
         hypotheses.push(first);
         Self {
             limits,
@@ -435,6 +448,17 @@ impl Bank {
         hypothesis.weight += odds.bad;
     }
 
+    /// A measurement that went with another one says nothing about the hypotheses that left it out: they all get
+    /// the same for it, what the best informed hypothesis gives a usual one. With what each gives it by its own S
+    /// the one with the least S would win by knowing nothing.
+    fn weigh_aside(&mut self) {
+        let usual = self.hypotheses.iter().filter_map(|h| h.report.usual).reduce(f64::max);
+        let Some(usual) = usual else { return };
+        for hypothesis in self.hypotheses.iter_mut().filter(|h| h.report.is_aside) {
+            hypothesis.weight += usual;
+        }
+    }
+
     /// Drops what is improbable or a twin, and chooses what is shown.
     fn select(&mut self) {
         // A stable sort of many would allocate.
@@ -478,7 +502,9 @@ impl Bank {
                     &other.estimator.belief().x,
                     &mut self.delta,
                 );
-                let largest = self.angles.iter().map(|axis| self.delta[*axis].abs()).fold(0.0, f64::max);
+                // A number in radians does not know of full turns.
+                let apart = |axis: &usize| self.delta[*axis] - TAU * (self.delta[*axis] / TAU).round();
+                let largest = self.angles.iter().map(|axis| apart(axis).abs()).fold(0.0, f64::max);
                 squares += probability * largest * largest;
             }
         }
@@ -627,6 +653,7 @@ impl Estimator for Bank {
             self.hypotheses[k].foresee(others);
             self.branch(k, &offer);
         }
+        self.weigh_aside();
         self.select();
         let report = &self.hypotheses[self.shown].report;
         Update {

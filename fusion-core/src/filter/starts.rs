@@ -15,6 +15,15 @@ struct Open {
     sigma: f64,
 }
 
+/// Whether the block is an angle: by its kind, or a number in radians.
+pub(super) fn is_angle(block: &Block) -> bool {
+    match block.kind {
+        Kind::Attitude | Kind::Angle => true,
+        Kind::Scalar => block.unit == "rad",
+        _ => false,
+    }
+}
+
 impl Open {
     /// Of the block, if it is one.
     fn of(block: &Block, belief: &Belief) -> Option<Self> {
@@ -23,8 +32,8 @@ impl Open {
             Kind::Attitude if block.role == StateRole::Kinematic => {
                 Attitude::read(&belief.x[block.storage_range()]).inverse_transform_vector(&Vector3::z())
             }
-            Kind::Angle => Vector3::x(),
-            Kind::Scalar if block.unit == "rad" => Vector3::x(),
+            Kind::Attitude => return None,
+            _ if is_angle(block) => Vector3::x(),
             _ => return None,
         };
         let axes = block.tangent_range();

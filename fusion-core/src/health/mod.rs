@@ -134,6 +134,8 @@ pub enum Reason {
     },
     /// Nothing has measured position or velocity along most directions for long: the belief drifts.
     Unaided,
+    /// Attitudes or angles far from each other are still possible: what is shown is one of them.
+    Undecided,
     /// A stream that stages read has been silent for many of its own periods.
     StreamSilent {
         /// The stream.
@@ -163,6 +165,7 @@ impl Memory for Reason {
             Self::StreamSilent { stream } => (13, stream),
             Self::Ahead { stream } => (14, stream),
             Self::Unaided => (15, 0),
+            Self::Undecided => (17, 0),
         };
         kind.remember(tape);
         of.remember(tape);
@@ -186,6 +189,7 @@ impl Memory for Reason {
             13 => Self::StreamSilent { stream: of },
             14 => Self::Ahead { stream: of },
             15 => Self::Unaided,
+            17 => Self::Undecided,
             12 | 16 => Self::Silent {
                 sensor: of,
                 replaced: kind == 16,
@@ -205,6 +209,7 @@ impl Reason {
     #[must_use]
     pub const fn state(self) -> State {
         match self {
+            Self::Undecided => State::Aligning,
             Self::InputGap => State::Coasting,
             Self::Stopped | Self::Refused | Self::Unsound => State::Lost,
             Self::Innovations { lost: true, .. } | Self::Rejected { lost: true, .. } => State::Lost,
@@ -221,7 +226,8 @@ pub struct Health {
     pub state: State,
     /// Since when there is this state for these reasons.
     pub since: Time,
-    /// All reasons that hold; of *good* and *aligning* none but sensors that others replace.
+    /// All reasons that hold; of *good* none but sensors that others replace, of *aligning* besides whether several
+    /// attitudes are possible.
     pub reasons: Vec<Reason>,
 }
 crate::memory!(Health { state, since, reasons });

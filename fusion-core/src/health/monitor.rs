@@ -98,8 +98,8 @@ impl Monitor {
     ) -> Self {
         let sensors: Vec<_> = sensors.into_iter().map(|s| Evidence::new(s, &limits)).collect();
         let streams: Vec<_> = streams.into_iter().map(|s| (s, Pulse::default(), Held::default())).collect();
-        // Each reason once at most: six of a sensor, two of a block, six of the filter.
-        let most = 6 * sensors.len() + streams.len() + 2 * layout.blocks().len() + 6;
+        // Each reason once at most: six of a sensor, two of a block, seven of the filter.
+        let most = 6 * sensors.len() + streams.len() + 2 * layout.blocks().len() + 7;
         Self {
             limits,
             sensors,
@@ -263,6 +263,9 @@ impl Monitor {
                 if held.is_told(now, limits) {
                     reasons.push(Reason::StreamSilent { stream: *stream });
                 }
+            }
+            if self.phase == Phase::Aligning && self.rivals > limits.aligned {
+                reasons.push(Reason::Undecided);
             }
         } else if self.phase == Phase::Stopped {
             reasons.push(Reason::Stopped);

@@ -230,6 +230,7 @@ fn a_filter_with_rival_attitudes_is_aligning() {
         rivals: 1.8,
     });
     assert_eq!(bench.monitor.health().state, State::Aligning);
+    assert_eq!(bench.reasons(), [Reason::Undecided]);
     let tell = |bench: &mut Bench, rivals: f64, t: f64| {
         bench.rivals = rivals;
         bench.update(POSITION, t, Accepted, 1.0);

@@ -3,6 +3,7 @@
 use super::*;
 use crate::config::Document;
 use crate::score::Offset;
+use crate::health::{FilterHealth, NamedReason, State, Transition};
 use fusion_models::registry::{self, Role};
 
 /// A design with one sensor, and these lines after its own.
@@ -104,6 +105,38 @@ fn a_poor_start_is_helped_by_a_chart_only_where_the_process_moves_that_angle() {
         unit: "rad",
     };
     assert!(of(Vec::new()) && !of(vec![parameter]));
+}
+
+#[test]
+fn headings_that_are_still_possible_at_the_end_are_told() {
+    let reason = NamedReason {
+        reason: "undecided",
+        of: String::new(),
+        state: State::Aligning,
+    };
+    let of = |ends: &[&[NamedReason]]| {
+        let change = |reasons: &&[NamedReason]| Transition {
+            reasons: reasons.to_vec(),
+            ..Transition::default()
+        };
+        let health = FilterHealth {
+            transitions: ends.iter().map(change).collect(),
+            ..FilterHealth::default()
+        };
+        let summary = Summary {
+            start_angle: Some(("heading_offset".to_owned(), 0.1)),
+            health: vec![health],
+            ..Summary::default()
+        };
+        let judged = judged(&[], &summary);
+        judged.findings().iter().map(ToString::to_string).collect::<Vec<_>>()
+    };
+    let told = of(&[std::slice::from_ref(&reason)]);
+    assert!(
+        told.len() == 1 && told[0].starts_with("several headings are still possible at the end"),
+        "{told:?}"
+    );
+    assert!(of(&[std::slice::from_ref(&reason), &[]]).is_empty(), "it was decided");
 }
 
 #[test]

@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::filter::{Bank, BankLimits};
-use crate::gate::{FalseTracks, Hypotheses};
-use crate::state::{Position, Velocity};
+use crate::gate::{FalseTracks, Hypotheses, OnlyWith};
+use crate::state::{Angle, Position, Velocity};
 use crate::testing::check_memory;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
@@ -301,7 +301,7 @@ fn an_angle_that_is_hardly_known_is_tried_all_round() {
     let make = || {
         let mut b = LayoutBuilder::new();
         declare::<Scalar>(&mut b, "bias", 0.0, &[5.0], Dynamics::Constant);
-        let angle = declare::<crate::state::Angle>(&mut b, "angle", 1.0, &[2.0], Dynamics::Constant);
+        let angle = declare::<Angle>(&mut b, "angle", 1.0, &[2.0], Dynamics::Constant);
         (filter(b, Still, 1), angle)
     };
     let (f, angle) = make();
@@ -328,4 +328,98 @@ fn an_angle_that_is_hardly_known_is_tried_all_round() {
     known.covariance.set_sigmas(&f.layout().blocks()[1].clone(), &[0.3]);
     bank.set_belief(known);
     assert_eq!(bank.count(), 1);
+}
+
+/// A start that may point anywhere: the angle is a number in radians.
+fn pointing() -> (Filter, Slot<Scalar>) {
+    let mut b = LayoutBuilder::new();
+    let offset = Declaration {
+        name: "offset".to_owned(),
+        owner: String::new(),
+        unit: "rad",
+        initial: 0.0,
+        sigma: vec![100.0],
+        role: StateRole::Calibration,
+        dynamics: Dynamics::Constant,
+    };
+    let offset = b.declare::<Scalar>(offset).unwrap();
+    (filter(b, Still, 1), offset)
+}
+
+/// A bank of eight such starts.
+fn all_round(gates: impl Fn() -> Vec<Box<dyn Gate>>) -> Bank {
+    let limits = BankLimits {
+        starts: 8,
+        switch: 1.0,
+        ..BankLimits::DEFAULT
+    };
+    let mut bank = Bank::new(limits, || (Box::new(pointing().0), gates()));
+    bank.set_belief(pointing().0.belief().clone());
+    bank
+}
+
+fn tell(bank: &mut Bank, sensor: usize, model: &dyn Measurement, value: f64, variance: f64) -> Verdict {
+    let observed = Observed {
+        sensor,
+        model,
+        value: &[value],
+        noise: &[variance],
+        quality: None,
+        lateness: None,
+    };
+    bank.update(&observed, &mut Open, &[], &Quadratic).verdict
+}
+
+#[test]
+fn headings_that_are_possible_count_where_the_angle_is_a_number_in_radians() {
+    let mut bank = all_round(|| vec![Box::new(Open)]);
+    let (offset, eighth) = (pointing().1, core::f64::consts::FRAC_PI_4);
+    // Weights that are almost the same: the mean square of 0, 1, 1, 2, 2, 3, 3 and 4 eighths of a turn.
+    let expected = eighth * (44.0_f64 / 8.0).sqrt();
+    assert!((bank.rivals() - expected).abs() < 0.01 * expected, "{}", bank.rivals());
+    // Another one is shown, and the other way round to some is shorter.
+    tell(&mut bank, 0, &Direct(offset), -3.0 * eighth, 100.0);
+    assert!((offset.read(&bank.belief().x) + 3.0 * eighth).abs() < 0.01);
+    // The measurement says little: of the one that is furthest the weight falls by 5 %.
+    assert!((bank.rivals() - expected).abs() < 0.02 * expected, "{}", bank.rivals());
+}
+
+/// z = sin of a state.
+#[derive(Debug)]
+struct Sine(Slot<Scalar>);
+
+impl Measurement for Sine {
+    fn size(&self) -> Size {
+        Size::same(1)
+    }
+    fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {
+        value[0] = at.state(self.0).sin();
+        Ok(())
+    }
+    fn jacobian(&self, at: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined> {
+        h.add_slot(0, self.0, &Matrix1::new(at.state(self.0).cos()));
+        Ok(())
+    }
+}
+
+#[test]
+fn what_is_left_out_with_another_measurement_leaves_the_weights_as_they_are() {
+    let offset = pointing().1;
+    for refuses in [true, false] {
+        let mut bank = all_round(|| {
+            let nis = || Box::new(Nis::new(0.999, Recovery::default()));
+            vec![nis(), Box::new(OnlyWith::new(0, 10.0, nis()))]
+        });
+        let first = if refuses { 1e3 } else { 0.0 };
+        let is_used = tell(&mut bank, 0, &Direct(offset), first, 100.0) == Verdict::Accepted;
+        assert_eq!(is_used, !refuses);
+        let before = (bank.count(), bank.rivals());
+        for _ in 0..20 {
+            // Some know much better than others what to expect: S is from 1e-4 to 0.15.
+            tell(&mut bank, 1, &Sine(offset), 0.3, 1e-4);
+        }
+        // 1e-9: rounding of logarithms.
+        let stays = bank.count() == before.0 && (bank.rivals() - before.1).abs() < 1e-9;
+        assert_eq!(stays, refuses, "{before:?} {} {}", bank.count(), bank.rivals());
+    }
 }
