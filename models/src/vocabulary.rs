@@ -63,6 +63,8 @@ pub mod channel {
     pub const HORIZONTAL_POSITION: Channel = Channel::angles("horizontal_position", 2);
     /// Velocity north, east, down \[m/s\].
     pub const VELOCITY: Channel = Channel::vector(state::VELOCITY.as_str(), 3, dim::Speed::KIND.dimension);
+    /// Velocity north and east \[m/s\], where nothing is known of the vertical.
+    pub const HORIZONTAL_VELOCITY: Channel = Channel::vector("horizontal_velocity", 2, dim::Speed::KIND.dimension);
     /// Attitude as a unit quaternion, body to north-east-down.
     pub const ATTITUDE: Channel = Channel::quaternion(state::ATTITUDE.as_str());
     /// Heading, clockwise from north \[rad\].
@@ -106,6 +108,7 @@ pub mod channel {
             POSITION,
             HORIZONTAL_POSITION,
             VELOCITY,
+            HORIZONTAL_VELOCITY,
             ATTITUDE,
             HEADING,
             ANGULAR_RATE,

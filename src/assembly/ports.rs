@@ -7,6 +7,7 @@ use crate::config::{Diagnostic, Node, Place};
 use fusion_core::runner::{InputLimits, Port, StreamId};
 use fusion_models::block::{Channel, Listen, Shape};
 use fusion_models::units::{Dimension, Dimensional, dim, range};
+use fusion_models::vocabulary::channel;
 
 impl<P> Assembler<'_, P> {
     pub(super) fn position(&self, stream: &str) -> StreamId {
@@ -179,7 +180,13 @@ impl<P> Assembler<'_, P> {
                 let table = format!("[source.{}.channels.{}]", layout.name, wanted.name);
                 let look = format!("look at the columns and the `unit` under {table}");
                 let is_rate = |rate: Dimension, of: Dimension| of.times(dim::Frequency::KIND.dimension) == Some(rate);
-                Some(if is_rate(wanted.dimension, found.dimension) {
+                Some(if wanted.width == 3 && found.width == 2 && wanted.name == channel::VELOCITY.name {
+                    format!(
+                        "without a vertical velocity call the channel `{0}`, which the sensor of type `{0}` reads; else name the third \
+                         column under {table}",
+                        channel::HORIZONTAL_VELOCITY.name
+                    )
+                } else if is_rate(wanted.dimension, found.dimension) {
                     format!("write `increment = true` if each row holds the change since the one before; else {look}")
                 } else if is_rate(found.dimension, wanted.dimension) {
                     format!("leave out `increment` if each row holds a rate; else {look}")

@@ -398,8 +398,8 @@ impl Campaign {
         let mut all: Vec<Vec<Drift>> = Vec::new();
         for drift in self.rows.iter().flat_map(|row| &row.drift) {
             match all.iter_mut().find(|known| (known[0].from, known[0].to) == (drift.from, drift.to)) {
-                Some(known) => known.push(*drift),
-                None => all.push(vec![*drift]),
+                Some(known) => known.push(drift.clone()),
+                None => all.push(vec![drift.clone()]),
             }
         }
         all.sort_by(|a, b| a[0].from.total_cmp(&b[0].from).then(a[0].to.total_cmp(&b[0].to)));

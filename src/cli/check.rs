@@ -1,5 +1,6 @@
 //! `fusion check`: what a design resolves to.
 
+use super::progress::Trials;
 use super::{DesignArgs, Failure, OutputArgs, builtin, print, report};
 use clap::Args;
 use fusion::assembly::{Assembly, Inside, StreamLayout, assemble, declared_streams};
@@ -68,7 +69,8 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
     }
     let unjudged = unjudged(&design, args.design.data.is_some(), &options);
     let mut judged = if unjudged.is_none() && !design.sources.is_empty() {
-        judge(&design, &options)?
+        let trials = Trials::new();
+        judge(&design, &options, &|step| trials.at(step))?
     } else {
         Judged::default()
     };

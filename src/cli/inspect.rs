@@ -2,9 +2,11 @@
 
 use super::{Failure, OutputArgs};
 use clap::Args;
-use fusion::config::{Diagnostic, Diagnostics};
+use fusion::config::{Diagnostic, Diagnostics, Document};
+use fusion::examine::{Missing, examine, opening};
 use fusion::inspect::{Inspection, files};
 use fusion::present::Section;
+use fusion::run::Options;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
@@ -48,11 +50,25 @@ pub(super) fn inspect(args: &InspectArgs) -> Result<(), Failure> {
     let design = inspection.design(folder);
     if let Ok(text) = &design {
         write(path, text)?;
-        let next = format!("`{0}` is written: `fusion run {0}`", path.display());
+        let name = path.display();
+        let mistakes = checked(path);
+        let next = if mistakes.is_ok() {
+            format!("`{name}` is written: `fusion run {name}`")
+        } else {
+            format!("`{name}` is written, but `fusion check {name}` finds mistakes in it: correct them first")
+        };
         page.sections.push(Section::new("", []).note(next));
+        args.output.print(&page)?;
+        return mistakes.map_err(Into::into);
     }
     args.output.print(&page)?;
     design.map(drop).map_err(|missing| Failure::Mistakes(missing.into()))
+}
+
+/// Reads the design that was written, as `fusion check` does.
+fn checked(path: &Path) -> Result<(), Diagnostics> {
+    let design = examine(Document::load(path)?, &Options::default(), Missing::Told)?;
+    opening(&design, &Options::default(), Missing::Told).unless_errors(())
 }
 
 fn write(path: &Path, text: &str) -> Result<(), Diagnostics> {

@@ -2,6 +2,7 @@
 
 use fusion::core::time::Time;
 use fusion::design::Design;
+use fusion::frames::Step;
 use fusion::run;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
@@ -80,6 +81,37 @@ impl Runs {
 
 /// The runs are over, and the line is free.
 impl Drop for Runs {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
+}
+
+/// What is being tried, and how many runs of how many are done.
+#[derive(Debug)]
+pub(super) struct Trials(ProgressBar);
+
+impl Trials {
+    pub(super) fn new() -> Self {
+        if !std::io::stderr().is_terminal() {
+            return Self(ProgressBar::hidden());
+        }
+        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+        Self(bar.with_style(style("{bar:20} {pos} of {len} runs, {elapsed} elapsed: {msg}")))
+    }
+
+    /// It has come to there.
+    pub(super) fn at(&self, step: Step<'_>) {
+        self.0.set_message(step.what.to_owned());
+        // At once: a step may have fewer runs than were done of the one before.
+        self.0.update(|state| {
+            state.set_len(step.all as u64);
+            state.set_pos(step.done as u64);
+        });
+    }
+}
+
+/// All has been tried, and the line is free.
+impl Drop for Trials {
     fn drop(&mut self) {
         self.0.finish_and_clear();
     }

@@ -63,6 +63,19 @@ impl Node {
         self.read::<Nested<T>>(diagnostics).map(|block| block.0)
     }
 
+    /// Tells which of the `required` fields this block, which could not be read, does not have, but for what was told
+    /// after the first `before` mistakes: serde stops at the first that is missing.
+    pub fn miss(&self, required: &[&str], before: usize, diagnostics: &mut Diagnostics) {
+        let has = |field: &str| self.entries().iter().any(|entry| did_you_mean(&entry.key, &[field]).is_some());
+        for field in required.iter().filter(|field| !has(field)) {
+            let missing = Diagnostic::error(format!("missing field `{field}`")).at(&self.name);
+            let missing = missing.label(format!("needs `{field}`"));
+            if !diagnostics.iter().skip(before).any(|told| *told == missing) {
+                diagnostics.push(missing);
+            }
+        }
+    }
+
     fn check_type(&self, role: &str, known: &[&str]) -> Result<(), Diagnostic> {
         let wrong = |message: String, place| Err(Diagnostic::error(message).at(place).suggest("", known, "known types"));
         let named = match (&self.value, self.get(TYPE)) {

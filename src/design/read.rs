@@ -292,6 +292,24 @@ fn enabled<T>(all: Vec<Named<Optional<T>>>) -> Vec<Named<T>> {
 }
 
 /// Reads a block that `enabled = false` leaves out.
+/// A block of this role, with all of its mistakes.
+fn read_block<T: ?Sized>(node: &Node, word: &str, role: Role, d: &mut Diagnostics) -> Option<Box<T>>
+where
+    Box<T>: serde::de::DeserializeOwned,
+{
+    let before = d.iter().count();
+    let read = node.read_block(word, &registry::names(role), d);
+    if read.is_none() {
+        let named = node.get("type").unwrap_or(node).as_str();
+        let registered = registry::all().into_iter().find(|r| r.role == role && Some(r.name) == named);
+        let schema = registered.map(|r| (r.schema)());
+        let required = schema.as_ref().and_then(|schema| schema.get("required")?.as_array());
+        let required: Vec<&str> = required.into_iter().flatten().filter_map(|field| field.as_str()).collect();
+        node.miss(&required, before, d);
+    }
+    read
+}
+
 fn read_optional<T: ?Sized>(node: &Node, role: &str, registered: Role, d: &mut Diagnostics) -> Option<Optional<Box<T>>>
 where
     Box<T>: serde::de::DeserializeOwned,
@@ -303,7 +321,7 @@ where
     }
     let mut own = node.clone();
     let common: Option<Common> = own.split_off(&["enabled"]).read(d);
-    let block = own.read_block(role, &registry::names(registered), d)?;
+    let block = read_block(&own, role, registered, d)?;
     let enabled = common?.enabled != Some(false);
     Some(Optional { enabled, block })
 }
@@ -332,7 +350,7 @@ fn read_process(root: &Node, d: &mut Diagnostics) -> Option<Named<ProcessDesign>
     };
     let mut own = node.clone();
     let common: Option<Common> = own.split_off(&["source", "input"]).read(d);
-    let model = own.read_block("process model", &registry::names(Role::Process), d)?;
+    let model = read_block(&own, "process model", Role::Process, d)?;
     let Common { source, input } = common?;
     let block = ProcessDesign { model, source, input };
     Some(Named {
@@ -344,8 +362,8 @@ fn read_process(root: &Node, d: &mut Diagnostics) -> Option<Named<ProcessDesign>
 
 fn read_sensor(node: &Node, d: &mut Diagnostics) -> Option<SensorDesign> {
     let mut own = node.clone();
-    let gate = own.take("gate").map(|n| n.read_block("gate", &registry::names(Role::Gate), d));
-    let loss = own.take("loss").map(|n| n.read_block("loss", &registry::names(Role::Loss), d));
+    let gate = own.take("gate").map(|n| read_block(&n, "gate", Role::Gate, d));
+    let loss = own.take("loss").map(|n| read_block(&n, "loss", Role::Loss, d));
     // So that a variant, or who includes a part, can take it away.
     if matches!(own.get("only_with").map(Node::value), Some(Value::Boolean(false))) {
         drop(own.take("only_with"));
@@ -359,7 +377,7 @@ fn read_sensor(node: &Node, d: &mut Diagnostics) -> Option<SensorDesign> {
     }
     let siblings = own.split_off(&["source", "noise", "time_offset", "quality", "only_with", "enabled"]);
     let common: Option<SensorCommon> = siblings.read(d);
-    let model = own.read_block("sensor", &registry::names(Role::Sensor), d)?;
+    let model = read_block(&own, "sensor", Role::Sensor, d)?;
     let block = SensorDesign {
         model,
         common: common?,
@@ -372,7 +390,7 @@ fn read_sensor(node: &Node, d: &mut Diagnostics) -> Option<SensorDesign> {
 fn read_faults(table: Option<&Node>, d: &mut Diagnostics) -> Vec<Fault> {
     let mut faults = Vec::new();
     for Entry { key, node } in entries(table, d) {
-        if let Some(block) = node.read_block("fault", &registry::names(Role::Fault), d) {
+        if let Some(block) = read_block(node, "fault", Role::Fault, d) {
             faults.push((key.clone(), block));
         }
     }
@@ -382,7 +400,7 @@ fn read_faults(table: Option<&Node>, d: &mut Diagnostics) -> Vec<Fault> {
 fn read_source(node: &Node, d: &mut Diagnostics) -> Option<SourceDesign> {
     let mut own = node.clone();
     let faults = read_faults(own.take("fault").as_ref(), d);
-    let source = own.read_block("source", &registry::names(Role::Source), d)?;
+    let source = read_block(&own, "source", Role::Source, d)?;
     Some(SourceDesign { source, faults })
 }
 

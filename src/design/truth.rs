@@ -101,6 +101,11 @@ fn is_estimated(declared: &Node) -> bool {
     matches!(declared.get(ESTIMATE).map(Node::value), Some(Value::Boolean(true)))
 }
 
+/// Whether anything in it is: of a table of parameters each is truly drawn, or what the filter begins with.
+fn has_estimated(declared: &Node) -> bool {
+    is_estimated(declared) || matches!(declared.value(), Value::Table { .. }) && declared.entries().iter().any(|e| has_estimated(&e.node))
+}
+
 /// Lays what is true over a sensor.
 struct Laid<'a> {
     name: &'a str,
@@ -232,7 +237,7 @@ pub(crate) fn shared(document: &Document) -> Diagnostics {
         };
         for key in figures(&sensor) {
             let is_told = node.at(&format!("{TRUTH}.{key}")).is_some() || is_wet && key == parameter::CURRENT;
-            let Some(value) = sensor.get(&key).filter(|value| !is_told && !is_estimated(value)) else {
+            let Some(value) = sensor.get(&key).filter(|value| !is_told && !has_estimated(value)) else {
                 continue;
             };
             let is_same = base.get(&key).is_some_and(|base| base.inline() == value.inline());

@@ -22,6 +22,8 @@ pub(super) struct Instrument {
     pub(super) axes: [bool; 3],
     /// Whether it has a gate of its own.
     pub(super) has_gate: bool,
+    /// Whether it measures a horizontal position, which alone a gate of two conditions judges.
+    pub(super) has_horizontal_position: bool,
     /// Whether its gate has a recovery, which can be forbidden.
     pub(super) has_recovery: bool,
     /// The limits of the detector that tells when it holds; empty where no stage does.
@@ -119,6 +121,7 @@ impl Instrument {
                 measures,
                 axes: axes(measures, rows.len(), &reading),
                 has_gate: sensor.block.gate.is_some(),
+                has_horizontal_position: rows.len() > 1 && rows[..2].iter().all(|row| *row == dim::Length::KIND.dimension),
                 has_recovery: schema(Role::Gate, sensor.node.get("gate"))
                     .pointer("/properties/recovery")
                     .is_some(),
@@ -197,6 +200,28 @@ fn parameters(schema: &serde_json::Value) -> Vec<String> {
     };
     let named = fields.iter().filter(|(name, field)| *name != "bias" && is_one(field));
     named.map(|(name, _)| name.clone()).collect()
+}
+
+/// The settings of an inertial process that say how fast its errors grow between measurements, the most specific first;
+/// none of another process.
+pub(super) fn growth(process: &Node) -> Vec<String> {
+    let kind = process.get("type").and_then(|kind| kind.as_str());
+    let blocks = registry::all();
+    let block = blocks.iter().find(|r| r.role == Role::Process && Some(r.name) == kind);
+    let schema = block.map_or(serde_json::Value::Null, |r| crate::schema::block(r));
+    let has = |part: &str, key: &str| {
+        let field = &schema["properties"][part];
+        let table = field["$ref"].as_str().and_then(|r| schema.pointer(r.strip_prefix('#')?));
+        table.unwrap_or(field)["properties"][key].is_object()
+    };
+    let settings = [
+        ("accelerometer", "vibration"),
+        ("gyro", "scale_noise"),
+        ("gyro", "noise"),
+        ("accelerometer", "noise"),
+    ];
+    let own = settings.into_iter().filter(|(part, key)| has(part, key));
+    own.map(|(part, key)| format!("`process.{part}.{key}`")).collect()
 }
 
 /// The biases of the input that are states which nothing moves.

@@ -28,7 +28,7 @@ use self::instrument::{Instrument, Measures};
 use self::sensors::{disagrees_from, rejected_share};
 use crate::design::Design;
 use crate::observe::SensorStatistics;
-use crate::present::{Unit, short};
+use crate::present::{Unit, before_the_start, short};
 use crate::run::{FinalState, Summary};
 use crate::score::{Consistency, Score, Verdict};
 use core::fmt;
@@ -62,6 +62,8 @@ const FAR: f64 = 50.0;
 const LEARNT: f64 = 0.9;
 /// A 1σ of an angle from which on its sine and cosine are no straight lines within it \[rad\].
 const POOR: f64 = 1.0;
+/// A part of the log before the start that no alignment needs: it is not what the log is for.
+const LATE: f64 = 0.25;
 /// More samples of the input than these that are taken for spikes are none: a unit has one now and then.
 const SPIKES: u64 = 4;
 /// The same as a share of all, where nothing tells what became of the estimate.
@@ -79,6 +81,7 @@ pub fn findings(design: &Design, summary: &Summary) -> Vec<Finding> {
     }
     let instruments = Instrument::of_design(design, &summary.parameters);
     let constant_biases = instrument::constant_biases(&design.process.node);
+    let growth = instrument::growth(&design.process.node);
     let reference = design.reference.as_ref().map(|r| &r.block);
     let has_sigma = |k: usize| reference.is_some_and(|r| r.sources().iter().any(|(_, part)| part.sigma.each()[k].is_some()));
     let judged = Judged {
@@ -89,6 +92,8 @@ pub fn findings(design: &Design, summary: &Summary) -> Vec<Finding> {
         is_exact: [0, 1, 2].map(|k| !has_sigma(k)),
         linearises_once: design.filter.linearises_once(),
         constant_biases: &constant_biases,
+        restart_after: design.run.restart_after.map(|silence| silence.si()),
+        growth: &growth,
     };
     judged.findings()
 }
@@ -133,10 +138,15 @@ struct Judged<'a> {
     linearises_once: bool,
     /// The biases of the input that are states which nothing moves.
     constant_biases: &'a [String],
+    /// The silence that separates one recording from the next \[s\].
+    restart_after: Option<f64>,
+    /// The settings of the process that say how fast its errors grow.
+    growth: &'a [String],
 }
 
 impl Judged<'_> {
     fn findings(&self) -> Vec<Finding> {
+        let late = self.late_start();
         let beyond = self.beyond_range();
         let disturbed = self.disturbed();
         let input = self.all_disagree().or_else(|| self.all_refused());
@@ -171,8 +181,8 @@ impl Judged<'_> {
             }
         }
         let errors = self.all_errors(&causes);
-        beyond
-            .into_iter()
+        late.into_iter()
+            .chain(beyond)
             .chain(disturbed)
             .chain(input)
             .chain(start)
@@ -320,6 +330,23 @@ impl Judged<'_> {
         })
     }
 
+    /// A start so late that most figures say nothing of the log.
+    fn late_start(&self) -> Option<Finding> {
+        let (at, wait) = (self.summary.started?, self.summary.late_start()?);
+        let other = if self.is_recorded {
+            format!("look at the axes, signs and units of what it waited for ({CHECK} compares them), then ")
+        } else {
+            String::new()
+        };
+        (wait.share() > LATE).then(|| Finding {
+            about: "start".to_owned(),
+            evidence: format!("the filter started at {at:.1} s; {}", before_the_start(wait)),
+            advice: format!(
+                "the figures are of the rest alone: {other}at the limits of its `[initial]` blocks, or take one that needs less"
+            ),
+        })
+    }
+
     /// A start so poor that one linearisation does not reach the truth, where nothing shows that it did.
     fn poor_start(&self) -> Option<Finding> {
         let (name, sigma) = self.summary.start_angle.as_ref().filter(|(_, sigma)| *sigma > POOR)?;
@@ -331,12 +358,18 @@ impl Judged<'_> {
         } else {
             ""
         };
+        // Where the process alone has it, no sensor is linearised in it.
+        let again = if is_moved || name.contains('.') {
+            format!(", or linearise again (`filter.update = \"iterated\"`{chart})")
+        } else {
+            String::new()
+        };
         (self.linearises_once && !is_found).then(|| Finding {
             about: name.clone(),
             evidence: format!("the filter starts with a 1σ of {:.0}° of `{name}`", sigma.to_degrees()),
             advice: format!(
-                "linearised once, there, it may settle at a wrong angle with a small 1σ: give a better start (`[initial]`), try several \
-                 (`filter.bank.headings = 8`), or linearise again (`filter.update = \"iterated\"`{chart})"
+                "linearised once, there, it may settle at a wrong angle with a small 1σ: give a better start (`[initial]`), or try several \
+                 (`filter.bank.headings = 8`){again}"
             ),
         })
     }
@@ -390,16 +423,18 @@ impl Judged<'_> {
         })
     }
 
-    /// Sources of sensors that were silent for long, where neither a fault nor a declared outage says so.
+    /// Sources of sensors that were silent for long, where no fault, declared outage or declared restart says so.
     fn gaps(&self) -> impl Iterator<Item = Finding> {
+        let restart_after = self.restart_after;
+        let separates = move |gap: f64| restart_after.is_some_and(|silence| gap > silence);
         let has_outages = self.summary.score.as_ref().is_some_and(|score| !score.drift.is_empty());
         let is_read = |name: &str| self.instruments.iter().any(|i| i.source == name);
         let sources = self.summary.sources.iter();
         let sources = sources.filter(move |s| !has_outages && s.report.disturbed.is_empty() && is_read(&s.name));
-        sources.filter_map(|source| {
+        sources.filter_map(move |source| {
             let (at, gap) = source.report.longest_gap?;
             let rate = source.report.mean_rate()?;
-            (gap > GAP.1 && gap * rate > GAP.0).then(|| Finding {
+            (gap > GAP.1 && gap * rate > GAP.0 && !separates(gap)).then(|| Finding {
                 about: source.name.clone(),
                 evidence: format!("`{}` has no row for {gap:.1} s at {:.1} s", source.name, at.seconds()),
                 advice: "look at the drift there".to_owned(),

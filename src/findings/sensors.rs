@@ -35,8 +35,15 @@ const LEAD: f64 = 2.0;
 /// It follows from a re-acquisition that was so long before it, at most \[s\].
 const SOON: f64 = 60.0;
 
-/// What bears good measurements that are worse than declared.
-const SOFTER: &str = "a gate that refuses good ones lets the estimate run away, which `two_condition` or a `loss` in its place does not";
+/// What bears good measurements that are worse than declared, of those that the sensor can have.
+fn softer(sensor: &Instrument) -> String {
+    let position = if sensor.has_horizontal_position {
+        "`two_condition` or "
+    } else {
+        ""
+    };
+    format!("a gate that refuses good ones lets the estimate run away, which {position}a `loss` in its place does not")
+}
 
 impl Judged<'_> {
     /// Disturbed rows that were used while declared faults were at work, where errors are too large.
@@ -99,8 +106,9 @@ impl Judged<'_> {
                 100.0 * share
             ),
             advice: format!(
-                "if they are not outliers, {}, then look at its `noise`; {SOFTER}",
-                self.look(sensor)
+                "if they are not outliers, {}, then look at its `noise`; {}",
+                self.look(sensor),
+                softer(sensor)
             ),
         })
     }
@@ -194,7 +202,16 @@ impl Judged<'_> {
             } else {
                 limits
             };
+            let growth = self
+                .growth_between(sensor)
+                .map_or_else(String::new, |growth| format!(", then at {growth}, which may be too small"));
+            let parts = format!("{parts}{growth}");
             format!("so much is hardly noise: look first at {parts}; leave its `noise` until that is right")
+        } else if let Some(growth) = self.growth_between(sensor) {
+            format!(
+                "what stands still is hardly faster than declared: between two stops the estimate errs by more than the process says; raise \
+                 {growth} first, its own `noise` only if the vehicle creeps while its detector holds"
+            )
         } else if sensor.is_constraint {
             "the vehicle does not keep this constraint so well; raise its `noise`, or apply it less often".to_owned()
         } else if ratio(nis) > FAR {
@@ -229,6 +246,12 @@ impl Judged<'_> {
             ),
             advice,
         })
+    }
+
+    /// How fast the errors of an inertial process grow, for a sensor that stops their growth when its detector finds rest.
+    fn growth_between(&self, sensor: &Instrument) -> Option<String> {
+        let is_stopping = sensor.is_constraint && sensor.measures == Some(Measures::Velocity) && !sensor.limits.is_empty();
+        (is_stopping && !self.growth.is_empty()).then(|| listed(self.growth).replace(" and ", " or "))
     }
 
     /// Whether each innovation of a sensor is like the one before.

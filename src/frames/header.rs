@@ -3,7 +3,7 @@
 use crate::config::{Diagnostic, Diagnostics, Node, Value};
 use crate::design::Design;
 use crate::inspect::stated_unit;
-use fusion_models::units::parse_unit;
+use fusion_models::units::{by_letter, parse_unit};
 
 /// Warnings where the `unit` of a channel, or of the stamps, is not the one that the name of its column states:
 /// `columns = ["gyro_x [deg/s]"]` with `unit = "rad/s"`.
@@ -22,15 +22,21 @@ pub fn units(design: &Design) -> Diagnostics {
 fn contradiction(table: &Node) -> Option<Diagnostic> {
     let unit = table.get("unit")?;
     let declared = unit.as_str()?;
-    // An offset is a quantity, no column.
-    let is_other = |key: &str| matches!(key, "height" | "height_unit" | "unit" | "offset");
+    // An offset is a quantity, no column; a height and a course have units of their own.
+    let is_other = |key: &str| matches!(key, "height" | "height_unit" | "course" | "unit" | "offset");
     let fields = table.entries().iter().filter(|e| !is_other(&e.key));
     let columns = fields.flat_map(|e| match e.node.value() {
         Value::Array(nodes) => nodes.iter().filter_map(Node::as_str).collect(),
         _ => e.node.as_str().into_iter().collect::<Vec<_>>(),
     });
+    let dimension = parse_unit(declared).ok().map(|(_, dimension)| dimension);
+    let meant = |stated: &str| {
+        dimension
+            .and_then(|dimension| by_letter(stated, dimension))
+            .unwrap_or_else(|| stated.to_owned())
+    };
     let (column, stated) = columns
-        .filter_map(|c| Some((c, stated_unit(c)?)))
+        .filter_map(|c| Some((c, meant(stated_unit(c)?))))
         .find(|(c, s)| differs(c, s, declared))?;
     let message = format!("the column `{column}` is named as in `{stated}`, but the `unit` that is declared is `{declared}`");
     let help = format!("write `unit = {stated:?}` if the name is right; if it is not, leave it: this is only a warning");
@@ -72,6 +78,7 @@ mod tests {
                 "lat_deg",
             ),
             (r#"{ column = "t_ms", unit = "s" }"#, "t_ms"),
+            (r#"{ column = "mag (mG)", unit = "gauss" }"#, "mag (mG)"),
         ] {
             let told = warned(channel).unwrap_or_default();
             assert!(told.contains(&format!("`{column}`")), "{channel}: {told}");
@@ -83,10 +90,13 @@ mod tests {
         for channel in [
             r#"{ columns = ["gx [deg/s]", "gy_dps"], unit = "deg/s" }"#,
             r#"{ column = "speed [m/s]" }"#,
+            r#"{ speed = "SOG", course = "COG [deg]", unit = "kn" }"#,
             r#"{ column = "speed_kmh", unit = "km/h" }"#,
             r#"{ rpy = ["roll", "pitch", "yaw"], unit = "rad", offset = [0, 0, "90 deg"] }"#,
             // Gauss, by a letter that is grams-force elsewhere.
             r#"{ column = "mag_g", unit = "gauss" }"#,
+            r#"{ column = "Magnetometer X (G)", unit = "gauss" }"#,
+            r#"{ column = "Accelerometer X (G)", unit = "g" }"#,
             r#"{ latitude = "lat", longitude = "lon", height = "h_m", unit = "deg" }"#,
         ] {
             assert_eq!(warned(channel), None, "{channel}");

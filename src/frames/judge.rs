@@ -43,11 +43,23 @@ pub struct Judged {
     pub mistakes: Diagnostics,
 }
 
-/// Compares the recorded channels of a design with one another, and its fixed parameters with what its filter estimates.
+/// What is being tried.
+#[derive(Clone, Copy, Debug)]
+pub struct Step<'a> {
+    /// In words.
+    pub what: &'a str,
+    /// Runs that are done ...
+    pub done: usize,
+    /// ... of so many; what they say decides whether there will be more.
+    pub all: usize,
+}
+
+/// Compares the recorded channels of a design with one another, and its fixed parameters with what its filter estimates;
+/// `progress` hears what is being tried, from several threads.
 ///
 /// # Errors
 /// What is wrong with the data.
-pub fn judge(design: &Design, options: &Options) -> Result<Judged, Diagnostics> {
+pub fn judge(design: &Design, options: &Options, progress: &(dyn Fn(Step<'_>) + Sync)) -> Result<Judged, Diagnostics> {
     if design.simulation.is_some() {
         return Ok(Judged::default());
     }
@@ -71,7 +83,7 @@ pub fn judge(design: &Design, options: &Options) -> Result<Judged, Diagnostics> 
     let mut found = judge.found;
     // A parameter is told only by what is right otherwise.
     if found.mistakes.is_empty() {
-        free::judge(design, options, &mut found)?;
+        free::judge(design, options, progress, &mut found)?;
     } else {
         found.comparisons.push(free::untried("not judged while something else is wrong"));
     }

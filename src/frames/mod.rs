@@ -38,4 +38,4 @@ mod upright;
 mod world;
 
 pub use header::units;
-pub use judge::{Comparison, Judged, judge};
+pub use judge::{Comparison, Judged, Step, judge};

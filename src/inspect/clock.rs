@@ -2,8 +2,8 @@
 
 use super::numbers::{median, quantile};
 use super::signal::factor;
-use super::words::Words;
-use crate::source::table::{Format, Table, gps_of_unix};
+use super::words::{Words, contains};
+use crate::source::table::{Column, Format, Table, gps_of_unix};
 
 /// An interval longer than so many usual ones is a gap.
 const GAP: f64 = 3.5;
@@ -76,7 +76,8 @@ pub struct Clock {
 impl Clock {
     /// That of a table; `None` where no column looks like time.
     pub(super) fn of(table: &Table) -> Option<Self> {
-        Self::named(table).or_else(|| rising(table).map(|column| Self::at(table, column, &Words::of(table.columns[column].called()))))
+        let unnamed = || rising(table).filter(|k| !is_counter(table, *k));
+        Self::named(table).or_else(|| unnamed().map(|column| Self::at(table, column, &Words::of(table.columns[column].called()))))
     }
 
     /// That of a column which is called time.
@@ -258,14 +259,102 @@ fn split(table: &Table) -> Option<Clock> {
     (prefix == fine.1).then(|| sum(table, column, "s", fine.0, each, size))
 }
 
-/// The column that is called time.
+/// The name of a column of stamps, taken apart. A unit may be joined to it, as in `TimeUS`; that of no other quantity may,
+/// for `times` is a word and `accels` another.
+fn stamp_words(name: &str) -> Words {
+    let mut words = Words::of(name);
+    let joined = ["timestamp", "time"]
+        .iter()
+        .find_map(|w| words.stem.strip_prefix(w).map(|unit| (*w, unit)));
+    let unit = |written: &str| ["s", "ms", "us", "ns"].into_iter().find(|unit| *unit == written);
+    if let Some((stem, Some(unit))) = joined.map(|(stem, written)| (stem, unit(written))) {
+        words = Words {
+            stem: stem.to_owned(),
+            unit: words.unit.or(Some(unit)),
+        };
+    }
+    words
+}
+
+/// Whether a column is called time.
+fn is_called_time(words: &Words) -> bool {
+    words.ends_with(&["t", "time", "timestamp", "stamp", "tow", "gpst", "utc"])
+}
+
+/// The column that is called time. A `t` alone may be a temperature: any other such name outranks it, and it has to rise.
 fn named(table: &Table) -> Option<(usize, Words)> {
-    let words = table.columns.iter().map(|c| Words::of(c.called())).enumerate();
-    let is_time = |w: &Words| w.ends_with(&["t", "time", "timestamp", "stamp", "tow", "gpst", "utc"]);
+    let words = table.columns.iter().map(|c| stamp_words(c.called())).enumerate();
     let is_number = |k: &usize| {
         table.columns[*k].calendar.is_none() && table.columns[*k].values.iter().filter(|v| v.is_finite()).count() * 2 > table.rows()
     };
-    words.filter(|(k, w)| is_time(w) && is_number(k)).min_by_key(|(_, w)| w.stem.len())
+    let is_bare = |w: &Words| w.stem == "t" && w.unit.is_none();
+    let rank = |(k, w): &(usize, Words)| (!is_in_order(table, *k), is_bare(w), w.stem.len());
+    words
+        .filter(|(k, w)| is_called_time(w) && is_number(k) && (!is_bare(w) || is_in_order(table, *k)))
+        .min_by_key(rank)
+}
+
+/// Whether a column goes back in less than a hundredth of the rows.
+fn is_in_order(table: &Table, column: usize) -> bool {
+    let values = &table.columns[column].values;
+    values.windows(2).filter(|w| w[1] < w[0]).count() * 100 < values.len()
+}
+
+/// Whether a column that is not called time rises by exactly one from row to row: it counts the rows, and says nothing of their
+/// rate.
+fn is_counter(table: &Table, column: usize) -> bool {
+    let column = &table.columns[column];
+    let by_one = column.values.windows(2).filter(|w| w[1] - w[0] == 1.0).count();
+    let is_unit = |unit: &str| matches!(unit, "s" | "ms" | "us" | "ns");
+    let words = Words::of(column.called());
+    // Packets may be lost, or told of one sensor each n-th time: whole numbers that are called a count are one.
+    let is_called = contains(
+        &words.stem,
+        &["packet", "count", "counter", "index", "sample", "samples", "frame", "seq", "row"],
+    ) && column.values.iter().all(|v| !v.is_finite() || v.fract() == 0.0);
+    !words.unit.is_some_and(is_unit) && !is_unit(&words.stem) && (is_called || by_one * 100 >= column.values.len().saturating_sub(1) * 99)
+}
+
+/// Why a table has no clock, in a sentence about its file; and what to do.
+pub(super) fn why_none(table: &Table) -> String {
+    let name = table.path.file_name().unwrap_or_default().to_string_lossy();
+    let is_text = |c: &&Column| {
+        !c.first.trim().is_empty()
+            && c.calendar.is_none()
+            && c.values.iter().all(|v| v.is_nan())
+            && is_called_time(&stamp_words(c.called()))
+    };
+    if let Some(column) = table.columns.iter().find(is_text) {
+        let (column, first) = (&column.name, column.first.trim());
+        let parts: Vec<&str> = first.split(|c: char| !c.is_ascii_digit()).collect();
+        let numbers: Vec<u32> = parts.iter().map_while(|p| p.parse().ok()).collect();
+        // A day or a month first: of numbers up to twelve nobody knows which.
+        let order = match numbers[..] {
+            [1..=12, 13..=31, ..] => Some("\"mdy\""),
+            [13..=31, 1..=12, ..] => Some("\"dmy\""),
+            [1..=12, 1..=12, ..] => Some("\"dmy\"` or `\"mdy\""),
+            _ => None,
+        };
+        return match order {
+            Some(order) => format!(
+                "`{name}`: the dates of `{column}`, such as {first}, begin with the day or the month. Declare `time = {{ column = \
+                 \"{column}\", calendar = \"utc\", order = … }}` with the order `{order}`"
+            ),
+            None => format!("`{name}`: `{column}` holds no numbers and no dates that are known here; its first is {first}"),
+        };
+    }
+    if let Some(counter) = rising(table).filter(|k| is_counter(table, *k)) {
+        // A column without a name is called by its number.
+        let number = (counter + 1).to_string();
+        let column = Some(&table.columns[counter].name)
+            .filter(|name| !name.is_empty())
+            .unwrap_or(&number);
+        return format!(
+            "`{name}` has no time: `{column}` counts its rows, and nothing here says how many there are in a second. Declare it: `time = {{ \
+             column = \"{column}\", rate = \"100 Hz\" }}` with the rate of the instrument"
+        );
+    }
+    format!("`{name}` has no column of time: none is called `t`, `time` or `timestamp`, and none rises from row to row")
 }
 
 /// The column that rises from row to row, all but a hundredth of them.
@@ -305,7 +394,6 @@ fn unit(words: &Words, values: &[f64], step: f64) -> (&'static str, String) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::source::table::Column;
 
     fn of(name: &str, values: Vec<f64>) -> Option<Clock> {
         let column = Column {
@@ -337,6 +425,10 @@ mod tests {
         assert_eq!(unit("#timestamp [ns]", 1.52e18, 5e6), "ns");
         assert_eq!(unit("Timestamp", 1.586e9, 0.26), "s");
         assert_eq!(unit("1", 261_906.0, 10.0), "ms");
+        // Joined to the name, in any case, and before the size: this looks like seconds of 2016.
+        assert_eq!(unit("TimeUS", 1.464e9, 2e5), "us");
+        assert_eq!(unit("timestampMs", 0.0, 1.0), "ms");
+        assert_eq!(stamp_words("TimeUS [us]").stem, "time");
         assert!(of("x", vec![1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0]).is_none());
     }
 }

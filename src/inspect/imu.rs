@@ -5,6 +5,8 @@ use super::numbers::{Vec3, median, moments, norm, quantile};
 use super::signal::Kind;
 use super::stance::Stances;
 
+/// Standard gravity \[m/s²\].
+const GRAVITY: f64 = 9.80665;
 /// How long a window of the rest test is \[s\].
 const WINDOW: f64 = 1.0;
 /// Gyros whose mean rate at rest is larger turn there, if it is not the mean of the whole log to so much, too; no bias is
@@ -104,7 +106,8 @@ impl Imu {
                 log.stamps(),
                 &force,
                 &rate,
-                norm(gravity),
+                // Without a rest the mean is that of the swings, too.
+                rest.as_ref().map_or(GRAVITY, |_| norm(gravity)),
                 rest.as_ref().map_or([0.0; 3], |r| r.bias),
             ),
             gravity,

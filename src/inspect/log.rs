@@ -3,6 +3,8 @@
 use super::clock::Clock;
 use super::numbers::{Vec3, median};
 use super::signal::{Kind, Signal, is_derived, signals};
+use super::track::{Odometer, Track};
+use super::words::Words;
 use crate::source::table::Table;
 
 /// A file with what was found in it.
@@ -12,8 +14,63 @@ pub struct Log {
     pub table: Table,
     /// The stamps; `None` where no column looks like time.
     pub clock: Option<Clock>,
+    /// The instruments that the file holds, where there are several; the rows are those of the first one.
+    pub instances: Option<Instances>,
     /// The quantities.
     pub signals: Vec<Signal>,
+}
+
+/// Several instruments of one kind that write to one file in turn, each row with the number of its own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Instances {
+    /// The column with the numbers.
+    pub column: usize,
+    /// The numbers, in order. The log holds the rows of the first one alone.
+    pub numbers: Vec<f64>,
+}
+
+impl Instances {
+    /// Those of a table in which time often stands still: from instrument to instrument, while it rises for each of them.
+    fn of(table: &Table, clock: &Clock) -> Option<Self> {
+        /// Time stands still in more rows than this share.
+        const OFTEN: f64 = 0.1;
+        /// What holds in all but so many rows holds.
+        const FEW: f64 = 0.01;
+        /// More instruments of one kind nobody mounts.
+        const MOST: usize = 8;
+        let t = &clock.stamps;
+        let still: Vec<usize> = (1..t.len()).filter(|k| t[*k] <= t[*k - 1]).collect();
+        if (still.len() as f64) < OFTEN * t.len() as f64 {
+            return None;
+        }
+        let tells = |column: &usize| {
+            let values = &table.columns[*column].values;
+            let mut numbers: Vec<f64> = Vec::new();
+            for v in values {
+                if !(v.fract() == 0.0 && (0.0..16.0).contains(v)) || numbers.len() > MOST {
+                    return None;
+                }
+                if !numbers.contains(v) {
+                    numbers.push(*v);
+                }
+            }
+            numbers.sort_by(f64::total_cmp);
+            let alike = still.iter().filter(|k| values[**k] == values[**k - 1]).count() as f64;
+            let is_sound = |number: &f64| {
+                let own: Vec<f64> = t.iter().zip(values).filter(|(_, v)| *v == number).map(|(t, _)| *t).collect();
+                let still = own.windows(2).filter(|w| w[1] <= w[0]).count() as f64;
+                own.len() * MOST > t.len() && still <= FEW * own.len() as f64
+            };
+            let is_told = (2..=MOST).contains(&numbers.len()) && alike <= FEW * still.len() as f64;
+            (is_told && numbers.iter().all(is_sound)).then_some(numbers)
+        };
+        (0..table.columns.len()).find_map(|column| {
+            Some(Self {
+                column,
+                numbers: tells(&column)?,
+            })
+        })
+    }
 }
 
 /// Rows in which a quantity does not change.
@@ -28,17 +85,85 @@ pub struct Repeats {
 impl Log {
     /// Looks at a table.
     #[must_use]
-    pub fn of(table: Table) -> Self {
-        let clock = Clock::of(&table);
+    pub fn of(mut table: Table) -> Self {
+        let mut clock = Clock::of(&table);
+        let instances = clock.as_ref().and_then(|clock| Instances::of(&table, clock));
+        if let Some(Instances { column, numbers }) = &instances {
+            let is_own: Vec<bool> = table.columns[*column].values.iter().map(|v| *v == numbers[0]).collect();
+            for column in &mut table.columns {
+                let mut own = is_own.iter();
+                column.values.retain(|_| own.next() == Some(&true));
+            }
+            clock = Clock::of(&table);
+        }
         let rate = clock.as_ref().map_or(f64::NAN, |c| c.rate);
         let signals = signals(&table, rate);
-        Self { table, clock, signals }
+        let mut log = Self {
+            table,
+            clock,
+            instances,
+            signals,
+        };
+        log.settle_velocity();
+        log
+    }
+
+    /// Tells the unit of a velocity, or of the receiver's own speed, that no name tells by the positions beside it.
+    fn settle_velocity(&mut self) {
+        let is_own = |s: &Signal| matches!(s.kind, Kind::Velocity | Kind::GroundSpeed);
+        let Some(k) = self.signals.iter().position(is_own) else { return };
+        let mut bare = self.clone();
+        bare.signals.retain(|s| !is_own(s));
+        let Some(track) = Track::of(&bare, None) else { return };
+        let (signal, t) = (&self.signals[k], self.stamps().to_vec());
+        let said = signal.values(&self.table).iter().map(|v| v[0].hypot(v[1])).collect();
+        let speed = Odometer::new(t, said);
+        if let Some((unit, ratio)) = speed.unit(&track) {
+            self.signals[k].take_unit(unit, &format!("{ratio:.2} times the speed between the positions in m/s"));
+        }
     }
 
     /// The name of its file.
     #[must_use]
     pub fn name(&self) -> String {
         self.table.path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+    }
+
+    /// What is said of several instruments in the file.
+    pub(super) fn several(&self) -> Option<String> {
+        let Instances { column, numbers } = self.instances.as_ref()?;
+        let (all, first) = (numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(", "), numbers[0]);
+        let (file, column) = (self.name(), &self.table.columns[*column].name);
+        Some(format!(
+            "`{file}` holds {} instruments in turn, with the numbers {all} in `{column}`. Only the rows of number {first} are looked at: `valid = {{ \
+             column = \"{column}\", equals = {first} }}`",
+            numbers.len()
+        ))
+    }
+
+    /// Whether its name says that another filter made it, such as `NKF1` or `ATT` of an autopilot.
+    #[must_use]
+    pub fn is_estimate(&self) -> bool {
+        const WHOLE: [&str; 3] = ["pos", "att", "ahr"];
+        const WORDS: [&str; 6] = ["nkf", "xkf", "ekf", "kf", "estimate", "estimated"];
+        let name = self.name().to_lowercase();
+        let stem = name.split('.').next().unwrap_or_default();
+        let of_file = stem.trim_end_matches(|c: char| c.is_ascii_digit());
+        let mut words = stem
+            .split(|c: char| !c.is_alphanumeric())
+            .map(|w| w.trim_end_matches(|c: char| c.is_ascii_digit()));
+        WHOLE.contains(&of_file) || words.any(|word| WORDS.contains(&word))
+    }
+
+    /// Whether a receiver wrote these positions: by the name of the file, or by what only a receiver reports.
+    pub(super) fn is_of_receiver(&self) -> bool {
+        const FILES: [&str; 4] = ["gps", "gnss", "receiver", "nmea"];
+        const COLUMNS: [&str; 9] = ["status", "nsats", "nsat", "satellites", "numsv", "sats", "hdop", "pdop", "fixtype"];
+        let name = self.name().to_lowercase();
+        let has_positions = self.has(Kind::Geodetic) || self.has(Kind::Local);
+        let is_named = FILES.iter().any(|word| name.contains(word));
+        let reports = || self.table.columns.iter().any(|c| Words::of(c.called()).ends_with(&COLUMNS));
+        has_positions && !self.is_estimate() && (is_named || reports())
     }
 
     /// The signal of a kind.
@@ -51,6 +176,11 @@ impl Log {
     #[must_use]
     pub fn has(&self, kind: Kind) -> bool {
         self.signal(kind).is_some()
+    }
+
+    /// Whether its velocity over ground has no vertical.
+    pub(super) fn has_flat_velocity(&self) -> bool {
+        self.signal(Kind::Velocity).is_some_and(|s| s.columns.len() < 3)
     }
 
     /// The stamps \[s\].
@@ -123,6 +253,16 @@ impl Log {
     /// Why a column is not read by a design; `None` of a quantity where there is no design.
     pub(super) fn why_unused(&self, column: usize, is_designed: bool) -> Option<String> {
         let signal = self.signals.iter().find(|s| s.columns.iter().any(|c| c.0 == column));
+        if self.instances.as_ref().is_some_and(|i| i.column == column) {
+            return Some("tells the instruments of this file apart".to_owned());
+        }
+        if let Some(signal) = signal.filter(|_| self.is_estimate()) {
+            let said = format!(
+                "{}: by the name of the file the estimate of another filter, no measurement",
+                signal.kind.name()
+            );
+            return is_designed.then_some(said);
+        }
         if let Some(signal) = signal {
             return is_designed.then(|| format!("{}: {}", signal.kind.name(), signal.kind.why_unused()));
         }

@@ -32,7 +32,7 @@ mod yaw;
 pub use clock::{Clock, Form, Origin};
 pub use field::Field;
 pub use imu::{Imu, Rest};
-pub use log::{Log, Repeats};
+pub use log::{Instances, Log, Repeats};
 pub use pair::Pair;
 pub use signal::{Kind, Signal};
 pub use stance::Stances;
@@ -195,8 +195,22 @@ impl Inspection {
         Some((*k, *field.as_ref().ok()?))
     }
 
-    /// The current, north and east \[m/s\], if a speed of this kind is that through the water.
+    /// The current, north and east \[m/s\], if a speed of this kind is that through the water: as found, or unknown where only
+    /// the name says so.
     fn current(&self, of: Kind) -> Option<[f64; 2]> {
+        self.found_current(of).or_else(|| self.is_of_water(of).then_some([0.0; 2]))
+    }
+
+    /// Whether the name of a column says that a speed of this kind is that through the water.
+    fn is_of_water(&self, of: Kind) -> bool {
+        let Some(k) = self.with(of) else { return false };
+        let names = self.logs[k].signal(of).map_or_else(Vec::new, |s| s.names(&self.logs[k].table));
+        let says = |name: &String| words::contains(&words::Words::of(name).stem, &["stw", "water"]);
+        names.iter().any(says)
+    }
+
+    /// The current, north and east \[m/s\], where the way shows that a speed of this kind is that through the water.
+    fn found_current(&self, of: Kind) -> Option<[f64; 2]> {
         self.water.iter().find(|(kind, _)| *kind == of).and_then(|(_, water)| match water {
             Water::Through(current) => Some(*current),
             Water::Ground => None,
@@ -226,10 +240,12 @@ impl Inspection {
         Yaw::of(self.logs[k].stamps(), &yaw, &self.position.as_ref()?.1)
     }
 
-    /// The first log with this kind that has time, but for the reference.
+    /// The first log with this kind that has time, but for the reference; that of an instrument before the estimate of a filter.
     fn with(&self, kind: Kind) -> Option<usize> {
         let is_reference = |k: usize| self.reference.as_ref().is_some_and(|(r, _)| *r == k);
-        (0..self.logs.len()).find(|k| !is_reference(*k) && self.logs[*k].clock.is_some() && self.logs[*k].has(kind))
+        let mut all = (0..self.logs.len()).filter(|k| !is_reference(*k) && self.logs[*k].clock.is_some() && self.logs[*k].has(kind));
+        let first = all.clone().next();
+        all.find(|k| !self.logs[*k].is_estimate()).or(first)
     }
 
     /// What keeps a filter from being made of these files, in sentences.
@@ -237,10 +253,7 @@ impl Inspection {
     pub fn missing(&self) -> Vec<String> {
         let mut all = Vec::new();
         for log in self.logs.iter().filter(|l| l.clock.is_none()) {
-            all.push(format!(
-                "`{}` has no column of time: none is called `t`, `time` or `timestamp`, and none rises from row to row",
-                log.name()
-            ));
+            all.push(clock::why_none(&log.table));
             if log.has(SpecificForce) || log.has(AngularRate) {
                 all.push(format!(
                     "if `{}` is of a unit at rest whose samples are even, `fusion allan {} --rate \"100 Hz\"` with its rate and \
@@ -330,7 +343,7 @@ fn units(logs: &[Log]) -> Vec<usize> {
 
 /// Whether a log has velocities and no positions.
 fn has_velocity_alone(log: &Log) -> bool {
-    log.clock.is_some() && log.has(Velocity) && !(log.has(Geodetic) || log.has(Local))
+    log.clock.is_some() && log.has(Velocity) && !(log.has(Geodetic) || log.has(Local)) && !log.is_estimate()
 }
 
 type Found = Option<(usize, Track)>;
@@ -338,7 +351,10 @@ type Found = Option<(usize, Track)>;
 /// The positions to use, and those that look like a ground truth: of several, the ones that come with an
 /// attitude, or else the ones with the smallest 1σ of their own, or where none tells one with a tenth of the scatter. `apart` is a log with velocities alone.
 fn tracks(logs: &[Log], apart: Option<usize>) -> (Found, Found) {
-    let has = |k: &usize| logs[*k].has(Geodetic) || logs[*k].has(Local);
+    // Beside what a receiver wrote, positions of another filter are neither measurements nor a truth.
+    let is_received = logs.iter().any(|log| log.clock.is_some() && log.is_of_receiver());
+    let is_left = |log: &Log| is_received && log.is_estimate();
+    let has = |k: &usize| (logs[*k].has(Geodetic) || logs[*k].has(Local)) && !is_left(&logs[*k]);
     let mut all: Vec<(usize, Track)> = (0..logs.len())
         .filter(has)
         .filter_map(|k| Some((k, Track::of(&logs[k], apart.map(|a| &logs[a]))?)))

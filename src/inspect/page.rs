@@ -17,7 +17,10 @@ impl Inspection {
             t
         };
         let mut sections = vec![
-            Section::new("Files", [all(file, files())]),
+            self.logs
+                .iter()
+                .filter_map(Log::several)
+                .fold(Section::new("Files", [all(file, files())]), Section::note),
             Section::new("Arrays", [all(arrays, Table::new(["file", "array", "shape"].map(Column::text)))]),
             Section::new("Quantities", [all(quantities, columns())]),
             Section::new("Not used", [self.not_used()]),
@@ -156,7 +159,10 @@ impl Inspection {
             Column::text("velocity / change of position"),
         ]);
         let mut row = |(k, track): &(usize, Track), role: &str| {
-            let agreement = track.agreement.map_or_else(String::new, |a| vector(a, 2));
+            let agreement = track.agreement.map_or_else(String::new, |a| {
+                let told = if a[2].is_nan() { &a[..2] } else { &a[..] };
+                told.iter().map(|x| format!("{x:.2}")).collect::<Vec<_>>().join(", ")
+            });
             t.row([
                 Cell::text(self.logs[*k].name()),
                 Cell::text(role),
@@ -238,7 +244,7 @@ impl Inspection {
         }
         for (kind, [north, east]) in [Speed, BodyVelocity]
             .into_iter()
-            .filter_map(|kind| Some((kind, self.current(kind)?)))
+            .filter_map(|kind| Some((kind, self.found_current(kind)?)))
         {
             let current = format!("through the water, with a current of {north:.2} m/s north, {east:.2} m/s east");
             let what = if kind == Speed { "the speed is" } else { "the body velocity is" };

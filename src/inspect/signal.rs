@@ -28,6 +28,8 @@ pub enum Kind {
     Euler,
     /// Speed forward.
     Speed,
+    /// Speed over ground of a receiver that does not tell the course.
+    GroundSpeed,
     /// Heading alone, without roll and pitch.
     Heading,
     /// Rate of turn.
@@ -59,6 +61,7 @@ impl Kind {
             Self::Quaternion => "attitude, quaternion",
             Self::Euler => "attitude, roll pitch yaw",
             Self::Speed => "speed",
+            Self::GroundSpeed => "speed over ground",
             Self::Heading => "heading",
             Self::YawRate => "yaw rate",
             Self::Depth => "depth",
@@ -82,6 +85,7 @@ impl Kind {
             Self::Pressure => "a barometer needs an inertial unit with positions that have a height, and air",
             Self::PositionSigma | Self::VelocitySigma => "the noise is one number in a first design",
             Self::Depth => "the positions have one",
+            Self::GroundSpeed => "the receiver's own: without a course it is no velocity",
             _ => "this design does not need it",
         }
     }
@@ -100,6 +104,8 @@ pub struct Signal {
     pub factor: f64,
     /// Increments over the interval between rows.
     pub increment: bool,
+    /// Of a velocity as speed and course, which are the first two columns: the unit of the course.
+    pub course: Option<&'static str>,
     /// The names say which axis is ahead: the columns are those forward, right, down.
     pub is_body: bool,
     /// Why it is believed.
@@ -132,7 +138,31 @@ impl Signal {
 
     /// All values in SI; increments stay increments.
     pub(super) fn values(&self, table: &Table) -> Vec<Vec3> {
-        (0..table.rows()).map(|row| self.raw(table, row).map(|v| v * self.factor)).collect()
+        let of = |row: usize| {
+            let raw = self.raw(table, row);
+            let Some(unit) = self.course else {
+                return match (raw, self.unit.as_str()) {
+                    ([latitude, longitude, height], "ddmm") => [of_ddmm(latitude), of_ddmm(longitude), height],
+                    (raw, _) => raw.map(|v| v * self.factor),
+                };
+            };
+            let (sin, cos) = (raw[1] * factor(unit)).sin_cos();
+            // The course of what stands is often empty.
+            let (north, east) = if raw[0] == 0.0 { (0.0, 0.0) } else { (raw[0] * cos, raw[0] * sin) };
+            [north, east, raw[2]].map(|v| v * self.factor)
+        };
+        (0..table.rows()).map(of).collect()
+    }
+
+    /// Takes a unit for one that no name tells.
+    pub(super) fn take_unit(&mut self, unit: &str, why: &str) {
+        if !self.why.ends_with(UNNAMED) {
+            return;
+        }
+        let found = self.why.split(';').next().unwrap_or_default();
+        self.why = format!("{found}; {unit}: {why}");
+        unit.clone_into(&mut self.unit);
+        self.factor = factor(unit);
     }
 }
 
@@ -150,6 +180,7 @@ pub(super) fn factor(unit: &str) -> f64 {
         "deg" | "deg/s" => 1_f64.to_radians(),
         "km/h" => 1.0 / 3.6,
         "kn" => KNOT,
+        "ft/s" => 0.3048,
         "cm" | "cm/s" => 1e-2,
         "ms" | "mm" => 1e-3,
         "us" | "uT" => 1e-6,
@@ -211,6 +242,7 @@ pub(super) fn signals(table: &Table, rate: f64) -> Vec<Signal> {
     };
     if table.header {
         finder.vectors();
+        finder.over_ground();
         finder.scalars();
         finder.local_with_depth();
     }
@@ -220,6 +252,8 @@ pub(super) fn signals(table: &Table, rate: f64) -> Vec<Signal> {
     found.iter_mut().for_each(|s| settle(s, table, rate));
     settle_by_turns(&mut found, table, rate);
     found.retain(|s| !is_without_gravity(table, s));
+    // What is no place on Earth has another unit, such as 1e-7 deg, and a design of it would have no origin.
+    found.retain(|s| !(s.kind == Kind::Geodetic && s.unit == "deg" && is_beyond(s, table)));
     found
 }
 
@@ -252,6 +286,7 @@ impl Finder<'_> {
             unit: unit.unwrap_or_default().to_owned(),
             factor: 1.0,
             increment: false,
+            course: None,
             is_body: false,
             columns,
         });
@@ -316,11 +351,12 @@ impl Finder<'_> {
         let (plain, x) = (columns.to_vec(), columns[0].0);
         if let Some(w) = self
             .sibling(x, "x", "w")
-            .filter(|_| is_called(prefix, &["q", "quat", "quaternion", "orientation", "attitude"]))
+            .filter(|_| is_called(prefix, &QUATERNION) || (prefix.is_empty() && self.is_file_called(&QUATERNION)))
         {
             let all = [&[(w, false)], columns].concat();
             return self.add(Kind::Quaternion, all);
         }
+        const QUATERNION: [&str; 5] = ["q", "quat", "quaternion", "orientation", "attitude"];
         const FIELD: [&str; 4] = ["m", "mag", "magnetometer", "magnetic"];
         // A G may be a gauss.
         let gauss = match unit {
@@ -365,7 +401,9 @@ impl Finder<'_> {
 
     /// A vector north, east, down.
     fn axes_ned(&mut self, prefix: &str, unit: Option<&str>, columns: Vec<(usize, bool)>) {
-        if columns.len() < 3 {
+        let is_velocity = prefix == "v" || is_called(prefix, &["vel", "velocity"]);
+        // A velocity may have no vertical.
+        if columns.len() < 3 && !(is_velocity && matches!(unit, None | Some("m/s" | "cm/s" | "km/h" | "kn"))) {
             return;
         }
         // A 1σ has no direction: up is as good as down.
@@ -373,37 +411,140 @@ impl Finder<'_> {
         match (prefix, unit) {
             ("s" | "sd" | "sigma" | "std", _) => self.add(Kind::PositionSigma, unsigned()),
             ("sv" | "sdv", _) => self.add(Kind::VelocitySigma, unsigned()),
-            ("v", _) | ("", Some("m/s" | "cm/s" | "km/h")) => self.add(Kind::Velocity, columns),
-            _ if is_called(prefix, &["vel", "velocity"]) => self.add(Kind::Velocity, columns),
+            ("", Some("m/s" | "cm/s" | "km/h")) => self.add(Kind::Velocity, columns),
+            _ if is_velocity => self.add(Kind::Velocity, columns),
             ("" | "p", None | Some("m" | "cm" | "mm")) => self.add(Kind::Local, columns),
             (_, None | Some("m" | "cm" | "mm")) if is_called(prefix, &["pos", "position"]) => self.add(Kind::Local, columns),
             _ => {}
         }
     }
 
+    /// Whether the file has one of these words in its name.
+    fn is_file_called(&self, words: &[&str]) -> bool {
+        let stem = self.table.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        is_called(&Words::of(&stem).stem, words)
+    }
+
     fn one(&self, names: &[&str]) -> Option<usize> {
         self.words.iter().position(|w| w.ends_with(names) && !contains(&w.stem, &DERIVED))
     }
 
+    /// Speed and course of a receiver, with a vertical speed where there is one; a speed in the rows of its positions is its own.
+    fn over_ground(&mut self) {
+        const COURSE: [&str; 9] = [
+            "cog",
+            "course",
+            "course_over_ground",
+            "courseoverground",
+            "gcrs",
+            "bearing",
+            "track",
+            "trk",
+            "track_angle",
+        ];
+        const OWN: [&str; 6] = [
+            "sog",
+            "speed_over_ground",
+            "speedoverground",
+            "ground_speed",
+            "groundspeed",
+            "gspeed",
+        ];
+        let is_called = |k: &usize, names: &[&str]| {
+            let w = &self.words[*k];
+            w.ends_with(names) && !contains(&w.stem, &DERIVED)
+        };
+        let is_speed = |k: &usize| matches!(self.words[*k].unit, None | Some("m/s" | "cm/s" | "km/h" | "kn"));
+        let is_angle = |k: &usize| matches!(self.words[*k].unit, None | Some("deg" | "rad"));
+        let mut columns = 0..self.words.len();
+        let own = columns.clone().find(|k| is_speed(k) && is_called(k, &OWN));
+        let any = || {
+            columns
+                .clone()
+                .find(|k| is_speed(k) && is_called(k, &["speed", "spd"]) && self.is_of_fixes(*k))
+        };
+        let Some(speed) = own.or_else(any) else { return };
+        let Some(course) = columns.find(|k| is_angle(k) && is_called(k, &COURSE)) else {
+            return self.add(Kind::GroundSpeed, vec![(speed, false)]);
+        };
+        if self.found.iter().any(|s| s.kind == Kind::Velocity) {
+            return self.add(Kind::GroundSpeed, vec![(speed, false)]);
+        }
+        const VERTICAL: [(&str, bool); 6] = [
+            ("vz", false),
+            ("vd", false),
+            ("vel_d", false),
+            ("veld", false),
+            ("vu", true),
+            ("vel_u", true),
+        ];
+        let named = |name: &str| self.words.iter().position(|w| w.stem == name);
+        let vertical = VERTICAL.iter().find_map(|(name, is_up)| Some((named(name)?, *is_up)));
+        let used = |k: usize| self.found.iter().any(|s| s.columns.iter().any(|c| c.0 == k));
+        let vertical = vertical.filter(|(k, _)| !used(*k));
+        self.add(
+            Kind::Velocity,
+            [(speed, false), (course, false)].into_iter().chain(vertical).collect(),
+        );
+        let reach = quantile(self.table.columns[course].values.iter().map(|v| v.abs()), 0.99);
+        let by_values = if reach > core::f64::consts::TAU { "deg" } else { "rad" };
+        let unit = self.words[course].unit.unwrap_or(by_values);
+        if let Some(found) = self.found.last_mut().filter(|s| s.kind == Kind::Velocity) {
+            found.course = Some(unit);
+            found.why = "by name: speed and course".to_owned();
+        }
+    }
+
+    /// Whether a column stands in the rows of positions and changes with them: what a receiver reports besides.
+    fn is_of_fixes(&self, column: usize) -> bool {
+        /// Of the rows in which it changes so many have another position.
+        const WITH: f64 = 0.8;
+        let (Some(lat), Some(lon)) = (self.one(&["lat", "latitude"]), self.one(&["lon", "lng", "long", "longitude"])) else {
+            return false;
+        };
+        let values = |k: usize| &self.table.columns[k].values;
+        let rows: Vec<usize> = (0..self.table.rows()).filter(|row| values(column)[*row].is_finite()).collect();
+        let changes = rows.windows(2).filter(|w| values(column)[w[0]] != values(column)[w[1]]);
+        let (mut all, mut with) = (0.0, 0.0);
+        for w in changes {
+            all += 1.0;
+            let is_new = [lat, lon]
+                .iter()
+                .any(|k| values(*k)[w[1]].is_finite() && values(*k)[w[0]] != values(*k)[w[1]]);
+            with += f64::from(u8::from(is_new));
+        }
+        all > 0.0 && with > WITH * all
+    }
+
     fn scalars(&mut self) {
         if let (Some(lat), Some(lon)) = (self.one(&["lat", "latitude"]), self.one(&["lon", "lng", "long", "longitude"])) {
-            let height = self.one(&["h", "alt", "height", "altitude"]);
+            let height = self.one(&["h", "alt", "height", "altitude", "ellheight"]);
             let columns = [Some(lat), Some(lon), height].into_iter().flatten();
             self.add(Kind::Geodetic, columns.map(|k| (k, false)).collect());
         }
         if let (Some(r), Some(p), Some(y)) = (self.one(&["roll"]), self.one(&["pitch"]), self.one(&["yaw", "heading"])) {
             self.add(Kind::Euler, vec![(r, false), (p, false), (y, false)]);
-        } else if let Some(heading) = self.one(&["heading", "yaw", "hdg"]) {
+        } else if let Some(heading) = self.one(&[
+            "heading",
+            "yaw",
+            "hdg",
+            "hdt",
+            "heading_t",
+            "heading_true",
+            "headingtrue",
+            "true_heading",
+        ]) {
             self.add(Kind::Heading, vec![(heading, false)]);
         }
         let singles: [(Kind, &[&str]); 4] = [
-            (Kind::Speed, &["v", "speed", "stw"]),
+            (Kind::Speed, &["v", "speed", "stw", "speed_through_water"]),
             (Kind::YawRate, &["yawrate", "yaw_rate"]),
             (Kind::Depth, &["depth"]),
-            (Kind::Pressure, &["pressure", "press", "baro", "p_baro"]),
+            (Kind::Pressure, &["pressure", "press", "baro", "p_baro", "barometer"]),
         ];
         for (kind, names) in singles {
-            if let Some(k) = self.one(names) {
+            let is_free = |k: &usize| !self.found.iter().any(|s| s.columns.iter().any(|c| c.0 == *k));
+            if let Some(k) = self.one(names).filter(is_free) {
                 self.add(kind, vec![(k, false)]);
             }
         }
@@ -496,6 +637,48 @@ fn settle_by_turns(found: &mut [Signal], table: &Table, rate: f64) {
     }
 }
 
+/// Faster than sound: no vehicle here \[m/s\].
+const FASTEST: f64 = 340.0;
+
+/// The speed by positions whose angles are in rad, where they change: 95 % are below \[m/s\].
+fn usual_speed(s: &Signal, table: &Table, rate: f64) -> f64 {
+    const RADIUS: f64 = 6.371e6;
+    let place = |row: usize| s.raw(table, row);
+    let is_fix = |p: &Vec3| p[..2] != [0.0, 0.0];
+    let steps = (1..table.rows()).filter_map(|row| {
+        let (a, b) = (place(row - 1), place(row));
+        let step = (b[0] - a[0]).hypot((b[1] - a[1]) * a[0].cos());
+        (step > 0.0 && is_fix(&a) && is_fix(&b)).then_some(step)
+    });
+    // Fixes that stand for several rows move once in several intervals: the share of rows that change corrects for it.
+    let changes = (1..table.rows()).filter(|row| place(*row)[..2] != place(*row - 1)[..2]).count() as f64;
+    RADIUS * quantile(steps, 0.5) * rate * changes / table.rows().max(1) as f64
+}
+
+/// Whether angles are degrees and minutes in one number, as NMEA writes them: beyond any degrees, all minutes below 60.
+fn is_ddmm(s: &Signal, table: &Table) -> bool {
+    let angles = || {
+        (0..table.rows())
+            .map(|row| s.raw(table, row))
+            .filter(|v| v[0].is_finite() && v[1].is_finite())
+    };
+    matches!(s.unit.as_str(), "" | "deg")
+        && is_beyond(s, table)
+        && angles().all(|v| v[0].abs() <= 9000.0 && v[1].abs() <= 18_000.0 && v[..2].iter().all(|x| x.abs() % 100.0 < 60.0))
+}
+
+/// Whether angles that would be degrees are beyond 90 or 360 in more than a hundredth of the rows.
+fn is_beyond(s: &Signal, table: &Table) -> bool {
+    let reach = |axis: usize| quantile((0..table.rows()).map(|row| s.raw(table, row)[axis].abs()), 0.99);
+    reach(0) > 90.0 || reach(1) > 360.0
+}
+
+/// Degrees and minutes in one number as rad.
+fn of_ddmm(x: f64) -> f64 {
+    let degrees = (x / 100.0).trunc();
+    (degrees + (x - 100.0 * degrees) / 60.0).to_radians()
+}
+
 /// The length of a vector that a share of the rows stays below, in the unit of its columns.
 fn length(signal: &Signal, table: &Table, share: f64) -> f64 {
     quantile((0..table.rows()).map(|row| norm(signal.raw(table, row))), share)
@@ -507,6 +690,9 @@ fn unit_by_values(s: &Signal, table: &Table, rate: f64) -> Option<(&'static str,
     if s.kind == Kind::SpecificForce && s.increment {
         let m = length(s, table, 0.5) * rate;
         return Some(("m/s", format!("increments, median length × {rate:.0} Hz = {m:.2}")));
+    }
+    if s.kind == Kind::Geodetic && is_ddmm(s, table) {
+        return Some(("ddmm", format!("latitudes reach {:.3}, minutes are below 60", reach(0))));
     }
     if !matches!(s.unit.as_str(), "" | "counts") {
         return None;
@@ -533,7 +719,9 @@ fn unit_by_values(s: &Signal, table: &Table, rate: f64) -> Option<(&'static str,
             m if (150.0..800.0).contains(&m) => ("mgauss", format!("median length {m:.0}")),
             _ => return None,
         },
+        Kind::Geodetic if reach(0) > core::f64::consts::FRAC_PI_2 => ("deg", format!("latitudes reach {:.3}", reach(0))),
         Kind::Geodetic if reach(1) > core::f64::consts::PI => ("deg", format!("longitudes reach {:.3}", reach(1))),
+        Kind::Geodetic if usual_speed(s, table, rate) > FASTEST => ("deg", "in rad it would be faster than sound".to_owned()),
         Kind::Geodetic => ("rad", format!("longitudes reach {:.4}", reach(1))),
         Kind::Euler if reach(2) > core::f64::consts::TAU => ("deg", format!("headings reach {:.1}", reach(2))),
         Kind::Euler => ("rad", format!("headings reach {:.2}", reach(2))),
@@ -547,7 +735,7 @@ fn unit_by_values(s: &Signal, table: &Table, rate: f64) -> Option<(&'static str,
             _ => return None,
         },
         Kind::Local | Kind::Depth | Kind::PositionSigma => ("m", UNNAMED.to_owned()),
-        Kind::Velocity | Kind::BodyVelocity | Kind::Speed | Kind::VelocitySigma => ("m/s", UNNAMED.to_owned()),
+        Kind::Velocity | Kind::BodyVelocity | Kind::Speed | Kind::GroundSpeed | Kind::VelocitySigma => ("m/s", UNNAMED.to_owned()),
         _ => return None,
     })
 }

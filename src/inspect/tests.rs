@@ -4,6 +4,8 @@ use super::signal::Kind;
 use super::*;
 use crate::source::table::Column;
 
+mod loggers;
+
 /// A table of columns by name.
 fn table(columns: &[(&str, &dyn Fn(f64) -> f64)], rows: usize, rate: f64) -> Table {
     let column = |(name, of): &(&str, &dyn Fn(f64) -> f64)| Column {

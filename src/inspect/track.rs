@@ -30,7 +30,7 @@ pub struct Track {
     pub apart: Option<f64>,
     /// Median of the 1σ that is reported, horizontal \[m\].
     pub claimed: Option<f64>,
-    /// Slope of the reported velocity over the differences of position, north, east, down.
+    /// Slope of the reported velocity over the differences of position, north, east, down; NaN down where it has no vertical.
     pub agreement: Option<Vec3>,
 }
 
@@ -76,7 +76,11 @@ impl Track {
         track.is_reported = reported.is_some();
         let differences = track.differences();
         if track.is_reported {
-            track.agreement = Some(agreement(&differences, &track.velocity));
+            let mut agreement = agreement(&differences, &track.velocity);
+            if other.filter(|_| !log.has(Kind::Velocity)).unwrap_or(log).has_flat_velocity() {
+                agreement[2] = f64::NAN;
+            }
+            track.agreement = Some(agreement);
         } else {
             track.velocity = differences;
         }
@@ -84,12 +88,17 @@ impl Track {
         track.part();
         track.claimed = log
             .values(Kind::PositionSigma)
-            .map(|s| median(s.iter().map(|s| 0.5 * (s[0] + s[1]))));
+            .map(|s| median(s.iter().map(|s| 0.5 * (s[0] + s[1]))))
+            .filter(|claimed| claimed.is_finite());
         (track.t.len() > 2).then_some(track)
     }
 
     /// Velocity by positions at least a second apart.
     fn differences(&self) -> Vec<Vec3> {
+        /// Between fixes that are further apart than this, or than so many usual intervals, the velocity changes [s].
+        const LONGEST: f64 = 10.0;
+        const USUAL: f64 = 3.5;
+        let longest = LONGEST.max(USUAL / self.rate());
         let (mut from, mut all) = (0, Vec::with_capacity(self.t.len()));
         for k in 0..self.t.len() {
             while from + 1 < k && self.t[k] - self.t[from + 1] >= 1.0 {
@@ -97,7 +106,7 @@ impl Track {
             }
             let dt = self.t[k] - self.t[from];
             let v = [0, 1, 2].map(|i| (self.position[k][i] - self.position[from][i]) / dt);
-            all.push(if dt > 0.5 && dt < 10.0 { v } else { [f64::NAN; 3] });
+            all.push(if dt > 0.5 && dt < longest { v } else { [f64::NAN; 3] });
         }
         all
     }
@@ -175,7 +184,10 @@ impl Track {
     /// The horizontal speed that 95 % of the rows stay below \[m/s\].
     #[must_use]
     pub fn top_speed(&self) -> f64 {
-        quantile(self.velocity.iter().map(|v| v[0].hypot(v[1])), 0.95)
+        let fast = quantile(self.velocity.iter().map(|v| v[0].hypot(v[1])), 0.95);
+        let mean = || self.way / (self.t[self.t.len() - 1] - self.t[0]);
+        // Fixes too far apart for differences: nothing but the mean is known.
+        if fast.is_nan() && self.t.len() > 1 { mean() } else { fast }
     }
 
     /// Fixes a second.

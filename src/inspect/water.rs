@@ -8,7 +8,7 @@
 
 use super::log::Log;
 use super::numbers::median;
-use super::signal::{Kind, UNNAMED, factor};
+use super::signal::{Kind, factor};
 use super::track::{Odometer, Track};
 use nalgebra::{DMatrix, DVector};
 
@@ -77,32 +77,33 @@ fn current(speed: &Odometer, track: &Track) -> Option<(Option<[f64; 2]>, bool)> 
     Some((is_clear.then_some(c), sum.0.hypot(sum.1) < TURNING * sum.2))
 }
 
-/// Tells the unit of a speed that no name tells by that over ground: of knots it is 1.944 times as much, of km/h 3.6 times.
+/// Tells the unit of a speed that no name tells by that over ground, reported or between the positions.
 /// A current averages out over turns, and no scale of a log or of wheels is so far off.
 pub(super) fn settle_speed(log: &mut Log, track: &Track) {
-    const NEAR: core::ops::Range<f64> = 0.85..1.15;
-    let Some(speed) = Odometer::of(log, Kind::Speed).filter(|_| track.is_reported) else {
+    let Some((unit, ratio)) = Odometer::of(log, Kind::Speed).and_then(|speed| speed.unit(track)) else {
         return;
     };
-    let slowest = 0.5 * track.top_speed();
-    let ratios = track.t.iter().zip(&track.velocity).filter_map(|(t, v)| {
-        let (ground, said) = (v[0].hypot(v[1]), speed.at(*t)?);
-        (ground > slowest && ground > 0.0).then(|| said / ground)
-    });
-    let ratios: Vec<f64> = ratios.collect();
-    if ratios.len() < ENOUGH {
-        return;
+    if let Some(signal) = log.signals.iter_mut().find(|s| s.kind == Kind::Speed) {
+        signal.take_unit(unit, &format!("{ratio:.2} times the speed over ground in m/s"));
     }
-    let ratio = median(ratios);
-    let Some(unit) = ["kn", "km/h"].into_iter().find(|unit| NEAR.contains(&(ratio * factor(unit)))) else {
-        return;
-    };
-    let unnamed = log.signals.iter_mut().find(|s| s.kind == Kind::Speed && s.why.ends_with(UNNAMED));
-    if let Some(signal) = unnamed {
-        let found = signal.why.split(';').next().unwrap_or_default();
-        signal.why = format!("{found}; {unit}: {ratio:.2} times the speed over ground in m/s");
-        unit.clone_into(&mut signal.unit);
-        signal.factor = factor(unit);
+}
+
+impl Odometer {
+    /// The unit of speeds that were taken for m/s, and by how much more they say than the track; `None` where they do not move
+    /// together.
+    pub(super) fn unit(&self, track: &Track) -> Option<(&'static str, f64)> {
+        /// So near to a unit is an instrument of this unit; feet are near to km/h, and have to be nearer.
+        const NEAR: [(&str, f64); 4] = [("ft/s", 1.03), ("m/s", 1.15), ("kn", 1.15), ("km/h", 1.15)];
+        let slowest = 0.5 * track.top_speed();
+        let ratios = track.t.iter().zip(&track.velocity).filter_map(|(t, v)| {
+            let (ground, said) = (v[0].hypot(v[1]), self.at(*t)?);
+            (ground > slowest && ground > 0.0).then(|| said / ground)
+        });
+        let ratios: Vec<f64> = ratios.collect();
+        let ratio = median(ratios.iter().copied());
+        let is_near = |(unit, near): &&(&str, f64)| (ratio * factor(unit)).ln().abs() < near.ln();
+        let (unit, _) = NEAR.iter().find(is_near).filter(|_| ratios.len() >= ENOUGH)?;
+        Some((unit, ratio))
     }
 }
 

@@ -1,6 +1,7 @@
 //! From the events of a runner to those of a run.
 
-use super::{Filters, RunEvent, RunObserver};
+use super::wait::Waiting;
+use super::{Filters, RunEvent, RunObserver, Wait};
 use crate::rows::Row;
 use crate::score::{Comparison, ReferenceEpoch};
 use crate::solution::{SolutionReader, Turning};
@@ -22,6 +23,7 @@ pub struct Hub<'a> {
     /// True states of the outermost filter that its estimates have not reached.
     truths: VecDeque<(Time, Vec<f64>)>,
     observers: Vec<&'a mut dyn RunObserver>,
+    waiting: Waiting,
     /// Hears what is believed before later rows come.
     current: Option<Box<Self>>,
 }
@@ -44,6 +46,7 @@ impl<'a> Hub<'a> {
             turnings: filters.iter().map(|f| Turning::new(&f.layout, f.process.clone())).collect(),
             truths: VecDeque::new(),
             observers: Vec::new(),
+            waiting: Waiting::default(),
             current: None,
         }
     }
@@ -82,11 +85,18 @@ impl<'a> Hub<'a> {
         self.current.as_mut().map_or(Ok(()), |current| current.resume())
     }
 
-    /// A row that is about to be fed.
+    /// What the outermost filter waited for before its first start; none of one that never started.
+    #[must_use]
+    pub fn waited(&mut self) -> Option<Wait> {
+        core::mem::take(&mut self.waiting).finish()
+    }
+
+    /// A row that is about to be fed, and what is waited for before the filter has started.
     ///
     /// # Errors
     /// The first of an observer.
-    pub fn row(&mut self, row: &Row<'_>) -> Result<(), Halt> {
+    pub fn row(&mut self, row: &Row<'_>, waits_for: impl FnOnce() -> Vec<(String, String)>) -> Result<(), Halt> {
+        self.waiting.row(row.time, waits_for);
         tell(&mut self.observers, &RunEvent::Row(row))
     }
 
@@ -159,6 +169,7 @@ impl Memory for Hub<'_> {
         self.comparisons.remember(tape);
         self.turnings.remember(tape);
         self.truths.remember(tape);
+        self.waiting.remember(tape);
         let memories = self.observers.iter_mut().filter_map(|o| o.memory());
         memories.for_each(|memory| memory.remember(tape));
         if let Some(current) = &mut self.current {
@@ -179,7 +190,10 @@ impl Observer for Hub<'_> {
         if let (Event::Current { belief }, Some(current)) = (event, &mut self.current) {
             current.on(&Event::Estimate { belief })?;
         }
-        if let Event::Started { .. } = event {
+        if let Event::Started { belief, .. } = event {
+            if filter.is_outermost() {
+                self.waiting.started(belief.time);
+            }
             self.begin(filter.number);
         }
         let Event::Estimate { belief } = event else {

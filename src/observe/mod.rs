@@ -23,6 +23,7 @@ mod score;
 mod smoothing;
 mod statistics;
 mod timing;
+mod wait;
 
 pub use consumers::{ConsumerCounts, Consumers};
 pub use counters::Counters;
@@ -35,3 +36,4 @@ pub use score::FilterScore;
 pub use smoothing::{By, Smoother};
 pub use statistics::{Disturbed, Innovations, RejectionStreak, SensorStatistics, Statistics};
 pub use timing::Timing;
+pub use wait::Wait;

@@ -6,11 +6,16 @@ use super::number::short;
 use super::run::{RPY, converged};
 use super::sensors::{count_columns, counted, counts};
 use super::tree::{Cell, Column, Page, Section, Table};
+use crate::observe::Wait;
 use crate::run::Summary;
 use crate::score::{Axes, Consistency, Drift, Score, Verdict};
 
 /// Findings that are shown; all of them are with the other tables.
 const FINDINGS: usize = 4;
+/// A part of the log before the start that is worth a line. A twentieth changes an RMS by 2.5 % at most, where errors are alike.
+const LATE: f64 = 0.05;
+/// Levelling takes a second or so of any log \[s\].
+const BRIEF: f64 = 2.0;
 
 impl Summary {
     /// Health, errors, consistency and what to look at next, then what became of the measurements: no more than
@@ -43,8 +48,10 @@ impl Summary {
                 t.row(["".to_owned(), first]);
             }
         }
-        if self.started.is_none() {
-            t.row(["started", "never"]);
+        match (self.started, self.late_start()) {
+            (None, _) => t.row(["started", "never"]),
+            (Some(at), Some(wait)) => t.row(["started", &format!("at {at:.1} s: {}", before_the_start(wait))]),
+            _ => {}
         }
         for (name, what) in &self.waiting {
             t.row(["", &format!("`{name}` waits for {what}")]);
@@ -89,6 +96,12 @@ impl Summary {
         })
     }
 
+    /// The wait for the start, where so much of the log lies before it that the figures are not those of the whole log.
+    #[must_use]
+    pub fn late_start(&self) -> Option<&Wait> {
+        self.waited.as_ref().filter(|wait| wait.share() > LATE && wait.seconds > BRIEF)
+    }
+
     /// What to look at next, at most so many findings.
     #[must_use]
     pub fn look_next(&self, most: usize) -> Section {
@@ -119,6 +132,17 @@ impl Summary {
         }
         counted(Section::new("Sensors", [t]), &counts)
     }
+}
+
+/// `98 % of the log lies before it and was not used: `levelling` waited for rest`.
+pub(crate) fn before_the_start(wait: &Wait) -> String {
+    let waits = wait.waited.iter().map(|(name, what)| format!("`{name}` waited for {what}"));
+    let waits = waits.collect::<Vec<_>>().join("; ");
+    let colon = if waits.is_empty() { "" } else { ": " };
+    format!(
+        "{:.0} % of the log lies before it and was not used{colon}{waits}",
+        100.0 * wait.share()
+    )
 }
 
 /// A line for each of position, velocity and attitude, drift and convergence.
@@ -170,15 +194,18 @@ fn errors(t: &mut Table, whose: &str, score: &Score) {
                 short(median)
             ),
         };
-        line("drift", vec![drift], None);
+        let cut = score.drift.iter().filter(|d| d.is_cut).count();
+        let cut = (cut > 0).then(|| "the last not over when the run ended".to_owned());
+        line("drift", [drift].into_iter().chain(cut).collect(), None);
     }
     // A smoothed error is largest inside an outage: at its end the fixes after it are used.
     if let Some(worst) = Drift::worst(&score.drift).filter(|_| whose.is_empty()) {
         let said = format!(
-            "{} s at {:.1} s: {} m at its end (3σ {} m)",
+            "{} s at {:.1} s: {} m at {} (3σ {} m)",
             short(worst.to - worst.from),
             worst.from,
             short(worst.end_horizontal),
+            if worst.is_cut { "the end of the run" } else { "its end" },
             short(3.0 * worst.end_sigma)
         );
         line("worst outage", vec![said], None);

@@ -30,6 +30,7 @@ pub fn sections(runs: &[(&str, &Summary)]) -> Vec<Section> {
         (t.columns().count() > 1).then_some(t)
     };
     let position = of_score(position_columns(), position);
+    let horizontal = of_score(horizontal_columns(), horizontal);
     let travelled = of_score(travelled_columns(), travelled);
     let velocity = of_score(axis_columns("RMS", NED, "m/s"), |s| {
         s.velocity.map_or_else(Vec::new, |a| a.rms.map(Cell::Real).into())
@@ -39,6 +40,7 @@ pub fn sections(runs: &[(&str, &Summary)]) -> Vec<Section> {
     let healths = runs.iter().filter_map(|(name, s)| Some((*name, s.health.first()?)));
     let mut sections = vec![
         Section::new(format!("Position against the reference{drift}"), position),
+        Section::new("Length of the horizontal position error", horizontal),
         Section::new("Change of the horizontal position error, of the way travelled", travelled),
         Section::new("Velocity against the reference", velocity),
         Section::new("Attitude against the reference", attitude),
@@ -100,6 +102,19 @@ fn position(score: &Score) -> Vec<Cell> {
         .map(axis)
         .chain([Cell::real(horizontal), Cell::real(score.drift_rms)])
         .collect()
+}
+
+fn horizontal_columns() -> Vec<Column> {
+    let metres = ["RMS", "median", "95 %", "max"].map(|name| Column::with_unit(name, Unit::shown("m")));
+    [Column::text("run")].into_iter().chain(metres).collect()
+}
+
+/// Nothing without a horizontal position.
+fn horizontal(score: &Score) -> Vec<Cell> {
+    let Some(spread) = score.spread.horizontal else { return Vec::new() };
+    [score.horizontal_rms, spread.median, spread.p95, score.horizontal_max]
+        .map(Cell::Real)
+        .into()
 }
 
 fn travelled_columns() -> Vec<Column> {

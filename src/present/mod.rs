@@ -25,6 +25,7 @@ mod trajectory;
 mod tree;
 mod unit;
 
+pub(crate) use brief::before_the_start;
 pub use number::short;
 pub use sensors::residual_rows;
 pub use tree::{Cell, Column, Page, Row, Section, Table};

@@ -453,6 +453,15 @@ fn errors(score: &Score) -> Section {
     plain("inclination", "deg", score.inclination_rmse_deg, None);
     let section = Section::new(format!("Errors against the reference, {} epochs", score.epochs), [t]);
     let section = share(score).into_iter().fold(section, Section::note);
+    let section = if score.steep > 0 {
+        section.note(format!(
+            "{} epochs with a pitch beyond 80° are left out of roll and yaw, which turn about nearly one axis there; heading, inclination and \
+             NEES have them.",
+            score.steep
+        ))
+    } else {
+        section
+    };
     let section = match score.convergence {
         Some(convergence) => section.note(converged(&convergence)),
         None => section,
@@ -598,6 +607,11 @@ fn drift(score: &Score, smoothed: Option<&Score>) -> Section {
     let section = section
         .note("Growth: the largest change of the error, as a vector, since the outage began.")
         .note("At the end: the horizontal error at its last epoch, its 3σ in its own direction, and how many σ it is.");
+    let section = if score.drift.iter().any(|d| d.is_cut) {
+        section.note("An outage that was not over when the run ended is scored to there.")
+    } else {
+        section
+    };
     if score.drift.len() > OUTAGES {
         return section.note(format!("The first {OUTAGES} outages are listed; summary.json has all of them."));
     }

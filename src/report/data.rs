@@ -11,6 +11,7 @@ use super::trace::{Columns, Samples};
 use crate::health::FilterHealth;
 use crate::present::{Unit, residual_rows};
 use crate::run::{FaultWindow, Summary};
+use crate::score::Score;
 use fusion_core::geometry::so3;
 use fusion_models::earth::LocalFrame;
 use nalgebra::Vector3;
@@ -35,6 +36,9 @@ struct RunData {
     quantities: [QuantityData; 3],
     path: TableData,
     true_path: TableData,
+    /// The rows of a sensor that were withheld, where they are the reference: points, and no way.
+    withheld: Option<String>,
+    smoothed: Option<SmoothedData>,
     sensors: Vec<SensorData>,
     inputs: Vec<InputData>,
     parameters: Vec<ParameterData>,
@@ -50,6 +54,13 @@ struct RunData {
     wanted: TableData,
     /// From, to and state of the design's own filter.
     health: Vec<(f64, f64, &'static str)>,
+}
+
+/// The way and the motion of smoothed estimates, with their errors.
+#[derive(Serialize)]
+struct SmoothedData {
+    quantities: [QuantityData; 3],
+    path: TableData,
 }
 
 #[derive(Serialize)]
@@ -159,10 +170,16 @@ fn capacity(runs: &[Run<'_>]) -> usize {
         all.map(|r| {
             let quantities = [&r.position, &r.velocity, &r.attitude];
             let traces = quantities.into_iter().flat_map(|q| [&q.estimate, &q.truth, &q.error]);
+            let beside = r.smoothed.as_deref().filter(|_| runs.len() == 1);
+            let quantities = beside.into_iter().flat_map(|s| [&s.position, &s.velocity, &s.attitude]);
+            let traces = traces.chain(quantities.flat_map(|q| [&q.estimate, &q.error]));
             let traces = traces.chain(r.inputs.iter().map(|i| &i.trace)).map(|t| (t, t.channels()));
             let updates = r.sensors.iter().map(|s| (&s.updates, drawn(s, runs.len() == 1)));
             let series: usize = traces.chain(updates).map(|(t, n)| t.rows(capacity) * (8 + 4 * n)).sum();
-            let mounted = r.mounted.iter().count().min(capacity) * (9 * 4 + 2 * 8);
+            let of_mounting = [Some(r), beside].into_iter().flatten();
+            let mounted = of_mounting
+                .map(|r| r.mounted.iter().count().min(capacity) * (9 * 4 + 2 * 8))
+                .sum::<usize>();
             let points = |n: usize, width: usize| n.min(capacity + 1) * (8 + 4 * width);
             let extra = r.sensors.iter().flat_map(|s| [&s.apart, &s.intervals.series]);
             let series = series + extra.map(|t| t.rows(capacity) * (8 + 4 * t.channels())).sum::<usize>();
@@ -171,8 +188,9 @@ fn capacity(runs: &[Run<'_>]) -> usize {
             let series = series + judged.map(|t| t.rows(capacity) * (8 + 4 * t.channels())).sum::<usize>();
             let series = series + if runs.len() > 1 { points(r.states.iter().count(), 9) } else { 0 };
             let fixes = r.sensors.iter().flat_map(|s| &s.fixes).map(|f| points(f.iter().count(), 3));
-            let paths = [&r.path, &r.true_path].map(|p| points(p.iter().count(), 2));
-            series + mounted + fixes.chain(paths).sum::<usize>()
+            let paths = [&r.path, &r.true_path].into_iter().chain(beside.map(|s| &s.path));
+            let paths = paths.map(|p| points(p.iter().count(), 2));
+            series + mounted + fixes.sum::<usize>() + paths.sum::<usize>()
         })
         .sum()
     };
@@ -211,30 +229,20 @@ struct Share {
 impl Share {
     fn run(&self, run: &Run<'_>, first: &Recording) -> RunData {
         let r = run.recording;
-        let shift = match (self.origin, r.origin()) {
-            (Some(common), Some(own)) => common.to_ned(&own.origin()),
-            _ => Vector3::zeros(),
-        };
-        const NED: [&str; 3] = ["North", "East", "Down"];
-        const RPY: [&str; 3] = ["Roll", "Pitch", "Yaw"];
-        let mut attitude = r.attitude.clone();
-        let score = run.summary.score.as_ref();
-        if let Some(mounting) = score.and_then(|s| s.mounting_deg).filter(|_| !r.mounted.is_empty()) {
-            let [roll, pitch, yaw] = mounting.map(f64::to_radians);
-            (attitude.truth, attitude.error) = mounted_attitude(&r.mounted, &so3::from_rpy(roll, pitch, yaw));
-        }
-        let none = Vector3::zeros();
+        let shift = self.shift(r);
         let points = |samples: &Samples<2>| TableData::of_samples(samples, self.capacity, shift.as_slice());
+        let smoothed = r.smoothed.as_deref().filter(|_| self.bands);
+        let smoothed = smoothed
+            .zip(run.summary.smoothed.as_ref())
+            .map(|(r, s)| self.smoothed(r, s.score.as_ref()));
         let sensors = r.sensors.iter().filter(|s| !s.updates.is_empty());
         RunData {
             name: run.name.to_owned(),
-            quantities: [
-                self.quantity(&r.position, &shift, ("Position", "m"), NED, [false; 3]),
-                self.quantity(&r.velocity, &none, ("Velocity", "m/s"), NED, [false; 3]),
-                self.quantity(&attitude, &none, ("Attitude", "deg"), RPY, [false, false, true]),
-            ],
+            quantities: self.quantities(r, run.summary.score.as_ref()),
             path: points(&r.path),
             true_path: points(&r.true_path),
+            withheld: run.summary.judged_by.clone(),
+            smoothed,
             sensors: sensors.map(|s| self.sensor(s, run.summary, &shift)).collect(),
             inputs: r.inputs.iter().filter(|i| !i.trace.is_empty()).map(|i| self.input(i)).collect(),
             parameters: r.parameters.tracks().map(|p| self.parameter(p)).collect(),
@@ -246,6 +254,42 @@ impl Share {
             outages: run.summary.score.iter().flat_map(|s| &s.drift).map(|d| (d.from, d.to)).collect(),
             faults: faults(run.summary),
         }
+    }
+
+    /// From the origin of the page to that of a recording.
+    fn shift(&self, r: &Recording) -> Vector3<f64> {
+        match (self.origin, r.origin()) {
+            (Some(common), Some(own)) => common.to_ned(&own.origin()),
+            _ => Vector3::zeros(),
+        }
+    }
+
+    /// What later data say of the same run; the truth is that of the run.
+    fn smoothed(&self, r: &Recording, score: Option<&Score>) -> SmoothedData {
+        SmoothedData {
+            quantities: self.quantities(r, score).map(|q| QuantityData {
+                truth: TableData::default(),
+                ..q
+            }),
+            path: TableData::of_samples(&r.path, self.capacity, self.shift(r).as_slice()),
+        }
+    }
+
+    /// Position, velocity, attitude.
+    fn quantities(&self, r: &Recording, score: Option<&Score>) -> [QuantityData; 3] {
+        const NED: [&str; 3] = ["North", "East", "Down"];
+        const RPY: [&str; 3] = ["Roll", "Pitch", "Yaw"];
+        let (shift, none) = (self.shift(r), Vector3::zeros());
+        let mut attitude = r.attitude.clone();
+        if let Some(mounting) = score.and_then(|s| s.mounting_deg).filter(|_| !r.mounted.is_empty()) {
+            let [roll, pitch, yaw] = mounting.map(f64::to_radians);
+            (attitude.truth, attitude.error) = mounted_attitude(&r.mounted, &so3::from_rpy(roll, pitch, yaw));
+        }
+        [
+            self.quantity(&r.position, &shift, ("Position", "m"), NED, [false; 3]),
+            self.quantity(&r.velocity, &none, ("Velocity", "m/s"), NED, [false; 3]),
+            self.quantity(&attitude, &none, ("Attitude", "deg"), RPY, [false, false, true]),
+        ]
     }
 
     fn quantity(

@@ -36,6 +36,8 @@ use crate::run::{Finished, Options, Progress, Run as OpenRun};
 pub fn record(design: &Design, options: &Options, progress: &mut dyn FnMut(Progress)) -> Result<(Finished, Recording), Diagnostics> {
     let run = OpenRun::open(design, options)?;
     let mut recording = Recording::of(design, run.assembly());
-    let finished = run.go(&mut [&mut recording], progress)?;
+    let mut smoothed = recording.beside();
+    let finished = run.go_and_smooth(&mut [&mut recording], &mut [&mut smoothed], progress)?;
+    recording.smoothed = Some(Box::new(smoothed)).filter(|smoothed| smoothed.span().is_some());
     Ok((finished, recording))
 }

@@ -82,6 +82,8 @@ pub struct Recording {
     angles: Unwrapped<3>,
     /// Parts of the map that are enlarged.
     pub(super) details: Vec<MapDetailSpec>,
+    /// What was recorded of the smoothed estimates, where there are any.
+    pub(super) smoothed: Option<Box<Self>>,
     /// By stream: the channels that are drawn, with their tracks.
     ports: Vec<Vec<(StreamChannel, usize)>>,
 }
@@ -214,8 +216,14 @@ impl Recording {
             true_angles: Unwrapped::NONE,
             angles: Unwrapped::NONE,
             details: Vec::new(),
+            smoothed: None,
             ports: Vec::new(),
         }
+    }
+
+    /// One that hears other estimates of the same run.
+    pub(super) fn beside(&self) -> Self {
+        Self::new(self.frame.clone())
     }
 
     /// For a run of `design`, which it observes.
@@ -501,7 +509,9 @@ impl RunObserver for Recording {
                 event: Event::Updated { sensor, update, time, .. },
             } => {
                 let track = filter.first_sensor + sensor;
-                let place = self.sensors[track].is_place.then(|| Geodetic::read(update.value));
+                // That of smoothed estimates has no sensors.
+                let Some(sensor) = self.sensors.get(track) else { return Ok(()) };
+                let place = sensor.is_place.then(|| Geodetic::read(update.value));
                 self.judged(track, *time, place, update);
             }
             _ => {}

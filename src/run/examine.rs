@@ -9,6 +9,7 @@ use crate::run::{Options, data_dir, open_one};
 use crate::source::OpenContext;
 use crate::stress;
 use crate::world;
+use fusion_core::geometry::wgs84::Geodetic;
 use std::path::{Path, PathBuf};
 
 /// What is said of a data file that is not there.
@@ -94,11 +95,19 @@ fn draft(document: Document) -> (Draft, Diagnostics) {
 pub fn opening<P>(design: &Design<P>, options: &Options, missing: Missing) -> Diagnostics {
     let mut d = Diagnostics::new();
     let sources = if design.simulation.is_some() { &[][..] } else { &design.sources };
+    // Where [run] has a mistake, its origin is not known to be missing.
+    let elsewhere = || {
+        design.unread.run.then_some(Geodetic {
+            lat: 0.0,
+            lon: 0.0,
+            height: 0.0,
+        })
+    };
     for named in sources {
         let context = OpenContext {
             data_dir: data_dir(design, options),
             name: named.name.clone(),
-            origin: design.run.origin.map(Into::into),
+            origin: design.run.origin.map(Into::into).or_else(elsewhere),
             seed: design.run.seed,
             ..OpenContext::default()
         };

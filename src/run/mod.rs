@@ -170,7 +170,20 @@ impl<'a> Run<'a> {
     ///
     /// # Errors
     /// What is wrong with the data, a file that cannot be written, or the first of an observer.
-    pub fn go(mut self, further: &mut [&mut dyn RunObserver], progress: &mut dyn FnMut(Progress)) -> Result<Finished, Diagnostics> {
+    pub fn go(self, further: &mut [&mut dyn RunObserver], progress: &mut dyn FnMut(Progress)) -> Result<Finished, Diagnostics> {
+        self.go_and_smooth(further, &mut [], progress)
+    }
+
+    /// The same; `smoothed` hear the smoothed estimates, if there are any, as the others hear those of the filter.
+    ///
+    /// # Errors
+    /// As [`go`](Self::go).
+    pub fn go_and_smooth(
+        mut self,
+        further: &mut [&mut dyn RunObserver],
+        smoothed: &mut [&mut dyn RunObserver],
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Finished, Diagnostics> {
         let mut saving = Saving::begin(self.design, self.options)?;
         let filters = Filters::of(&self.assembly);
         let reference = &mut self.data.reference;
@@ -208,7 +221,8 @@ impl<'a> Run<'a> {
         let mut smoother = match planned {
             None => None,
             Some(planned) => {
-                let hub = Hub::new(&filters, comparison.as_ref().map(Comparison::emptied).as_ref());
+                let mut hub = Hub::new(&filters, comparison.as_ref().map(Comparison::emptied).as_ref());
+                smoothed.iter_mut().for_each(|observer| hub.add(*observer));
                 let by = planned.by(self.design, &self.assembly, &files)?;
                 Some(smoothing::smoother(
                     self.design,
@@ -250,6 +264,7 @@ impl<'a> Run<'a> {
             &mut saving,
             progress,
         )?;
+        let waited = hub.waited();
         let smoothed = smoother.map(Smoother::finish).transpose().map_err(stopped)?;
         let files = files.finish()?;
         let runner = &self.assembly.runner;
@@ -269,6 +284,7 @@ impl<'a> Run<'a> {
             kernel: self.design.filter.kernel.unwrap_or_default().name(),
             health: health.finish(),
             started: counters.started,
+            waited,
             start_angle: counters.start_angle,
             waiting: if has_started { Vec::new() } else { runner.waits_for() },
             detectors: runner.tested().into_iter().map(Detector::from).collect(),
@@ -352,7 +368,10 @@ fn feed(
             data.rows.truth().into_iter().for_each(|state| hub.truth(time, state));
             continue;
         }
-        hub.row(&row).map_err(stopped)?;
+        // The initialisers of a runner that has started are asked no more, and not remembered.
+        let has_started = runner.newest().started();
+        hub.row(&row, || if has_started { Vec::new() } else { runner.waits_for() })
+            .map_err(stopped)?;
         timing.feed(runner, &row, hub).map_err(stopped)?;
     }
     runner.finish(hub).map_err(stopped)?;
@@ -461,6 +480,15 @@ fn outages(design: &Design, assembly: &Assembly) -> Vec<Outage> {
 /// Where relative source paths start.
 #[must_use]
 pub fn data_dir<P>(design: &Design<P>, options: &Options) -> PathBuf {
-    let declared = || options.base.join(design.run.data_dir.clone().unwrap_or_default());
+    // Of a table [run] with a mistake elsewhere, too, whose other fields are not read.
+    let written = || {
+        design
+            .document
+            .root()
+            .at("run.data_dir")
+            .and_then(|node| node.as_str())
+            .map(PathBuf::from)
+    };
+    let declared = || options.base.join(design.run.data_dir.clone().or_else(written).unwrap_or_default());
     options.data.clone().unwrap_or_else(declared)
 }

@@ -2,7 +2,7 @@
 
 use crate::findings::Finding;
 use crate::health::FilterHealth;
-use crate::observe::{ConsumerCounts, SensorStatistics};
+use crate::observe::{ConsumerCounts, SensorStatistics, Wait};
 use crate::provenance::Provenance;
 use crate::rows::SourceStatistics;
 use crate::score::Score;
@@ -126,6 +126,8 @@ pub struct Summary {
     pub health: Vec<FilterHealth>,
     /// When the filter started \[s\]; none if it never did.
     pub started: Option<f64>,
+    /// What of the log lies before the first start, and what that was for; none if it never did.
+    pub waited: Option<Wait>,
     /// The attitude or angle that was known least at the start, and its largest 1σ \[rad\].
     pub start_angle: Option<(String, f64)>,
     /// What it was still waiting for at the end.

@@ -8,11 +8,17 @@ use fusion_core::geometry::so3;
 use fusion_core::time::Time;
 use nalgebra::{UnitQuaternion, Vector3};
 
+/// A pitch beyond which roll and yaw are not judged \[rad\]: they turn about nearly one axis there, and a small tilt makes
+/// errors of both that are 1/cos 80° = 6 times as large, and no straight lines of it.
+const STEEP: f64 = 80.0 * core::f64::consts::PI / 180.0;
+
 /// Attitudes as they come.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Attitudes {
     removes_mounting: bool,
     count: u64,
+    /// Those whose roll and yaw are not judged.
+    steep: u64,
     /// Roll, pitch, yaw \[deg\], where no mounting is taken out.
     sums: Sums,
     turns: Turns,
@@ -59,9 +65,11 @@ pub(super) struct Found {
     /// RMS of the turn about the vertical, and of what is left \[deg\].
     pub(super) heading: Option<f64>,
     pub(super) inclination: Option<f64>,
+    /// Epochs whose roll and yaw are not judged.
+    pub(super) steep: u64,
 }
 
-fusion_core::memory!(Attitudes { count, sums, turns, kept; removes_mounting });
+fusion_core::memory!(Attitudes { count, steep, sums, turns, kept; removes_mounting });
 fusion_core::memory!(Kept {
     time,
     estimate,
@@ -105,7 +113,12 @@ impl Attitudes {
 
     pub(super) fn add(&mut self, time: Time, a: &AttitudeError) {
         self.count += 1;
-        let degrees = in_degrees(&a.rpy);
+        let mut degrees = in_degrees(&a.rpy);
+        if is_steep(&a.estimate) || is_steep(&a.truth) {
+            self.steep += 1;
+            degrees.known = PITCH_ALONE;
+            degrees.error = Vector3::y() * degrees.error.y;
+        }
         if self.removes_mounting {
             self.kept.push(Kept {
                 time,
@@ -123,18 +136,31 @@ impl Attitudes {
     pub(super) fn finish(self) -> Found {
         let kept = self.kept.rows();
         if !self.removes_mounting {
-            return Found::of(self.sums, self.turns, self.count as f64, None);
+            return Found {
+                steep: self.steep,
+                ..Found::of(self.sums, self.turns, self.count as f64, None)
+            };
         }
         let mounting = mean_rotation(kept.iter().map(|k| k.estimate.inverse() * k.truth));
         let mounting_deg: [f64; 3] = so3::to_rpy(&mounting).map(f64::to_degrees).into();
         let shown = rotation_of(mounting_deg);
-        let (mut sums, mut turns) = (Sums::default(), Turns::default());
+        let (mut sums, mut turns, mut steep) = (Sums::default(), Turns::default(), 0);
         for k in kept {
-            let error = attitude_error(&(k.estimate * mounting), &k.truth).map(f64::to_degrees);
-            sums.add_error(k.time, &error, &k.sigma, [true; 3], k.is_estimated);
+            let estimate = k.estimate * mounting;
+            let error = attitude_error(&estimate, &k.truth).map(f64::to_degrees);
+            if is_steep(&estimate) || is_steep(&k.truth) {
+                steep += 1;
+                let is_estimated = [false, k.is_estimated[1], false];
+                sums.add_error(k.time, &(Vector3::y() * error.y), &k.sigma, PITCH_ALONE, is_estimated);
+            } else {
+                sums.add_error(k.time, &error, &k.sigma, [true; 3], k.is_estimated);
+            }
             turns.add(&(k.estimate * shown * k.truth.inverse()));
         }
-        Found::of(sums, turns, kept.len() as f64, Some(mounting_deg))
+        Found {
+            steep,
+            ..Found::of(sums, turns, kept.len() as f64, Some(mounting_deg))
+        }
     }
 }
 
@@ -151,8 +177,17 @@ impl Found {
             rotation: rms(turns.whole),
             heading: rms(turns.heading),
             inclination: rms(turns.inclination),
+            steep: 0,
         }
     }
+}
+
+/// What is judged where roll and yaw are not.
+const PITCH_ALONE: [bool; 3] = [false, true, false];
+
+/// Whether roll and yaw turn about nearly one axis.
+fn is_steep(q: &UnitQuaternion<f64>) -> bool {
+    so3::to_rpy(q).y.abs() > STEEP
 }
 
 /// The rotation of roll, pitch, yaw \[deg\].
@@ -196,6 +231,50 @@ fn in_degrees(d: &Deviation) -> Deviation {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn roll_and_yaw_are_not_judged_where_the_nose_points_up() {
+        use nalgebra::Matrix3;
+        let tilt = so3::exp(&Vector3::new(0.01, 0.0, 0.0));
+        let of = |removes_mounting: bool, from: i32| {
+            let mut attitudes = Attitudes::new(removes_mounting);
+            for k in from..=17 {
+                let truth = so3::from_rpy(0.3, f64::from(5 * k).to_radians(), 0.0);
+                // About an axis of navigation that turns, so that it is no mounting.
+                let turned = so3::from_rpy(0.0, 0.0, f64::from(k));
+                let estimate = turned * tilt * turned.inverse() * truth;
+                let (error, own) = (attitude_error(&estimate, &truth), Matrix3::identity() * 1e-4);
+                let rpy = Deviation {
+                    error,
+                    own,
+                    known: [true; 3],
+                    ..Deviation::default()
+                };
+                attitudes.add(
+                    Time::default(),
+                    &AttitudeError {
+                        estimate,
+                        truth,
+                        body: Deviation::default(),
+                        rpy,
+                    },
+                );
+            }
+            attitudes.finish()
+        };
+        for removes_mounting in [false, true] {
+            let found = of(removes_mounting, 0);
+            let axes = found.axes.unwrap();
+            // Of 85° alone, and one of 80° that the error lifts beyond it; to 75° 0.01 rad make 0.01 tan 75° = 2.1°.
+            assert!((1..=2).contains(&found.steep), "{}", found.steep);
+            assert!(axes.max[0] < 3.6 && axes.max[2] < 3.6 && axes.max[1] < 0.6, "{axes:?}");
+            // 1σ of 0.01 rad about a body axis: the tilt is always within three of them.
+            assert!((found.inclination.unwrap() - 0.573).abs() < 0.2, "{found:?}");
+            // Where every epoch is steep there is nothing of roll and yaw.
+            let steep = of(removes_mounting, 17).axes.unwrap();
+            assert!(steep.rms[0].is_nan() && steep.rms[2].is_nan() && steep.rms[1] < 0.6, "{steep:?}");
+        }
+    }
 
     #[test]
     fn a_turn_splits_into_heading_and_inclination() {

@@ -6,6 +6,7 @@
 //! A measurement that was stamped after the outage but is valid inside it, because of its latency,
 //! belongs to the window, but the error at the end is that before it. At the latest a window ends
 //! where the next one of its outage begins. Where no sensor reads the source it ends with the outage.
+//! A window that the run ends in is scored to there, and marked; a source that is silent all the time has none.
 
 use super::comparison::Deviation;
 use fusion_core::memory::{Memory, Tape};
@@ -15,11 +16,11 @@ use serde::Serialize;
 use std::collections::VecDeque;
 
 /// The drift over one outage.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Drift {
     /// Start of the outage \[s\].
     pub from: f64,
-    /// Its end \[s\].
+    /// Its end, or that of the run \[s\].
     pub to: f64,
     /// Until when it was scored: where its influence ended \[s\].
     pub until: f64,
@@ -31,6 +32,21 @@ pub struct Drift {
     pub end_horizontal: f64,
     /// 1σ that this error is expected to have along itself, by the filter and the reference \[m\].
     pub end_sigma: f64,
+    /// Whether the run ended before the outage did.
+    pub is_cut: bool,
+    /// What moved the estimate most while the source was silent.
+    pub moved: Option<Moved>,
+}
+
+/// A measurement that moved the estimate.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Moved {
+    /// Of this sensor.
+    pub sensor: String,
+    /// When it was valid \[s\].
+    pub time: f64,
+    /// How far it moved what it measures, in 1σ of the estimate before it.
+    pub sigmas: f64,
 }
 
 impl Drift {
@@ -68,7 +84,7 @@ struct Tracked {
     running: Option<Running>,
 }
 
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Running {
     window: Window,
     /// The time and the horizontal error that it began with.
@@ -79,6 +95,7 @@ struct Running {
     growth: f64,
     /// The last error with its 1σ.
     end: (f64, f64),
+    moved: Option<Moved>,
 }
 
 fusion_core::memory!(Drifts { tracked, used, found });
@@ -89,7 +106,8 @@ fusion_core::memory!(Running {
     last,
     max,
     growth,
-    end
+    end,
+    moved
 });
 fusion_core::memory!(Drift {
     from,
@@ -98,8 +116,11 @@ fusion_core::memory!(Drift {
     max_horizontal,
     growth,
     end_horizontal,
-    end_sigma
+    end_sigma,
+    is_cut,
+    moved
 });
+fusion_core::memory!(Moved { sensor, time, sigmas });
 
 impl Memory for Used {
     fn remember(&mut self, tape: &mut Tape<'_>) {
@@ -145,6 +166,22 @@ impl Drifts {
         }
     }
 
+    /// A measurement of `sensor`, which has this name, valid at `time`, moved what it measures by so many of its 1σ. Those of
+    /// the silent source are not in the outage, whenever they are valid.
+    pub(super) fn moved(&mut self, sensor: usize, name: &str, time: Time, sigmas: f64) {
+        let others = self.tracked.iter_mut().filter(|t| !t.sensors.contains(&sensor));
+        for running in others.filter_map(|t| t.running.as_mut()) {
+            let is_most = running.moved.as_ref().is_none_or(|most| sigmas > most.sigmas);
+            if time < running.window.to && sigmas > 0.0 && is_most {
+                running.moved = Some(Moved {
+                    sensor: name.to_owned(),
+                    time: time.seconds(),
+                    sigmas,
+                });
+            }
+        }
+    }
+
     /// The position error at the next epoch of the reference.
     pub(super) fn add(&mut self, time: Time, error: &Deviation) {
         for tracked in &mut self.tracked {
@@ -152,17 +189,17 @@ impl Drifts {
         }
         // Only what was stamped after an outage can end it; of an outage to come, only what is valid
         // after this epoch can be.
-        let ends: Option<Time> = self.tracked.iter().filter_map(|t| Some(t.running?.window.to)).min();
+        let ends: Option<Time> = self.tracked.iter().filter_map(|t| Some(t.running.as_ref()?.window.to)).min();
         self.used
             .0
             .retain(|(_, stamp, valid)| *valid >= time || ends.is_some_and(|to| *stamp >= to));
     }
 
-    /// The windows that came to an end, in order of their beginnings.
+    /// All windows, in order of their beginnings.
     pub(super) fn finish(mut self) -> Vec<Drift> {
         for tracked in &mut self.tracked {
-            self.found
-                .extend(tracked.running.take().filter(|r| r.last >= r.window.to).map(Running::drift));
+            let is_outage = |r: &Running| r.last >= r.window.to || r.last > r.first.0 && r.window.from > Time::MIN;
+            self.found.extend(tracked.running.take().filter(is_outage).map(Running::at_the_end));
         }
         self.found.sort_by(|a, b| a.from.total_cmp(&b.from).then(a.to.total_cmp(&b.to)));
         self.found
@@ -175,18 +212,14 @@ impl Tracked {
         let begins = self.repeated.at(time);
         let is_another = |r: &Running| begins.is_some_and(|w| w.from != r.window.from);
         let is_over = |r: &Running| is_another(r) || time > r.window.to && self.ends_by(r.window.to, time, used);
-        let ended = match self.running {
-            Some(running) if is_over(&running) => self.running.take().map(Running::drift),
-            _ => None,
-        };
+        let is_over = self.running.as_ref().is_some_and(is_over);
+        let ended = self.running.take_if(|_| is_over).map(Running::drift);
         if let (None, Some(window)) = (&self.running, begins) {
             self.running = Some(Running {
                 window,
                 first: (time, [error.error.x, error.error.y]),
                 last: time,
-                max: 0.0,
-                growth: 0.0,
-                end: (0.0, 0.0),
+                ..Running::default()
             });
         }
         // What the first measurement after an outage leaves of the error is not the error at its end.
@@ -221,6 +254,16 @@ impl Running {
         self.growth = self.growth.max((north - n).hypot(east - e));
     }
 
+    /// Where the run ends, which may be in the outage.
+    fn at_the_end(self) -> Drift {
+        let (is_cut, last) = (self.last < self.window.to, self.last);
+        let window = if is_cut { Window { to: last, ..self.window } } else { self.window };
+        Drift {
+            is_cut,
+            ..Self { window, ..self }.drift()
+        }
+    }
+
     fn drift(self) -> Drift {
         let from = if self.window.from == Time::MIN {
             self.first.0
@@ -235,6 +278,8 @@ impl Running {
             growth: self.growth,
             end_horizontal: self.end.0,
             end_sigma: self.end.1,
+            is_cut: false,
+            moved: self.moved,
         }
     }
 }
@@ -360,7 +405,40 @@ mod tests {
     fn a_source_that_never_comes_back_counts_until_the_next_outage_and_to_the_end() {
         let expected = [(20.0, 59.9, 59.9), (60.0, 99.9, 99.9)];
         assert_eq!(run("{ from = 20, duration = 10, every = 40 }", 0.0, &[]), expected);
-        // An outage that the run ends in has not been seen to its end.
-        assert_eq!(run("{ from = 95, to = 105 }", 0.0, &[]), []);
+        // The last epoch is at 99.9 s.
+        for window in ["{ from = 95, to = 105 }", "{ from = 95 }"] {
+            assert_eq!(run(window, 0.0, &[]), [(95.0, 99.9, 99.9)], "{window}");
+        }
+        // A source that is never there, and an outage that has hardly begun.
+        assert_eq!(run("{}", 0.0, &[]), []);
+        assert_eq!(run("{ from = 99.85, to = 105 }", 0.0, &[]), []);
+    }
+
+    #[test]
+    fn an_outage_that_the_run_ends_in_is_marked_and_knows_what_moved_the_estimate_most() {
+        let mut drifts = Drifts::new(&[Outage::of("{ from = 1, duration = 2.05, every = 10 }", &[0])]);
+        for k in 0..125 {
+            let time = 0.1 * f64::from(k);
+            // Before, in, and after the first outage.
+            let sigmas = [(5, 9.0), (15, 4.0), (20, 5.0), (25, 3.0), (35, 9.0)];
+            sigmas
+                .iter()
+                .filter(|(at, _)| *at == k)
+                .for_each(|(_, s)| drifts.moved(1, "standing", t(time), *s));
+            // The source again, whose first fix is valid before the end of the outage; the last epoch of that is at 3 s.
+            if k == 31 {
+                drifts.moved(0, "gnss", t(3.04), 9.0);
+                drifts.used(0, t(time), t(time));
+            }
+            drifts.add(t(time), &deviation(time, 0.0));
+        }
+        let found = drifts.finish();
+        let said: Vec<(bool, Option<f64>)> = found.iter().map(|d| (d.is_cut, d.moved.as_ref().map(|m| m.time))).collect();
+        assert_eq!(said, [(false, Some(2.0)), (true, None)]);
+        // 1e-9: rounding of tenths.
+        assert!(
+            (found[1].to - 12.4).abs() < 1e-9 && (found[1].end_horizontal - 12.4).abs() < 1e-9,
+            "{found:?}"
+        );
     }
 }

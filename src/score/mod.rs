@@ -26,7 +26,7 @@ pub use comparison::{AttitudeError, Comparison, Deviation, EpochError, attitude_
 pub use consistency::{Consistency, Verdict};
 pub use convergence::{Convergence, Limits};
 pub use course::Course;
-pub use drift::{Drift, Outage};
+pub use drift::{Drift, Moved, Outage};
 pub use episodes::{Episodes, PartScore};
 pub(crate) use nees::of as nees_of;
 pub use offset::Offset;
@@ -138,6 +138,8 @@ pub struct Score {
     pub attitude_deg: Option<Axes>,
     /// Which heading goes with the course of the reference's velocity; none without both, or without a way.
     pub course: Option<Course>,
+    /// Epochs with a pitch beyond 80°, of which roll and yaw are not judged.
+    pub steep: usize,
     /// RMS of the heading error 2 atan2(|z|, |w|) of q_est ⊗ q_ref* \[deg\]: the turn about the
     /// vertical. With `inclination_rmse_deg` free of gimbal lock; as Laidig et al. 2021 (BROAD).
     pub heading_rmse_deg: Option<f64>,

@@ -259,6 +259,11 @@ impl Scorer {
         self.drifts.used(sensor, stamp, time);
     }
 
+    /// Hears that a measurement of `sensor`, which has this name, valid at `time`, moved what it measures by so many of its 1σ.
+    pub fn moved(&mut self, sensor: usize, name: &str, time: Time, sigmas: f64) {
+        self.drifts.moved(sensor, name, time, sigmas);
+    }
+
     /// The score.
     #[must_use]
     pub fn finish(mut self) -> Score {
@@ -304,6 +309,7 @@ impl Scorer {
             course: self.course.finish(),
             position_rmse_m: self.position.whole_rms(),
             rotation_rmse_deg: attitude.rotation,
+            steep: attitude.steep as usize,
             heading_rmse_deg: attitude.heading,
             inclination_rmse_deg: attitude.inclination,
             mounting_deg: attitude.mounting_deg,

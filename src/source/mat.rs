@@ -50,8 +50,7 @@ impl MatTimeSpec {
             columns: vec![("time.column", self.column.as_deref().unwrap_or(NUMBER))],
             unit: if self.column.is_some() { self.unit.as_deref() } else { Some("ns") },
             counts_from: self.counts_from,
-            calendar: None,
-            each: None,
+            ..Stamp::default()
         }
     }
 }

@@ -5,7 +5,7 @@
 //! Source    RTKLIB 2.4.2 manual, appendix B.1
 //! Not here  angles in degrees, minutes and seconds; fields separated by other than blanks
 
-use super::csv::{CsvRows, Dialect, Names};
+use super::csv::{CsvRows, Dialect, Head, Names};
 use super::decode::{Cell, Malformed, Origin, Plan, RawRows, Scale, Stamp, decimal_nanos, format_spec, time_spec};
 use super::file::DataFile;
 use super::{OpenContext, SourceSpec};
@@ -57,8 +57,7 @@ impl PosTimeSpec {
             columns: vec![("time", STAMP)],
             unit: Some("ns"),
             counts_from: Some(Origin::Gps),
-            calendar: None,
-            each: None,
+            ..Stamp::default()
         }
     }
 }
@@ -136,7 +135,7 @@ impl System {
     /// The instant of a date and a time of day, or of a week and its seconds.
     fn instant(self, first: &str, second: &str) -> Result<i64, String> {
         let instant = if first.contains(['/', '-']) {
-            let instant = self.scale.of_day(first, second);
+            let instant = self.scale.of_day(first, second, None);
             instant.map_err(|what| format!("`{first} {second}` {what}"))? - self.ahead
         } else {
             let count = decimal_nanos(first, 168 * HOUR).zip(decimal_nanos(second, HOUR / 3600));
@@ -151,9 +150,9 @@ impl PosRows {
     pub(super) fn open(file: &DataFile, context: &OpenContext) -> Result<Self, SourceError> {
         let dialect = Dialect {
             delimiter: None,
-            comment: Some(b'%'),
+            comment: Some("%"),
         };
-        let mut text = CsvRows::open(dialect, Names::Comment, file, context)?;
+        let mut text = CsvRows::open(dialect, Head::of(Names::Comment), file, context)?;
         let named = text.columns().to_vec();
         let (first, rest) = named.split_first().map_or(("", &[][..]), |(first, rest)| (first.as_str(), rest));
         let wrong = |message: String, help: &str| SourceError::from(DataError::new(file.name(), message).help(help.to_owned()));

@@ -158,6 +158,14 @@ fn variants_without_a_reference_are_compared_by_their_sensors() {
     let scored = stdout(&scored);
     assert!(scored.contains("Measurements of all sensors together"), "{scored}");
     assert!(!scored.contains("Measurements of each sensor"), "{scored}");
+    let (_, lengths) = scored
+        .split_once("Length of the horizontal position error")
+        .unwrap_or_else(|| panic!("{scored}"));
+    let title = lengths.lines().nth(1).unwrap_or_default();
+    assert!(
+        ["RMS", "median", "95 %", "max"].iter().all(|column| title.contains(column)),
+        "{scored}"
+    );
 }
 
 #[test]

@@ -15,7 +15,7 @@ use std::path::Path;
 
 /// The warnings, and what the data say.
 fn told(design: &Design, options: &Options) -> (String, Judged) {
-    let judged = judge(design, options).unwrap_or_else(|d| panic!("{d}"));
+    let judged = judge(design, options, &|_| {}).unwrap_or_else(|d| panic!("{d}"));
     (judged.mistakes.to_string(), judged)
 }
 
@@ -623,6 +623,22 @@ fn a_fixed_parameter_that_the_data_contradict_is_told_and_no_other() {
         assert_eq!(warned.matches("warning: ").count(), 1, "{set}:\n{warned}");
         assert!(warned.contains(&format!("warning: {told} is declared as")), "{set}:\n{warned}");
     }
+    // Both sensors of the receiver read one antenna.
+    let set = "sensor.gnss_velocity.lever_arm=[0, 0, 0]";
+    let ran = w.fusion(&["check", "log/sea.toml", "--data", "log", "--set", set]).success();
+    let shared = "here stands `lever_arm = { shared = \"gnss_position.lever_arm\" }`";
+    assert!(stderr(&ran).contains(shared), "{}", stderr(&ran));
+    // An error that is small, and no chance.
+    let set = "sensor.magnetometer.declination=\"5 deg\"";
+    let ran = w
+        .fusion(&["check", "log/sea.toml", "--data", "log", "--format", "json", "--set", set])
+        .success();
+    assert!(!stderr(&ran).contains("declination"), "{}", stderr(&ran));
+    let listed = stdout(&ran);
+    assert!(
+        listed.contains("within 2 deg of what is declared, but") && listed.contains("find it as a state"),
+        "{listed}"
+    );
 }
 
 /// The log of a template, `log/design.toml`.
@@ -687,6 +703,7 @@ fn of_an_odometer_sign_unit_scale_and_delay_are_told() {
     let w = Workspace::new("frames-odometer");
     recorded(&w, "car");
     assert_eq!(judged(&w, &[]).0, "");
+    what_is_tried_is_told(&w);
     let cases: [(&[&str], &str, &str); 6] = [
         (
             &["source.odometer.channels.speed.scale=-1"],
@@ -723,6 +740,28 @@ fn of_an_odometer_sign_unit_scale_and_delay_are_told() {
         ),
     ];
     one_each(&w, &cases);
+}
+
+/// Of a sensor that is followed badly; which trial ends last is left to the threads.
+fn what_is_tried_is_told(w: &Workspace) {
+    let file = w.path("log/design.toml");
+    let (mut document, _) = Document::parse("design.toml", &w.read("log/design.toml"));
+    assert!(document.compose(&file, Files::Disk).is_empty());
+    document.set("source.odometer.time.offset=\"0.5 s\"").unwrap();
+    let design = Design::read(document).unwrap_or_else(|e| panic!("{e}"));
+    let options = Options {
+        data: Some(w.path("log")),
+        ..Options::default()
+    };
+    let steps = std::sync::Mutex::new(Vec::new());
+    let heard = |step: fusion::frames::Step<'_>| steps.lock().unwrap().push((step.what.to_owned(), step.done, step.all));
+    let judged = judge(&design, &options, &heard).unwrap_or_else(|d| panic!("{d}"));
+    let steps = steps.into_inner().unwrap();
+    assert!(steps.iter().all(|(_, done, all)| done <= all), "{steps:?}");
+    let is_ended = |(_, done, all): &&(String, usize, usize)| done == all && *all > 1;
+    let ended = steps.iter().filter(is_ended).count();
+    assert!(ended >= 2, "near what is declared, and far from it: {steps:?}, {}", judged.mistakes);
+    assert!(steps.iter().any(|(what, ..)| what == "`time_offset` of `odometer`"), "{steps:?}");
 }
 
 #[test]

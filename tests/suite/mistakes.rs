@@ -253,6 +253,9 @@ fn references_faults_and_simulations() {
         "[source.gnss.channels.velocity]",
         "[source.gnss.channels.horizontal_position]\nlatitude = \"lat\"\nlongitude = \"lon\"\nheight = \"h\"\nunit = \"deg\"\n\n[source.gnss.channels.velocity]",
     );
+    let speedometer = "[sensor.speed]\ntype = \"gnss_velocity\"\nsource = \"gnss\"\nnoise = { sigma = \"0.1 m/s\" }\n\n[source.gnss]";
+    let flat = replaced("[source.gnss]", speedometer).replace("columns = [\"vn\", \"ve\", \"vd\"]", "columns = [\"vn\", \"ve\"]");
+    wrong_text("velocity_without_its_vertical_part", &flat);
     wrong(
         "fault_on_unknown_channel",
         "[variant.ekf]",
@@ -510,6 +513,46 @@ fn unlike_latencies_of_channels_that_are_used_together_are_refused_in_a_variant_
     assert!(told.contains(expected), "{told}");
     assert!(
         told.contains("write the same `latency` for both under [source.imu.channels]"),
+        "{told}"
+    );
+}
+
+#[test]
+fn a_mistake_under_run_does_not_hide_where_the_data_are() {
+    let w = Workspace::new("mistake-data-dir");
+    let local = "[source.gnss.channels.position]\nnorth = \"vn\"\neast = \"ve\"\ndown = \"vd\"\n\n[source.gnss.channels.velocity]";
+    let position =
+        &DESIGN[DESIGN.find("[source.gnss.channels.position]").unwrap()..DESIGN.find("[source.gnss.channels.velocity]").unwrap()];
+    let design = DESIGN.replacen(
+        "origin = { latitude = \"47 deg\"",
+        "data_dir = \"log\"\norigin = { latitude = \"4854 deg\"",
+        1,
+    );
+    std::fs::create_dir_all(w.path("log")).unwrap();
+    std::fs::rename(w.path("gnss.csv"), w.path("log/gnss.csv")).unwrap();
+    for design in [
+        design.replace(position, "").replacen("[source.gnss.channels.velocity]", local, 1),
+        design,
+    ] {
+        w.write("design.toml", &design);
+        let told = stderr(&w.fusion(&["run", "design.toml"]).code(2));
+        assert!(told.contains("4854 deg") && told.matches("error: ").count() == 1, "{told}");
+    }
+}
+
+#[test]
+fn all_fields_that_a_block_misses_are_told_at_once() {
+    let w = Workspace::new("mistake-missing-fields");
+    w.write(
+        "design.toml",
+        replaced(PROCESS, "[process]\ntype = \"constant_velocity\"\nacceleration_nois = 1\n"),
+    );
+    let told = stderr(&w.fusion(&["check", "design.toml"]).code(2));
+    for field in ["position_sigma", "velocity_sigma"] {
+        assert!(told.contains(&format!("missing field `{field}`")), "{told}");
+    }
+    assert!(
+        told.contains("did you mean `acceleration_noise`") && !told.contains("missing field `acceleration_noise`"),
         "{told}"
     );
 }

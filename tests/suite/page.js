@@ -58,6 +58,19 @@
     await wait();
     check("a curve is shown again", near(inked(p.u.ctx.canvas, "run0"), before, before / 20), inked(p.u.ctx.canvas, "run0"));
 
+    // The smoothed estimates hide by a key of their own, with their band, and the estimates stay.
+    const second = plots.filter(q => section.contains(q.host))[1];
+    const afterwards = [...section.querySelectorAll(".legend button")].find(b => b.dataset.group === "smoothed");
+    check("the smoothed way and its error are drawn", [p, second].every(q => q.spec.series.filter(s => s.groups?.includes("smoothed")).length === 3), second.spec.title);
+    const smoothed = inked(p.u.ctx.canvas, "run3");
+    click(afterwards);
+    await wait();
+    check("the smoothed way is hidden", smoothed > 50 && inked(p.u.ctx.canvas, "run3") < smoothed / 5, `${smoothed} ${inked(p.u.ctx.canvas, "run3")}`);
+    check("the estimate is still shown", inked(p.u.ctx.canvas, "run0") > before / 2, inked(p.u.ctx.canvas, "run0"));
+    click(afterwards);
+    await wait();
+    check("the smoothed way is shown again", near(inked(p.u.ctx.canvas, "run3"), smoothed, smoothed / 5), inked(p.u.ctx.canvas, "run3"));
+
     // Dragging zooms all plots to these times.
     await bring(p.host);
     let box = over(p);

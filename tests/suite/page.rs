@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Checks that `page.js` makes: one more or less is a change of it.
-const CHECKS: &str = "36";
+const CHECKS: &str = "40";
 
 /// A browser, if there is one.
 fn chromium() -> Option<PathBuf> {
@@ -47,7 +47,7 @@ fn clicks_keys_and_the_wheel_do_what_the_page_says() {
         return;
     };
     let w = Workspace::new("page-clicks");
-    w.fusion(&["run", "--out", "out"]).success();
+    w.fusion(&["run", "--out", "out", "--smooth"]).success();
     let page = w.read("out/report.html");
     // Virtual time passes as fast as the page allows: the script needs some five seconds of it.
     let root = after(&browser, &w, &page, include_str!("page.js"), 60_000);

@@ -13,8 +13,7 @@ use toml::{Table, Value};
 
 /// Parts that make no design with companions alone: their streams, or a ship, or a plan of a mission are those of the
 /// designs that include them. Or their tuning is published, and not that of the errors which are simulated.
-const OF_DESIGNS: [&str; 12] = [
-    "compass/tcm",
+const OF_DESIGNS: [&str; 11] = [
     "gnss/rtk",
     "gnss/single-frequency",
     "gnss/single-point",
@@ -104,7 +103,7 @@ impl Part {
             "imu" => (&["gnss/zed-f9p-rtk"], ""),
             "gnss" => (&["imu/hg4930"], ""),
             "gate" => (&["imu/hg4930", "gnss/neo-m8"], ""),
-            "barometer" | "depth" | "dvl" | "vehicle" => (&["imu/hg4930", "gnss/zed-f9p-rtk"], ""),
+            "barometer" | "depth" | "dvl" | "vehicle" | "compass" => (&["imu/hg4930", "gnss/zed-f9p-rtk"], ""),
             "magnetometer" => (
                 &["imu/hg4930", "gnss/zed-f9p-rtk"],
                 "[sensor.magnetometer]\nstrength = '48 uT'\ninclination = '63 deg'\ndeclination = '3 deg'\n",

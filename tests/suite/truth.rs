@@ -217,6 +217,23 @@ fn whoever_changes_the_instrument_with_the_belief_is_told() {
     assert!(!said(&[&["run", "drive.toml", "--variant", "arm"], &truth[..]].concat()).contains(TOLD));
     // Estimated it is no belief that could be wrong.
     assert!(!said(&["run", "drive.toml", "--set", ESTIMATED]).contains(TOLD));
+    // Nor is a table of which something is estimated.
+    let compass = "[sensor.compass]\ntype = \"heading\"\nsource = \"compass\"\nnoise = { sigma = \"0.5 deg\" }\n[initial.start]";
+    let simulated = "[simulation.sensor.compass]\nrate = \"5 Hz\"\nwhite = \"0.5 deg\"\n[variant.arm";
+    w.write(
+        "compass.toml",
+        DRIVE.replace("[initial.start]", compass).replace("[variant.arm", simulated),
+    );
+    let deviates = |sin: &str| {
+        said(&[
+            "run",
+            "compass.toml",
+            "--set",
+            &format!("sensor.compass.deviation={{ sin = {sin} }}"),
+        ])
+    };
+    assert!(deviates("\"2 deg\"").contains("has this `deviation` too"));
+    assert!(!deviates("{ estimate = true, initial = 0, sigma = \"3 deg\" }").contains("has this `deviation` too"));
 }
 
 #[test]

@@ -20,8 +20,11 @@ use std::collections::VecDeque;
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BaselineSpec {
-    /// A stream with a `position` channel.
+    /// A stream with a `position` channel, or with `horizontal_position` where `horizontal` says so.
     source: String,
+    /// Reads `horizontal_position`: fixes without a height.
+    #[serde(default)]
+    horizontal: bool,
     /// Smallest distance between the two fixes.
     min_distance: Positive<dim::Length>,
     /// Largest time between the two fixes.
@@ -47,7 +50,11 @@ impl InitialiserSpec for BaselineSpec {
     fn inputs(&self) -> Vec<Listen> {
         vec![Listen {
             source: self.source.clone(),
-            channels: vec![channel::POSITION],
+            channels: vec![if self.horizontal {
+                channel::HORIZONTAL_POSITION
+            } else {
+                channel::POSITION
+            }],
         }]
     }
 
@@ -78,7 +85,8 @@ memory!(Baseline { fixes, yaw; min_distance, max_age, sigma });
 
 impl Initialiser for Baseline {
     fn row(&mut self, _: usize, time: Time, row: &[f64]) {
-        let here = Geodetic::read(row);
+        // Without a height the line is that at the height zero: its direction is the same.
+        let here = Geodetic::read(&[row[0], row[1], row.get(2).copied().unwrap_or(0.0)]);
         while self.fixes.front().is_some_and(|(t, _)| time.seconds_since(*t) > self.max_age) {
             self.fixes.pop_front();
         }
@@ -136,5 +144,10 @@ mod tests {
             "the meridians converge by 1e-6 over metres: {yaw}"
         );
         assert_eq!(fix(60.0, 100.0, 5.0), None, "the earlier fixes are too old");
+        // A fix without a height counts as well: 10 m north of the last one.
+        let mut row = [0.0; 3];
+        Geodetic::write(&origin.offset(&Vector3::new(110.0, 5.0, 0.0)), &mut row);
+        b.row(0, Time::from_seconds(61.0), &row[..2]);
+        assert!(b.yaw.unwrap().abs() < 1e-4, "{:?}", b.yaw);
     }
 }

@@ -18,8 +18,11 @@ use serde::Deserialize;
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CourseSpec {
-    /// A stream with a `velocity` channel, north east down.
+    /// A stream with a `velocity` channel, north east down, or with `horizontal_velocity` where `horizontal` says so.
     source: String,
+    /// Reads `horizontal_velocity`: a receiver that says nothing of the vertical.
+    #[serde(default)]
+    horizontal: bool,
     /// Smallest horizontal speed at which the course is used.
     min_speed: Positive<dim::Speed>,
     /// 1σ of the heading that it gives.
@@ -44,7 +47,11 @@ mounting_yaw = "0 deg"
 #[typetag::deserialize(name = "course")]
 impl InitialiserSpec for CourseSpec {
     fn inputs(&self) -> Vec<Listen> {
-        let velocity = channel::VELOCITY;
+        let velocity = if self.horizontal {
+            channel::HORIZONTAL_VELOCITY
+        } else {
+            channel::VELOCITY
+        };
         vec![Listen {
             source: self.source.clone(),
             channels: vec![velocity],

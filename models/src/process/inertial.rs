@@ -3,6 +3,7 @@
 //!
 //! Corrected  w = (w_m − b_g)/(1 + s_g),  f = (f_m − b_a)/(1 + s_a), per axis
 //! Vibration  the accelerometers' noise may follow it: `vibration.rs`
+//! Turns      the gyros' noise may grow with the rate: N² ← N² + (k |w|)² on every axis
 //! Slow input a sample of more than [`LONGEST_STEP`] is integrated in pieces, and as only its mean is
 //!            known Q gains what a change from the neighbour's rate and force may move attitude and
 //!            velocity by within it: (T Δw)²/8, (T Δf)²/8 per axis and sample
@@ -35,6 +36,10 @@ pub struct GyroSpec {
     /// Scale factor error; estimated as the state `gyro_scale`.
     #[serde(default)]
     scale: VectorParam<dim::Ratio>,
+    /// White noise that grows with the rate of turn: on every axis this times its magnitude, beside `noise`. Errors of
+    /// scale, alignment and sampling that differ from turn to turn, which one `scale` does not take.
+    #[serde(default)]
+    scale_noise: NonNegative<dim::ScaleNoise>,
 }
 
 /// The accelerometers.
@@ -74,6 +79,8 @@ pub(super) struct Inertial {
     /// The densities of white noise, per axis.
     gyro_psd: Vector3<f64>,
     accel_psd: Vector3<f64>,
+    /// What the density of the gyros' noise grows by with the square of the rate.
+    gyro_scale_psd: f64,
     /// By which neighbour a sample is corrected for coning and sculling.
     correction: Option<Mode>,
     /// The window of vibration \[s\].
@@ -160,6 +167,7 @@ impl Inertial {
             angular_rate: b.signal(state::ANGULAR_RATE)?,
             gyro_psd: psd(gyro.noise.si()).diagonal(),
             accel_psd: psd(accelerometer.noise.si()).diagonal(),
+            gyro_scale_psd: gyro.scale_noise.si().powi(2),
             correction,
             vibration: Some(accelerometer.vibration.si()).filter(|window| *window > 0.0),
         })
@@ -235,16 +243,17 @@ impl Inertial {
         }
     }
 
-    /// The densities of the noise of rate and force over a sample, per axis.
+    /// The densities of the noise of rate and force over a sample in which the body turns by `rate`, per axis.
     #[inline]
-    pub(super) fn noise(&self, input: &Input<'_>) -> (Vector3<f64>, Vector3<f64>) {
+    pub(super) fn noise(&self, rate: &Vector3<f64>, input: &Input<'_>) -> (Vector3<f64>, Vector3<f64>) {
+        let gyro = self.gyro_psd.add_scalar(self.gyro_scale_psd * rate.norm_squared());
         let shaken = self.vibration.and_then(|_| vibration::density(input));
         let accel = shaken.map_or(self.accel_psd, |density| self.accel_psd.sup(&density));
         if input.interval <= LONGEST_STEP {
-            return (self.gyro_psd, accel);
+            return (gyro, accel);
         }
         let (slow_gyro, slow_accel) = within_sample(input);
-        (self.gyro_psd + slow_gyro, accel + slow_accel)
+        (gyro + slow_gyro, accel + slow_accel)
     }
 
     /// The sample under which the sensors feel `rate` and `force`.

@@ -179,7 +179,7 @@ impl Process for StrapdownLocal {
     fn linearise(&self, x: &[f64], input: &Input<'_>, dt: f64, out: &mut Transition) {
         let c_nb = so3::rotation(&self.slots.attitude.read(x));
         let corrected = self.inertial.corrected(x, input);
-        let (gyro, accel) = self.inertial.noise(input);
+        let (gyro, accel) = self.inertial.noise(&corrected.0.rate, input);
         let (w, f) = if self.discretisation == Discretisation::Exact {
             let (w, f) = self.inertial.driving(x, input);
             self.slots.write_exact_noise(&c_nb, (&w, &f), &gyro, &accel, dt, out);

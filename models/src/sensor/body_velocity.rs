@@ -69,7 +69,9 @@ current = { estimate = true, initial = ["30 cm/s", 0, 0], sigma = ["0.5 m/s", "0
 "#
 );
 
-/// Speed along the forward axis of a vehicle: an odometer, a wheel encoder, a water log.
+/// Speed along the forward axis of a vehicle: an odometer, a wheel encoder, a water log. It tells nothing of motion aside
+/// and down, which drifts by itself: add a sensor `nonholonomic` where the vehicle does not slip, or hardly; of a water log
+/// with the `current` shared with this one.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OdometerSpec {

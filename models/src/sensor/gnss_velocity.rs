@@ -59,9 +59,29 @@ impl SensorSpec for GnssVelocitySpec {
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
-        let lever_arm = b.param("lever_arm", &self.lever_arm)?;
+        let size = Size {
+            value: 3,
+            residual: self.axes().len(),
+        };
+        Ok(Box::new(GnssVelocity::new(b, &self.lever_arm, size)?))
+    }
+}
+
+/// The runtime model.
+#[derive(Debug)]
+pub(super) struct GnssVelocity {
+    velocity: Quantity<Velocity>,
+    turning: Option<(Quantity<Attitude>, Quantity<Vector<3>>)>,
+    lever_arm: Param<Vector<3>>,
+    /// Of north, east and down: how many are measured, and how many count.
+    size: Size,
+}
+
+impl GnssVelocity {
+    pub(super) fn new(b: &mut Build<'_>, lever_arm: &VectorParam<dim::Length>, size: Size) -> Result<Self, BuildError> {
+        let lever_arm = b.param("lever_arm", lever_arm)?;
         let at_the_body = matches!(&lever_arm, Param::Fixed(l) if *l == Vector3::zeros());
-        Ok(Box::new(GnssVelocity {
+        Ok(Self {
             velocity: b.quantity(state::VELOCITY)?,
             // A process that does not turn serves an antenna at the body origin.
             turning: if at_the_body {
@@ -70,26 +90,14 @@ impl SensorSpec for GnssVelocitySpec {
                 Some((b.quantity(state::ATTITUDE)?, b.quantity(state::ANGULAR_RATE)?))
             },
             lever_arm,
-            rows: if self.horizontal { 2 } else { 3 },
-        }))
+            size,
+        })
     }
-}
-
-/// The runtime model.
-#[derive(Debug)]
-struct GnssVelocity {
-    velocity: Quantity<Velocity>,
-    turning: Option<(Quantity<Attitude>, Quantity<Vector<3>>)>,
-    lever_arm: Param<Vector<3>>,
-    rows: usize,
 }
 
 impl Measurement for GnssVelocity {
     fn size(&self) -> Size {
-        Size {
-            value: 3,
-            residual: self.rows,
-        }
+        self.size
     }
 
     fn reads_signals(&self) -> bool {
@@ -103,7 +111,7 @@ impl Measurement for GnssVelocity {
         if let Some((attitude, rate)) = &self.turning {
             v += at.get(attitude) * at.get(rate).cross(&at.get(&self.lever_arm));
         }
-        value.copy_from_slice(v.as_slice());
+        value.copy_from_slice(&v.as_slice()[..value.len()]);
         Ok(())
     }
 
@@ -132,7 +140,7 @@ mod tests {
             velocity: Quantity::Fixed(Vector3::new(1.0, 2.0, 3.0)),
             turning: Some((Quantity::Fixed(from_rpy(roll, pitch, yaw)), Quantity::Fixed(w))),
             lever_arm: Param::Fixed(lever_arm),
-            rows: 3,
+            size: Size { value: 3, residual: 3 },
         }
     }
 

@@ -11,6 +11,7 @@ mod gravity_direction;
 mod heading;
 mod height;
 mod horizontal_position;
+mod horizontal_velocity;
 mod landmark;
 mod magnetometer;
 mod range;

@@ -19,7 +19,7 @@
 
 use super::inverse::Sample;
 use super::random::{Markov, Random};
-use crate::units::{Axes, Positive, STANDARD_GRAVITY, dim, range};
+use crate::units::{Axes, NonNegative, Positive, STANDARD_GRAVITY, dim, range};
 use nalgebra::{Matrix3, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -55,6 +55,8 @@ macro_rules! triad_spec {
             noise: Option<Axes<$noise, range::NonNegative>>,
             /// Scale factor error, constant over a run (1σ).
             scale_factor: Option<Axes<dim::Ratio, range::NonNegative>>,
+            /// White noise of the scale factor: on every axis this times the magnitude of what is measured.
+            scale_noise: Option<NonNegative<dim::ScaleNoise>>,
             /// Misalignment of each axis towards each other one, constant over a run (1σ).
             misalignment: Option<Axes<dim::Angle, range::NonNegative>>,
             /// Least step of the output, at the rate of the samples.
@@ -80,6 +82,7 @@ macro_rules! triad_spec {
                     walk: self.bias_random_walk.map_or(preset.walk, Axes::si),
                     noise: self.noise.map_or(preset.noise, Axes::si),
                     scale: self.scale_factor.map_or(preset.scale, Axes::si),
+                    scale_noise: self.scale_noise.map_or(preset.scale_noise, |n| n.si()),
                     misalignment: self.misalignment.map_or(preset.misalignment, Axes::si),
                     resolution: self.resolution.map_or(preset.resolution, Axes::si),
                 }
@@ -130,6 +133,7 @@ struct Numbers {
     walk: [f64; 3],
     noise: [f64; 3],
     scale: [f64; 3],
+    scale_noise: f64,
     misalignment: [f64; 3],
     resolution: [f64; 3],
 }
@@ -145,6 +149,7 @@ impl Numbers {
             walk: none,
             noise,
             scale: none,
+            scale_noise: 0.0,
             misalignment: none,
             resolution: none,
         }
@@ -236,6 +241,7 @@ struct Triad {
     rest: Vector3<f64>,
     walking: Random,
     white: Random,
+    turning: Random,
 }
 
 impl Triad {
@@ -259,6 +265,7 @@ impl Triad {
             rest: Vector3::zeros(),
             walking: random("walk"),
             white: random("white"),
+            turning: random("scale_noise"),
             step: (0.0, 0.0),
             numbers,
         }
@@ -277,7 +284,11 @@ impl Triad {
         }
         let root = self.step.1;
         let Numbers {
-            walk, noise, resolution, ..
+            walk,
+            noise,
+            scale_noise,
+            resolution,
+            ..
         } = &self.numbers;
         self.markov.advance(dt);
         if *walk != [0.0; 3] {
@@ -286,6 +297,10 @@ impl Triad {
         let mut measured = self.map * truth + self.bias();
         if *noise != [0.0; 3] {
             measured += Vector3::from(noise.map(|noise| noise / root * self.white.normal()));
+        }
+        if *scale_noise > 0.0 {
+            let sigma = scale_noise * truth.norm() / root;
+            measured += Vector3::from_fn(|_, _| sigma * self.turning.normal());
         }
         for (i, step) in resolution.iter().enumerate().filter(|(_, step)| **step > 0.0) {
             let wanted = measured[i] + self.rest[i] / dt;
@@ -389,6 +404,21 @@ gyro = { scale_factor = "300 ppm", misalignment = "1 mrad" }"#;
         assert!((sum - 1.0).abs() <= 0.5 * 0.03 * 0.01 + 1e-12, "{sum}");
         let steps = coarse.measure(&truth, 0.01).rate.x / 0.03;
         assert!((steps - steps.round()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn noise_of_the_scale_factor_grows_with_the_rate_on_every_axis() {
+        let of = |rate: f64| {
+            let mut imu = ImuError::new(&spec("rate = 100\ngyro = { noise = 0, scale_noise = 0.01 }"), 3);
+            let truth = Sample {
+                rate: Vector3::new(0.0, rate, 0.0),
+                ..Sample::default()
+            };
+            statistics(&mut imu, &truth, 20_000)[0].1
+        };
+        // 0.01 √s · 2 rad/s over √0.01 s, on an axis across; 5 σ of 20 000 samples are 2.5 %.
+        assert!((of(2.0) / 0.2 - 1.0).abs() < 0.025, "{}", of(2.0));
+        assert_eq!(of(0.0), 0.0);
     }
 
     #[test]

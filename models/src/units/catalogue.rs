@@ -112,6 +112,17 @@ pub(super) fn find(symbol: &str) -> Option<(f64, Dimension)> {
     })
 }
 
+/// What the letter of an instrument's maker stands for, `G` or `g` with any prefix: gauss of a magnetic field, standard
+/// gravity of a specific force; `None` of other letters and of other dimensions.
+#[must_use]
+pub fn by_letter(symbol: &str, wanted: Dimension) -> Option<String> {
+    let prefix = ["Gs", "G", "g"].into_iter().find_map(|letter| symbol.strip_suffix(letter))?;
+    let units = ["gauss", "g"].map(|unit| format!("{prefix}{unit}"));
+    units
+        .into_iter()
+        .find(|unit| find(unit).is_some_and(|(_, dimension)| dimension == wanted))
+}
+
 /// The known unit that was probably meant; of several one of dimension `wanted`.
 pub(super) fn suggest(symbol: &str, wanted: Option<Dimension>) -> Option<String> {
     let lower = symbol.to_lowercase();
@@ -197,6 +208,23 @@ mod tests {
     fn customary_units_take_no_prefix() {
         for symbol in ["mft", "kmin", "kh", "mkg", "k%", "k"] {
             assert_eq!(find(symbol), None, "{symbol}");
+        }
+    }
+
+    #[test]
+    fn a_letter_is_gauss_of_a_field_and_gravity_of_a_force() {
+        let (field, force) = (Dimension::from_halves(FIELD), Dimension::from_halves([2, 0, -4, 0, 0, 0]));
+        for (symbol, of_field, of_force) in [
+            ("G", Some("gauss"), Some("g")),
+            ("g", Some("gauss"), Some("g")),
+            ("mG", Some("mgauss"), Some("mg")),
+            ("Gs", Some("gauss"), Some("g")),
+            ("uT", None, None),
+            ("xG", None, None),
+        ] {
+            assert_eq!(by_letter(symbol, field).as_deref(), of_field, "{symbol}");
+            assert_eq!(by_letter(symbol, force).as_deref(), of_force, "{symbol}");
+            assert_eq!(by_letter(symbol, Dimension::from_halves(ANGLE)), None, "{symbol}");
         }
     }
 

@@ -31,7 +31,7 @@ mod quantity;
 mod written;
 
 pub use any::AnyQuantity;
-pub use catalogue::STANDARD_GRAVITY;
+pub use catalogue::{STANDARD_GRAVITY, by_letter};
 pub use dimension::{Dimension, Kind};
 pub use error::UnitError;
 pub use expression::{parse, parse_unit};

@@ -382,6 +382,8 @@ dimensions! {
     AccelerationRandomWalk [2, 0, -5, 0, 0, 0] "an acceleration random walk" ["m/s^2/sqrt(s)"] "1 ug/sqrt(s)"
     /// Radians per root second: integrated gyroscope noise.
     AngleRandomWalk [0, 0, -1, 0, 0, 2] "an angle random walk" ["rad/sqrt(s)"] "0.125 deg/sqrt(h)"
+    /// Root seconds: white noise of a pure number.
+    ScaleNoise [0, 0, 1, 0, 0, 0] "a noise of a scale factor" ["sqrt(s)"] "0.2 %/sqrt(Hz)"
     /// Radians per second per root second: a wandering gyroscope bias.
     RateRandomWalk [0, 0, -3, 0, 0, 2] "a rate random walk" ["rad/s/sqrt(s)"] "3.8e-5 deg/s^2/sqrt(Hz)"
     /// Pascals.

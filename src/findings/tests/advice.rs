@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::config::Document;
-use crate::score::Offset;
 use crate::health::{FilterHealth, NamedReason, State, Transition};
+use crate::score::Offset;
 use fusion_models::registry::{self, Role};
 
 /// A design with one sensor, and these lines after its own.
@@ -55,6 +55,54 @@ fn the_setting_that_forbids_a_return_is_named_for_the_gates_that_have_it() {
 }
 
 #[test]
+fn two_conditions_are_advised_for_the_sensors_that_take_them() {
+    fusion_models::link();
+    let (mut with, mut without) = (0, 0);
+    for sensor in registry::all().into_iter().filter(|r| r.role == Role::Sensor) {
+        let own = format!(
+            "[sensor.other]\nsource = 'other'\ntype = '{}'\nnoise.sigma = 1\n{}\n",
+            sensor.name, sensor.example
+        );
+        let read = |gate: &str| {
+            let world = text(&format!("{own}{gate}")).replace("sensor.gnss = {", "sensor.other = { rate = '1 Hz' }\nsensor.gnss = {");
+            Design::read(Document::parse("x.toml", &world).0)
+        };
+        // Some examples share states with sensors that are not here.
+        let Ok(design) = read("") else { continue };
+        let is_advised = Instrument::of_design(&design, &[])[1].has_horizontal_position;
+        let gated = read("[sensor.other.gate]\ntype = 'two_condition'\nheight = false\n").unwrap();
+        let block = &gated.sensors[1].block;
+        let is_accepted = block.gate.as_ref().unwrap().suits(&block.model.noise()).is_ok();
+        assert_eq!(is_advised, is_accepted, "{}", sensor.name);
+        (with, without) = (with + usize::from(is_accepted), without + usize::from(!is_accepted));
+    }
+    assert!(with > 0 && without > 0, "{with} with, {without} without");
+    let of = |has_horizontal_position| {
+        let s = SensorStatistics {
+            rejected: 60,
+            ..sensor(1.0)
+        };
+        let instrument = Instrument {
+            has_horizontal_position,
+            ..instrument(None)
+        };
+        found(instrument, s, None).join("\n").contains("two_condition")
+    };
+    assert!(of(true) && !of(false));
+}
+
+#[test]
+fn the_growth_of_a_process_is_of_settings_that_it_has() {
+    fusion_models::link();
+    let of = |kind: &str| {
+        let document = Document::parse("x.toml", &format!("[process]\ntype = '{kind}'\n")).0;
+        instrument::growth(document.root().get("process").unwrap())
+    };
+    assert_eq!(of("strapdown").len(), 4, "{:?}", of("strapdown"));
+    assert!(of("dead_reckoning").is_empty());
+}
+
+#[test]
 fn a_sensor_is_forbidden_to_return_only_where_a_declared_fault_of_it_explains_that_it_disagreed() {
     let of = |stream: &str, to: f64, has_recovery: bool| {
         let summary = Summary {
@@ -87,16 +135,17 @@ fn a_sensor_is_forbidden_to_return_only_where_a_declared_fault_of_it_explains_th
 
 #[test]
 fn a_poor_start_is_helped_by_a_chart_only_where_the_process_moves_that_angle() {
-    let of = |parameters: Vec<FinalState>| {
+    let of = |angle: &str, parameters: Vec<FinalState>| {
         let summary = Summary {
-            start_angle: Some(("heading_offset".to_owned(), 1.8)),
+            start_angle: Some((angle.to_owned(), 1.8)),
             parameters,
             ..Summary::default()
         };
-        judged(&[], &summary).findings()[0].advice.contains("right_invariant")
+        let advice = judged(&[], &summary).findings()[0].advice.clone();
+        (advice.contains("iterated"), advice.contains("right_invariant"))
     };
-    let parameter = FinalState {
-        name: "heading_offset".to_owned(),
+    let parameter = |name: &str| FinalState {
+        name: name.to_owned(),
         kind: fusion_core::state::Kind::Angle,
         value: vec![0.0],
         sigma: vec![0.1],
@@ -104,7 +153,10 @@ fn a_poor_start_is_helped_by_a_chart_only_where_the_process_moves_that_angle() {
         covariance: Vec::new(),
         unit: "rad",
     };
-    assert!(of(Vec::new()) && !of(vec![parameter]));
+    assert_eq!(of("attitude", Vec::new()), (true, true));
+    assert_eq!(of("dvl.mounting", vec![parameter("dvl.mounting")]), (true, false));
+    let of_process = of("heading_offset", vec![parameter("heading_offset")]);
+    assert_eq!(of_process, (false, false), "no sensor is linearised in it");
 }
 
 #[test]

@@ -131,18 +131,7 @@ impl Course {
     /// What is gained over `before`, as if there were as many measurements as there. What is not estimated any more is as bad as
     /// it can be.
     pub(super) fn gain(&self, before: &Self) -> Gain {
-        let most = before.sensors.iter().map(|(_, parts)| parts.len()).max().unwrap_or(0);
-        let of = |part: usize| {
-            let pairs = before.sensors.iter().zip(&self.sensors);
-            let gains = pairs.filter_map(|((_, before), (_, now))| {
-                let before = before.get(part).filter(|p| p.measurements > 0.0)?;
-                let now = now.get(part).filter(|p| p.measurements > 0.0);
-                let cost = now.map_or(MOST * before.numbers, |p| p.cost / p.measurements * before.measurements);
-                Some(before.cost - cost)
-            });
-            gains.sum::<f64>()
-        };
-        let parts: Vec<f64> = (0..most).map(of).collect();
+        let parts: Vec<f64> = self.gains(before).collect();
         let better = parts.iter().filter(|gain| **gain > 0.0).count();
         Gain {
             total: if self.sensors.is_empty() {
@@ -152,6 +141,26 @@ impl Course {
             },
             share: better as f64 / parts.len().max(1) as f64,
         }
+    }
+
+    /// The parts of the log.
+    fn parts(&self) -> usize {
+        self.sensors.iter().map(|(_, parts)| parts.len()).max().unwrap_or(0)
+    }
+
+    /// What is gained over `before` in each part.
+    fn gains<'c>(&'c self, before: &'c Self) -> impl Iterator<Item = f64> + 'c {
+        let of = move |part: usize| {
+            let pairs = before.sensors.iter().zip(&self.sensors);
+            let gains = pairs.filter_map(|((_, before), (_, now))| {
+                let before = before.get(part).filter(|p| p.measurements > 0.0)?;
+                let now = now.get(part).filter(|p| p.measurements > 0.0);
+                let cost = now.map_or(MOST * before.numbers, |p| p.cost / p.measurements * before.measurements);
+                Some(before.cost - cost)
+            });
+            gains.sum::<f64>()
+        };
+        (0..before.parts()).map(of)
     }
 
     /// What became of the state `name`, which is `declared` to be, or what it starts from.
@@ -193,6 +202,60 @@ impl Course {
     }
 }
 
+/// A run beside the one of what is declared, which stops where it cannot be told any more.
+pub(super) struct Trial<'a> {
+    pub(super) course: Course,
+    before: &'a Course,
+    limits: Limits,
+    /// Parts of the log that were looked at.
+    parts: usize,
+    pub(super) is_hopeless: bool,
+}
+
+/// What a run has to gain to be told.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits {
+    /// In so many parts of the log.
+    pub(super) share: f64,
+    /// It stops, too, where it has lost that much.
+    pub(super) loss: f64,
+}
+
+impl<'a> Trial<'a> {
+    pub(super) fn new(before: &'a Course, limits: Limits) -> Self {
+        Self {
+            course: Course::default(),
+            before,
+            limits,
+            parts: 0,
+            is_hopeless: false,
+        }
+    }
+
+    /// Looks again where another part is complete.
+    fn look(&mut self) {
+        let parts = self.course.parts();
+        // Measurements of the part before may still come.
+        let complete = parts.saturating_sub(2);
+        if complete <= self.parts {
+            return;
+        }
+        self.parts = complete;
+        let gains: Vec<f64> = self.course.gains(self.before).take(complete).collect();
+        let worse = gains.iter().filter(|gain| **gain <= 0.0).count() as f64;
+        let most = self.before.parts() as f64;
+        self.is_hopeless = worse > (1.0 - self.limits.share) * most || gains.iter().sum::<f64>() < -self.limits.loss;
+    }
+}
+
+impl RunObserver for Trial<'_> {
+    fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
+        self.course.on(event)?;
+        self.look();
+        if self.is_hopeless { Err("it explains less".into()) } else { Ok(()) }
+    }
+}
+
 impl RunObserver for Course {
     fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
         match event {
@@ -208,5 +271,58 @@ impl RunObserver for Course {
             _ => {}
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Innovations of one sensor, by part of the log what they cost.
+    fn course(costs: impl IntoIterator<Item = f64>) -> Course {
+        let part = |cost| Part {
+            measurements: 20.0,
+            numbers: 60.0,
+            squares: 60.0,
+            cost,
+        };
+        Course {
+            sensors: vec![("gnss".to_owned(), costs.into_iter().map(part).collect())],
+            ..Course::default()
+        }
+    }
+
+    /// How many parts of 100 a run that costs so much in each hears; before it was 50.
+    fn heard(limits: Limits, cost: impl Fn(usize) -> f64) -> usize {
+        let before = course(vec![50.0; 100]);
+        let mut trial = Trial::new(&before, limits);
+        let parts = (1..=100).find(|parts| {
+            trial.course = course((0..*parts).map(&cost));
+            trial.look();
+            trial.is_hopeless
+        });
+        parts.unwrap_or(100)
+    }
+
+    #[test]
+    fn a_trial_stops_where_it_cannot_be_told_any_more() {
+        let shared = Limits {
+            share: 0.6,
+            loss: f64::INFINITY,
+        };
+        // 41 of 100 parts are worse, and two may still be heard of.
+        assert_eq!(heard(shared, |_| 60.0), 43);
+        assert_eq!(
+            heard(shared, |part| if part % 5 < 2 { 60.0 } else { 40.0 }),
+            100,
+            "six parts of ten are better"
+        );
+        let soon = Limits { loss: 200.0, ..shared };
+        assert_eq!(heard(soon, |_| 60.0), 23, "21 parts lose 210");
+        assert_eq!(
+            heard(soon, |part| if part < 20 { 60.0 } else { 0.0 }),
+            100,
+            "it loses 200, and gains 4000"
+        );
     }
 }

@@ -1,14 +1,18 @@
 //! Which of the fixed parameters explains the data best, one after the other.
 
-use super::course::{Course, Estimate, Gain};
+use super::course::{Course, Estimate, Gain, Limits, Trial};
 use super::parameter::{Other, SHORTEST, Start, Tried, of_design};
 use super::told::{self, Verdict};
 use crate::config::{Diagnostics, Document, Node};
 use crate::design::{Design, Named, SensorDesign};
-use crate::frames::judge::{Comparison, Judged};
-use crate::run::{Options, Run, Smoothing, examine};
+use crate::frames::judge::{Comparison, Judged, Step};
+use crate::observe::RunObserver;
+use crate::run::{Options, Smoothing, examine, run_sharing};
+use fusion_models::sim::SharedCourse;
 use fusion_models::units::Duration;
+use rayon::prelude::*;
 use std::collections::HashMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// So many parameters are told at most: each is looked for where those before are put right.
 const ROUNDS: usize = 4;
@@ -22,6 +26,14 @@ const SHARE: f64 = 0.6;
 const AGAIN: f64 = 0.05;
 const TIMES: usize = 4;
 
+/// A latency is linearised where it was at first: only at the end is it known what it loses.
+const SHARED: Limits = Limits {
+    share: SHARE,
+    loss: f64::INFINITY,
+};
+/// What has lost as much as it has to gain is given up.
+const SOON: Limits = Limits { share: SHARE, loss: FAR };
+
 /// What is wrong, and what is gained without it.
 pub(super) struct Cause<'a> {
     pub(super) what: What<'a>,
@@ -33,19 +45,28 @@ pub(super) struct Cause<'a> {
 /// What may be wrong.
 pub(super) enum What<'a> {
     Parameter(Box<Tried<'a>>, Start, Estimate),
-    /// Columns of a channel: what is wrong with them, and what to write.
-    Columns {
-        source: usize,
-        channel: String,
-        wrong: &'static str,
-        write: String,
-    },
+    Columns(Written),
     /// The stamps of the process, by so many seconds, and the sensor that would be early.
     Clock {
         source: usize,
         by: f64,
         than: String,
     },
+}
+
+/// Columns of a channel that are written in another way: what is wrong with them, and what to write.
+#[derive(Clone)]
+pub(super) struct Written {
+    pub(super) source: usize,
+    pub(super) channel: String,
+    pub(super) wrong: &'static str,
+    pub(super) write: String,
+}
+
+impl Written {
+    fn told(&self) -> String {
+        format!("{} in `{}`", self.wrong, self.channel)
+    }
 }
 
 /// All parameters as states at once.
@@ -66,10 +87,16 @@ struct Search<'a> {
     document: Document,
     tried: Vec<Tried<'a>>,
     alone: Alone,
+    progress: &'a (dyn Fn(Step<'_>) + Sync),
 }
 
 /// Estimates what a design declares as fixed, and compares.
-pub(in super::super) fn judge(design: &Design, options: &Options, found: &mut Judged) -> Result<(), Diagnostics> {
+pub(in super::super) fn judge(
+    design: &Design,
+    options: &Options,
+    progress: &(dyn Fn(Step<'_>) + Sync),
+    found: &mut Judged,
+) -> Result<(), Diagnostics> {
     let mut search = Search {
         design,
         options: Options {
@@ -82,14 +109,17 @@ pub(in super::super) fn judge(design: &Design, options: &Options, found: &mut Ju
         document: design.document.clone(),
         tried: of_design(design),
         alone: Alone::new(),
+        progress,
     };
     if search.tried.is_empty() {
         return Ok(());
     }
     let mut joint = Joint::default();
     for round in 0..=ROUNDS {
-        let Some(base) = search.course(&[])? else { break };
-        joint = search.joint()?;
+        search.begun("the filter as declared, and with all fixed parameters as states", 0, 1);
+        let (base, states) = rayon::join(|| search.course(&[]), || search.joint());
+        let Some(base) = base? else { break };
+        joint = states?;
         let Some(cause) = search.best(&base, &joint).filter(|_| round < ROUNDS) else {
             break;
         };
@@ -114,14 +144,47 @@ pub(in super::super) fn untried(why: &str) -> Comparison {
 impl<'a> Search<'a> {
     /// A run with these changes; `None` where they make no design.
     fn course(&self, sets: &[String]) -> Result<Option<Course>, Diagnostics> {
+        let mut course = Course::default();
+        let is_whole = self.run(sets, &mut course)?;
+        Ok(is_whole.then_some(course))
+    }
+
+    /// The same of one that is given up where it cannot be told any more; `None` then, too.
+    fn trial(&self, base: &Course, limits: Limits, sets: &[String]) -> Option<Course> {
+        let mut trial = Trial::new(base, limits);
+        let ran = self.run(sets, &mut trial);
+        (ran == Ok(true)).then_some(trial.course)
+    }
+
+    /// Whether the changes make a design.
+    fn run(&self, sets: &[String], observer: &mut dyn RunObserver) -> Result<bool, Diagnostics> {
         let mut document = self.document.clone();
         if sets.iter().try_for_each(|set| document.set(set)).is_err() {
-            return Ok(None);
+            return Ok(false);
         }
-        let Ok(design) = examine::build(document) else { return Ok(None) };
-        let mut course = Course::default();
-        Run::open(&design, &self.options)?.go(&mut [&mut course], &mut |_| {})?.keep()?;
-        Ok(Some(course))
+        let Ok(mut design) = examine::build(document) else {
+            return Ok(false);
+        };
+        // Nothing is scored.
+        design.reference = None;
+        run_sharing(&design, &self.options, &SharedCourse::default(), &mut [observer])?;
+        Ok(true)
+    }
+
+    fn begun(&self, what: &str, done: usize, all: usize) {
+        (self.progress)(Step { what, done, all });
+    }
+
+    /// Does jobs that do not depend on each other, on all cores; the results are in their order.
+    fn each<J: Sync, T: Send>(&self, jobs: &[J], what: impl Fn(&J) -> String + Sync, one: impl Fn(&J) -> T + Sync) -> Vec<T> {
+        let done = AtomicUsize::new(0);
+        let one = |job: &J| {
+            self.begun(&what(job), done.load(Ordering::Relaxed), jobs.len());
+            let out = one(job);
+            self.begun(&what(job), done.fetch_add(1, Ordering::Relaxed) + 1, jobs.len());
+            out
+        };
+        jobs.par_iter().map(one).collect()
     }
 
     /// All as states at once; where some together are no design, or lead the filter astray, the arms alone.
@@ -172,8 +235,13 @@ impl<'a> Search<'a> {
             }
         };
         let (mut far, mut earlier) = (Vec::new(), Vec::new());
-        for (tried, _, is_far) in tried.iter().filter(|(_, is_suspect, is_far)| *is_suspect || *is_far) {
-            let near = tried.is_joint().then(|| self.alone(base, tried, tried.start(), None)).flatten();
+        let asked: Vec<&(Tried<'a>, bool, bool)> = tried.iter().filter(|(_, is_suspect, is_far)| *is_suspect || *is_far).collect();
+        let near = self.each(
+            &asked,
+            |(tried, ..)| tried.told(),
+            |(tried, ..)| tried.is_joint().then(|| self.alone(base, tried, tried.start(), None)).flatten(),
+        );
+        for ((tried, _, is_far), near) in asked.into_iter().zip(near) {
             if let Some((start, estimate, gain)) = near {
                 if *is_far {
                     let declared: Vec<f64> = (0..estimate.value.len()).map(|k| estimate.declared(k)).collect();
@@ -199,14 +267,20 @@ impl<'a> Search<'a> {
         }
         // Where one sensor would be early, the clock of the process is late by what any of them says.
         if let Some((early, _)) = earlier.iter().find(|(tried, estimate)| tried.is_early(estimate)) {
-            let clocks = earlier.iter().filter_map(|(_, e)| self.clock(base, early, e.difference[0]));
-            clocks.for_each(|clock| keep(Some(clock), -LEAST));
+            let clocks = self.each(
+                &earlier,
+                |_| "the clock of the process".to_owned(),
+                |(_, e)| self.clock(base, early, e.difference[0]),
+            );
+            clocks.into_iter().for_each(|clock| keep(clock, -LEAST));
         }
-        for (tried, start, declared) in far {
-            let is = start.is;
-            let Some((start, estimate, gain)) = self.alone(base, tried, start, Some(&declared)) else {
-                continue;
-            };
+        let trials = self.each(
+            &far,
+            |(tried, ..)| tried.told(),
+            |(tried, start, declared)| self.alone(base, tried, start.clone(), Some(declared)),
+        );
+        for ((tried, Start { is, .. }, _), trial) in far.into_iter().zip(trials) {
+            let Some((start, estimate, gain)) = trial else { continue };
             let is_other = is != Other::Value || tried.differs(&estimate);
             if is_other && estimate.is_near() && gain.total >= FAR && gain.share >= SHARE {
                 let start = Start { is, ..start };
@@ -214,7 +288,9 @@ impl<'a> Search<'a> {
             }
         }
         if is_gross {
-            self.columns(base).into_iter().for_each(|cause| keep(Some(cause), LEAST));
+            let columns = self.columns();
+            let causes = self.each(&columns, |(what, _)| what.told(), |(what, sets)| self.column(base, what, sets));
+            causes.into_iter().for_each(|cause| keep(cause, LEAST));
         }
         best
     }
@@ -233,12 +309,19 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// A parameter as the only state more, from a start; a latency is linearised again where it went.
+    /// A parameter as the only state more, from a start; a latency is linearised again where it went. Where it is known what is
+    /// `declared`, the start is another one, which has to gain.
     fn alone(&self, base: &Course, tried: &Tried<'_>, mut start: Start, declared: Option<&[f64]>) -> Option<(Start, Estimate, Gain)> {
+        let declared_before = declared;
         let mut declared = declared.filter(|d| !d.is_empty()).map(<[f64]>::to_vec);
         for time in 1.. {
             let set = tried.assignment(&start);
-            let course = self.course(std::slice::from_ref(&set)).ok()??;
+            let set = std::slice::from_ref(&set);
+            let course = match declared_before {
+                None => self.course(set).ok()??,
+                Some(_) if tried.sort.unit == "s" => self.trial(base, SHARED, set)?,
+                Some(_) => self.trial(base, SOON, set)?,
+            };
             let estimate = course.estimate(&tried.name(), declared.as_deref())?;
             declared.get_or_insert_with(|| (0..estimate.value.len()).map(|k| estimate.declared(k)).collect());
             let is_far = tried.sort.unit == "s" && estimate.away * tried.sort.sigma > AGAIN;
@@ -258,7 +341,7 @@ impl<'a> Search<'a> {
         let declared: Option<Duration> = node.and_then(|n| n.read(&mut Diagnostics::new()));
         let offset = declared.map_or(0.0, Duration::si) + by;
         let set = format!("source.{name}.time.offset=\"{offset:.4} s\"");
-        let gain = self.course(std::slice::from_ref(&set)).ok()??.gain(base);
+        let gain = self.trial(base, SOON, std::slice::from_ref(&set))?.gain(base);
         let than = tried.sensor.name.clone();
         (gain.total >= LEAST && gain.share >= SHARE).then_some(Cause {
             what: What::Clock { source, by, than },
@@ -268,7 +351,7 @@ impl<'a> Search<'a> {
     }
 
     /// Columns with the other sign, of what has no scale, and exchanged columns of a place.
-    fn columns(&self, base: &Course) -> Vec<Cause<'a>> {
+    fn columns(&self) -> Vec<(Written, Vec<String>)> {
         let of = |sensor: &'a Named<SensorDesign>| {
             let is_scaled = self.tried.iter().any(|t| t.sensor.name == sensor.name && t.key == "scale");
             let name = sensor.node.get("source").and_then(Node::as_str).filter(|_| !is_scaled);
@@ -290,24 +373,30 @@ impl<'a> Search<'a> {
                 let exchanged = written(a).zip(written(b)).map(|(x, y)| vec![(a, y.to_owned()), (b, x.to_owned())]);
                 changes.extend(exchanged.map(|exchanged| ("exchanged columns", exchanged)));
             }
-            let tried = changes.into_iter().filter_map(|(wrong, keys)| {
+            let written = changes.into_iter().map(|(wrong, keys)| {
                 let sets: Vec<String> = keys.iter().map(|(key, column)| format!("{path}.{key}={column:?}")).collect();
-                let gain = self.course(&sets).ok()??.gain(base);
                 let write: Vec<String> = keys.iter().map(|(key, column)| format!("{key} = {column:?}")).collect();
-                (gain.total >= FAR && gain.share >= SHARE).then_some(Cause {
-                    what: What::Columns {
-                        source,
-                        channel: channel.clone(),
-                        wrong,
-                        write: write.join(", "),
-                    },
-                    gain,
-                    sets,
-                })
+                let written = Written {
+                    source,
+                    channel: channel.clone(),
+                    wrong,
+                    write: write.join(", "),
+                };
+                (written, sets)
             });
-            tried.collect()
+            written.collect()
         };
         self.design.sensors.iter().flat_map(of).collect()
+    }
+
+    /// What is gained where columns are written so.
+    fn column(&self, base: &Course, what: &Written, sets: &[String]) -> Option<Cause<'a>> {
+        let gain = self.trial(base, SOON, sets)?.gain(base);
+        (gain.total >= FAR && gain.share >= SHARE).then(|| Cause {
+            what: What::Columns(what.clone()),
+            gain,
+            sets: sets.to_vec(),
+        })
     }
 
     /// Lists what nothing is told of.
@@ -347,6 +436,11 @@ impl<'a> Cause<'a> {
 }
 
 impl Tried<'_> {
+    /// What is tried, for people.
+    fn told(&self) -> String {
+        format!("`{}` of `{}`", self.key, self.sensor.name)
+    }
+
     /// Whether it is tried with all others, and not from far away alone.
     fn is_joint(&self) -> bool {
         self.is_judged() || self.is_arm()

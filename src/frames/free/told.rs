@@ -2,9 +2,9 @@
 
 use super::course::Estimate;
 use super::parameter::{ARM, Other, SHORTEST, Start, Tried};
-use super::search::What;
+use super::search::{What, Written};
 use crate::config::{Diagnostic, Diagnostics, Node};
-use crate::design::Design;
+use crate::design::{Design, Named, SensorDesign, parameters};
 use crate::frames::judge::{Comparison, Judged, sized};
 use crate::frames::mistake;
 use crate::present::short;
@@ -79,14 +79,13 @@ impl Tried<'_> {
         let (sort, by) = (self.sort, e.difference[k].abs());
         let (times, certain) = (by / e.sigma[k], self.certain(e.declared(k)));
         if by < sort.least * sort.si {
-            // Of a scale, what it comes to.
-            let matters = (sort.unit == "%" && times > certain).then(|| format!(", but {:.0} m in 1 km", by * 1e3));
-            return Some(format!(
-                "within {} {} of what is declared{}",
-                sort.least,
-                sort.unit,
-                matters.unwrap_or_default()
-            ));
+            // Small, but certain: of a scale what it comes to, of others that it can be found.
+            let matters = match sort.unit {
+                _ if times <= certain => String::new(),
+                "%" => format!(", but {:.0} m in 1 km", by * 1e3),
+                _ => format!(", but {times:.0} σ from it, so the filter would find it as a state"),
+            };
+            return Some(format!("within {} {} of what is declared{matters}", sort.least, sort.unit));
         }
         if times < certain {
             return Some(format!("{times:.1} σ from what is declared, {certain:.0} σ would be told"));
@@ -201,15 +200,15 @@ pub(super) fn tell(design: &Design, what: &What<'_>, found: &mut Judged) {
                 (Other::Turned(axis, by), _) => turned(tried, start, axis, by),
                 (Other::Factor(by), _) | (_, Some(by)) => factor(design, tried, by, e),
                 _ if is_mirrored => mirrored(tried, e, &verdicts, &words),
-                _ => other(tried, e, &words),
+                _ => other(design, tried, e, &words),
             });
         }
-        What::Columns {
+        What::Columns(Written {
             source,
             channel,
             wrong,
             write,
-        } => {
+        }) => {
             let source = &design.sources[*source];
             let name = format!("{}.{channel}", source.name);
             let message = format!("`{name}` has {wrong}: put right, the filter follows its data much better");
@@ -304,7 +303,7 @@ fn mirrored(tried: &Tried<'_>, e: &Estimate, verdicts: &[Verdict], words: &str) 
 }
 
 /// A parameter that is declared, or left out, as what it is not.
-fn other(tried: &Tried<'_>, e: &Estimate, words: &str) -> Diagnostic {
+fn other(design: &Design, tried: &Tried<'_>, e: &Estimate, words: &str) -> Diagnostic {
     let Tried { sensor, key, sort, .. } = tried;
     let (place, is) = match sensor.node.at(key) {
         Some(node) => (node.place(), format!("is declared as {}", tried.declared)),
@@ -339,6 +338,23 @@ fn other(tried: &Tried<'_>, e: &Estimate, words: &str) -> Diagnostic {
             )
         }
         _ => help,
+    };
+    // One antenna has one arm, whichever sensor reads it: the first of them has it.
+    let word = |sensor: &Named<SensorDesign>, key: &str| sensor.node.get(key).and_then(Node::as_str).map(str::to_owned);
+    let is_one_receiver = |other: &Named<SensorDesign>| {
+        word(other, "source") == word(sensor, "source") || word(sensor, "only_with").as_ref() == Some(&other.name)
+    };
+    let has_arm = |sensor: &Named<SensorDesign>| parameters(&sensor.node).iter().any(|(key, _)| key == ARM);
+    let before = design.sensors.iter().take_while(|other| other.name != sensor.name);
+    let beside = before
+        .filter(|other| tried.is_arm() && is_one_receiver(other))
+        .find(|other| has_arm(other));
+    let help = match beside {
+        Some(other) => format!(
+            "if both read one antenna, `{0}` has its arm, and here stands `{ARM} = {{ shared = \"{0}.{ARM}\" }}`; else {help}",
+            other.name
+        ),
+        None => help,
     };
     Diagnostic::warning(message).at(place).help(help)
 }

@@ -90,11 +90,15 @@ impl Inspection {
         // In the plane an odometer is worth more than a unit, unless a velocity over ground shows what the unit drifts.
         let has_velocity = self.position.as_ref().is_some_and(|(_, track)| track.is_reported);
         let walks = self.imu.as_ref().is_some_and(|(_, imu)| imu.stances.is_some());
+        // The attitude of another filter replaces no unit that is there.
+        let has_unit = self.logs.iter().any(|log| log.has(SpecificForce) && log.has(AngularRate));
+        let is_measured = self.with(Euler).is_some_and(|k| !(has_unit && self.logs[k].is_estimate()));
         let candidates = [
             (is_inertial && has_velocity, Driver::Inertial),
+            (is_inertial && self.is_of_water(Speed), Driver::Inertial),
             (is_placed && has(Speed) && turns, Driver::Odometer),
             (is_inertial, Driver::Inertial),
-            (is_placed && has(Euler), Driver::Attitude),
+            (is_placed && is_measured, Driver::Attitude),
             (rate >= INTEGRABLE && walks, Driver::Foot),
             (rate >= INTEGRABLE, Driver::Gyros),
         ];
@@ -206,6 +210,12 @@ impl Inspection {
         self.heading_log().filter(|_| self.yaw.is_some_and(|yaw| yaw.agreement > FOLLOWS))
     }
 
+    /// Whether the reported velocity has no vertical.
+    fn has_flat_velocity(&self) -> bool {
+        let of = self.velocity.or_else(|| self.position.as_ref().map(|(k, _)| *k));
+        of.is_some_and(|k| self.logs[k].has_flat_velocity())
+    }
+
     /// The name of the source of the reported velocity.
     fn velocity_source(&self) -> &'static str {
         if self.velocity.is_some() { "gnss_velocity" } else { "gnss" }
@@ -213,6 +223,17 @@ impl Inspection {
 
     /// What judges the filter.
     fn judge(&self, text: &mut Text) {
+        let is_used = |k: usize| [&self.position, &self.reference].into_iter().flatten().any(|(used, _)| *used == k);
+        let estimates = (0..self.logs.len()).filter(|k| self.logs[*k].is_estimate() && !is_used(*k));
+        let with_places = estimates.filter(|k| self.logs[*k].has(Geodetic) || self.logs[*k].has(Local));
+        let names: Vec<String> = with_places.map(|k| format!("`{}`", self.logs[k].name())).collect();
+        if !names.is_empty() {
+            text.comment(&format!(
+                "By name the estimate of another filter, no measurement: {}. To compare with one, declare it as a",
+                names.join(", ")
+            ));
+            text.comment("`[source]` of its own and name that in `[reference]`: its errors are not independent of those of this filter.");
+        }
         if let Some((k, track)) = &self.reference {
             text.section("judge");
             text.comment("guessed: this file looks like a ground truth, for it has an attitude or the smaller errors.");

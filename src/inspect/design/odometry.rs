@@ -2,6 +2,7 @@
 
 use super::toml::Text;
 use crate::inspect::Inspection;
+use crate::inspect::numbers::{Vec3, moments};
 use crate::inspect::page::axis;
 use crate::inspect::signal::Kind::{AngularRate, Speed, YawRate};
 
@@ -13,7 +14,13 @@ impl Inspection {
         let whole = self.whole(&self.logs[*k], track);
         text.table("process");
         text.quoted("type", "unicycle");
-        text.line("speed_noise = \"0.1 m/s^2/sqrt(Hz)\"", "guessed: a slow vehicle");
+        let accelerates = self.logs[odometer]
+            .values(Speed)
+            .and_then(|speed| acceleration(self.logs[odometer].stamps(), &speed));
+        text.line(
+            &format!("speed_noise = \"{:.2} m/s^2/sqrt(Hz)\"", accelerates.unwrap_or(0.0).max(0.1)),
+            "guessed: by how much the speed changes within a second; 0.1 at least",
+        );
         text.line("yaw_rate_noise = \"0.1 rad/s^2/sqrt(Hz)\"", "guessed: the same");
         text.line(
             "heading_noise = \"0.05 rad/sqrt(s)\"",
@@ -33,6 +40,9 @@ impl Inspection {
         text.line(&format!("position_sigma = \"{whole:.2} m\""), "of a fix");
         text.table("initial.heading");
         text.line("type = \"baseline\"\nsource = \"gnss\"", "");
+        if !self.has_height() && !super::is_local(&self.logs[*k]) {
+            text.line("horizontal = true", "fixes without a height");
+        }
         text.line("min_distance = \"4 m\"", "guessed: several times the scatter of the fixes");
         text.line("max_age = \"15 s\"", "guessed: the vehicle turns meanwhile");
         text.line("sigma = \"15 deg\"", "guessed");
@@ -87,4 +97,20 @@ impl Inspection {
             "",
         );
     }
+}
+
+/// The density of the acceleration that changes a speed so much as it does within a second \[m/s²/√Hz\].
+fn acceleration(t: &[f64], speed: &[Vec3]) -> Option<f64> {
+    let (mut from, mut changes) = (0, Vec::new());
+    for to in 1..t.len() {
+        let lasts = t[to] - t[from];
+        if (0.0..1.0).contains(&lasts) {
+            continue;
+        }
+        // Of a random walk the variance is the density squared times the time.
+        changes.push((speed[to][0] - speed[from][0]) / lasts.abs().sqrt());
+        from = to;
+    }
+    let (mean, std) = moments(changes);
+    Some(mean.hypot(std)).filter(|density| density.is_finite())
 }

@@ -11,6 +11,13 @@ impl Inspection {
         };
         let whole = self.whole(&self.logs[*p], track).max(0.5);
         let speed = track.top_speed();
+        if self.logs[attitude].is_estimate() {
+            text.comment(&format!(
+                "`{}` is by its name the estimate of another filter, which may have used the positions of this log too. Nothing else here",
+                self.logs[attitude].name()
+            ));
+            text.comment("tells the attitude; replace it by an instrument if you have one.");
+        }
         text.table("process");
         text.line("type = \"dead_reckoning\"\nsource = \"attitude_reference\"", "");
         text.line(&format!("position_sigma = \"{:.1} m\"", 2.0 * whole), "guessed: twice a fix");
@@ -60,7 +67,12 @@ impl Inspection {
             &format!("heading_offset = {{ estimate = true, initial = \"{left:.1} deg\", sigma = \"{sigma}\", random_walk = \"0.05 deg/sqrt(s)\" }}"),
             &why,
         );
-        text.line("input.longest_interval = \"5 s\"", "guessed: gaps of the reference");
+        // As the page counts gaps.
+        let longest = (3.5 / self.logs[attitude].rate()).max(5.0);
+        text.line(
+            &format!("input.longest_interval = \"{longest:.1} s\""),
+            "guessed: three and a half of its usual intervals, 5 s at least; longer ones are gaps",
+        );
         text.table("initial.fix");
         text.line("type = \"first_fix\"\nsource = \"gnss\"", "");
         self.first_height(text);

@@ -24,8 +24,9 @@ impl Inspection {
         } else {
             (log.has(Euler) && is_file).then_some(Euler)
         };
-        let all = [Some(place(log)), Some(Velocity), attitude, Some(PositionSigma), Some(VelocitySigma)];
-        let sigma_of = |kind| kind != VelocitySigma || log.has(Velocity);
+        let velocity = (!log.has_flat_velocity()).then_some(Velocity);
+        let all = [Some(place(log)), velocity, attitude, Some(PositionSigma), Some(VelocitySigma)];
+        let sigma_of = |kind| kind != VelocitySigma || velocity.is_some() && log.has(Velocity);
         all.into_iter().flatten().filter(|kind| log.has(*kind) && sigma_of(*kind)).collect()
     }
 
@@ -143,7 +144,8 @@ impl Inspection {
     fn velocity_sensor(&self, text: &mut Text, log: &Log, track: &Track, lag: Option<f64>) {
         let log = self.velocity.map_or(log, |k| &self.logs[k]);
         text.table("sensor.gnss_velocity");
-        text.quoted("type", "gnss_velocity");
+        let is_flat = log.has_flat_velocity();
+        text.quoted("type", if is_flat { "horizontal_velocity" } else { "gnss_velocity" });
         text.quoted("source", self.velocity_source());
         text.line("lever_arm = { shared = \"gnss_position.lever_arm\" }", "");
         if let Some(lag) = lag {
@@ -164,11 +166,13 @@ impl Inspection {
             ),
             _ => (0.1, "guessed: what receivers usually reach".to_owned()),
         };
+        let third = if is_flat {
+            String::new()
+        } else {
+            format!(", \"{:.3} m/s\"", 2.0 * sigma)
+        };
         text.line(
-            &format!(
-                "noise = {{ sigma = [\"{sigma:.3} m/s\", \"{sigma:.3} m/s\", \"{:.3} m/s\"] }}",
-                2.0 * sigma
-            ),
+            &format!("noise = {{ sigma = [\"{sigma:.3} m/s\", \"{sigma:.3} m/s\"{third}] }}"),
             &why,
         );
         let downs = track.agreement.map_or(1.0, |a| a[2]);
@@ -314,7 +318,7 @@ impl Inspection {
         text.line(&format!("type = \"odometer\"\nsource = \"{name}\""), "");
         text.line("scale = { estimate = true, initial = 0, sigma = \"3 %\" }", "guessed");
         if let Some(current) = current {
-            drift(text, &through_water(current));
+            drift(text, &self.why_water(Speed, current));
         } else {
             text.line(
                 "mounting = { estimate = true, initial = [0, 0, 0], sigma = [0, \"5 deg\", \"8 deg\"] }",
@@ -347,6 +351,14 @@ impl Inspection {
         }
     }
 
+    /// Why a speed is one through the water: the current that was found, or the name.
+    fn why_water(&self, of: Kind, current: [f64; 2]) -> String {
+        if self.found_current(of).is_some() {
+            return through_water(current);
+        }
+        "guessed: by its name a speed through the water; the current is not told by this log".to_owned()
+    }
+
     /// Whether something tells the velocity over ground, so that a current can be told from that of the vehicle.
     fn knows_ground(&self) -> bool {
         self.position.as_ref().is_some_and(|(_, track)| track.is_reported)
@@ -361,7 +373,7 @@ impl Inspection {
             text.quoted("type", "body_velocity");
             text.quoted("source", name);
             if let Some(current) = current {
-                drift(text, &through_water(current));
+                drift(text, &self.why_water(BodyVelocity, current));
             } else {
                 if !(is_ground || self.is_over_ground(BodyVelocity)) && self.knows_ground() {
                     let why = "guessed: neither a name nor the way tells the velocity over ground from that through the water; for a Doppler log \
@@ -410,7 +422,7 @@ fn drift(text: &mut Text, why: &str) {
     );
 }
 
-/// Why a speed is one through the water.
+/// Why a speed is one through the water, where the current is found.
 fn through_water([north, east]: [f64; 2]) -> String {
     format!(
         "guessed: a speed through the water, for it agrees with that over ground only if a current of {north:.2} m/s north, {east:.2} m/s \

@@ -145,16 +145,28 @@ impl Inspection {
             let why = format!("{:.0} % of the rows repeat the one before", 100.0 * repeated);
             text.line("repeats = \"drop\"", &why);
         }
+        // Those of the rows, each with its reason.
+        let mut conditions: Vec<(String, String)> = Vec::new();
+        if let Some(instances) = &log.instances {
+            let (name, first) = (quoted(&log.table.columns[instances.column].name), instances.numbers[0]);
+            text.reads(k, [instances.column]);
+            let why = format!("{} instruments are in this file; the first one", instances.numbers.len());
+            conditions.push((format!("{{ column = {name}, equals = {first} }}"), why));
+        }
         let is_place = |s: &Signal| matches!(s.kind, Kind::Geodetic | Kind::Local);
         let position = signals.iter().copied().find(|s| is_place(s));
         // A depth that came with a position is there where the position is.
         let is_within = |s: &&Signal| signals.iter().any(|own| s.columns.iter().any(|c| own.columns.contains(c)));
-        let Some(position) = position.or_else(|| log.signals.iter().filter(|s| is_place(s)).find(is_within)) else {
-            return;
-        };
-        if let Some((column, condition, why)) = validity(log, position) {
+        let position = position.or_else(|| log.signals.iter().filter(|s| is_place(s)).find(is_within));
+        if let Some((column, condition, why)) = position.and_then(|position| validity(log, position)) {
             text.reads(k, [column]);
-            text.line(&format!("valid = {{ {condition} }}"), &why);
+            conditions.push((format!("{{ {condition} }}"), why));
+        }
+        let (conditions, why): (Vec<String>, Vec<String>) = conditions.into_iter().unzip();
+        match conditions.as_slice() {
+            [] => {}
+            [only] => text.line(&format!("valid = {only}"), &why[0]),
+            all => text.line(&format!("valid = [{}]", all.join(", ")), &why.join("; ")),
         }
     }
 
@@ -181,8 +193,11 @@ impl Inspection {
                 body
             }
             // The judge is as late as the sensor that reads other rows of it.
-            Kind::Velocity if source == "withheld" => columns + &self.lag().map_or_else(String::new, latency),
-            Kind::Velocity | Kind::BodyVelocity | Kind::PositionSigma | Kind::VelocitySigma => columns,
+            Kind::Velocity => {
+                let late = self.lag().filter(|_| source == "withheld").map_or_else(String::new, latency);
+                over_ground(log, signal).unwrap_or(columns) + &late
+            }
+            Kind::BodyVelocity | Kind::PositionSigma | Kind::VelocitySigma => columns,
             Kind::Speed | Kind::YawRate | Kind::Depth | Kind::Pressure => format!("column = {}{}", quoted(&names[0]), unit(&signal.unit)),
             Kind::Geodetic => {
                 let is_flat = matches!(source, "withheld" | "reference") && self.driver() == Some(super::Driver::Odometer);
@@ -227,7 +242,7 @@ impl Inspection {
                 let name = format!("{sign}{}", names[0]);
                 format!("column = {}{}{}", quoted(&name), unit(&signal.unit), self.quarter("\"{} deg\""))
             }
-            Kind::Wheels => return,
+            Kind::Wheels | Kind::GroundSpeed => return,
         };
         // A filter in the plane has no height that could be judged.
         let is_judge = matches!(source, "withheld" | "reference");
@@ -235,6 +250,8 @@ impl Inspection {
         let is_horizontal = signal.kind == Kind::Geodetic && is_flat;
         let name = if is_horizontal {
             "horizontal_position"
+        } else if signal.kind == Kind::Velocity && signal.columns.len() < 3 {
+            "horizontal_velocity"
         } else {
             channel_name(signal.kind)
         };
@@ -347,7 +364,7 @@ const fn channel_name(kind: Kind) -> &'static str {
         Kind::Velocity => "velocity",
         Kind::BodyVelocity => "body_velocity",
         Kind::Quaternion | Kind::Euler => "attitude",
-        Kind::Speed => "speed",
+        Kind::Speed | Kind::GroundSpeed => "speed",
         Kind::Heading => "heading",
         Kind::YawRate => "yaw_rate",
         Kind::Depth => "depth",
@@ -356,6 +373,38 @@ const fn channel_name(kind: Kind) -> &'static str {
         Kind::Wheels => "wheels",
         Kind::Pressure => "pressure",
     }
+}
+
+/// A velocity as speed and course; `None` of one along axes.
+fn over_ground(log: &Log, signal: &Signal) -> Option<String> {
+    let course_unit = signal.course?;
+    let name = |k: usize| quoted(&log.table.columns[signal.columns[k].0].name);
+    let vertical = signal.columns.get(2).map_or_else(String::new, |(_, is_up)| {
+        let key = if *is_up { "up" } else { "down" };
+        format!(", {key} = {{ column = {}, unit = \"{}\" }}", name(2), signal.unit)
+    });
+    let missing = |k: usize| {
+        let of = |k: usize| {
+            log.table.columns[signal.columns[k].0]
+                .values
+                .iter()
+                .filter(|v| !v.is_finite())
+                .count()
+        };
+        of(k) > of(0)
+    };
+    // What stands has no course.
+    let valid = if missing(1) {
+        format!(", valid = {{ column = {}, not_equals = \"\" }}", name(1))
+    } else {
+        String::new()
+    };
+    Some(format!(
+        "speed = {{ column = {}, unit = \"{}\" }}, course = {{ column = {}, unit = \"{course_unit}\" }}{vertical}{valid}",
+        name(0),
+        signal.unit,
+        name(1)
+    ))
 }
 
 /// `latency` of a channel that is late \[s\].
@@ -393,14 +442,21 @@ fn validity(log: &Log, position: &Signal) -> Option<(usize, String, String)> {
         .iter()
         .position(|w| w.ends_with(&["q", "quality", "fix", "fixtype"]) && w.stem.len() < 10);
     if let Some(k) = quality {
-        let usual = log.typical(k);
+        let values = || log.table.columns[k].values.iter().copied().filter(|v| v.is_finite());
+        // Of two numbers, zero is no fix, however often it stands.
+        let is_flag = values().all(|v| v == 0.0 || v == 1.0) && values().any(|v| v == 1.0);
+        let usual = if is_flag { 1.0 } else { log.typical(k) };
         let others = log.table.columns[k].values.iter().filter(|v| **v != usual).count();
         if others > 0 && usual.fract() == 0.0 {
             let name = quoted(&log.table.columns[k].name);
             return Some((
                 k,
                 format!("column = {name}, equals = {usual}"),
-                format!("guessed: the usual one; {others} rows have another"),
+                if is_flag {
+                    format!("guessed: of 0 and 1, 0 is no fix; {others} rows have it")
+                } else {
+                    format!("guessed: the usual one; {others} rows have another")
+                },
             ));
         }
     }
@@ -411,8 +467,8 @@ fn validity(log: &Log, position: &Signal) -> Option<(usize, String, String)> {
         "guessed: {:.0} % of the rows have a position of zero: none",
         100.0 * log.zeros(position)
     );
-    // A third column that is zero wherever the others are tells a fix from none.
-    let (k, is_against) = *position.columns.get(2)?;
+    // A height may be zero, and below; the first column of a place is so only by chance.
+    let k = position.columns.first()?.0;
     let name = quoted(&log.table.columns[k].name);
-    (!is_against).then(|| (k, format!("column = {name}, at_least = 0.001"), share))
+    Some((k, format!("column = {name}, not_equals = 0"), share))
 }

@@ -156,7 +156,9 @@ impl Inspection {
             "one and a half of the 1σ guessed below",
         );
         let told = self.told();
-        if told == Told::Course && self.velocity.is_none() {
+        // A first fix takes its velocity only with its vertical.
+        let takes_velocity = self.velocity.is_none() && !self.has_flat_velocity();
+        if told == Told::Course && takes_velocity {
             text.line("velocity_sigma = \"1 m/s\"", "guessed: it is late while the vehicle pulls away");
         }
         match told {
@@ -171,7 +173,7 @@ impl Inspection {
             }
             Told::Nobody => {}
         }
-        if told != Told::Course || self.velocity.is_some() {
+        if told != Told::Course || !takes_velocity {
             text.table("initial.start");
             text.quoted("type", "explicit");
             text.line("velocity = [0, 0, 0]", "");
@@ -193,6 +195,9 @@ impl Inspection {
         text.table("initial.heading");
         text.quoted("type", "course");
         text.quoted("source", self.velocity_source());
+        if self.has_flat_velocity() {
+            text.line("horizontal = true", "a velocity without a vertical");
+        }
         let speed = (0.3 * track.top_speed()).clamp(1.0, 3.0);
         text.line(
             &format!("min_speed = \"{speed:.1} m/s\""),
@@ -209,6 +214,20 @@ impl Inspection {
         text.table("initial.level");
         text.quoted("type", "levelling");
         text.quoted("source", "imu");
+        // A foot that walks before it rests for long begins at its first stance.
+        let is_late = |s: &Stances| imu.rest.as_ref().is_none_or(|r| self.local(r.first.0) > 2.0 * s.period);
+        if let Some(stances) = imu.stances.as_ref().filter(|s| is_late(s)) {
+            text.line(
+                &format!("duration = \"{:.2} s\"", Stances::WINDOW),
+                "guessed: the first stance; no longer rest comes before the walk",
+            );
+            text.line(
+                "tilt_sigma = \"3 deg\"",
+                "guessed: a foot is never quite still, and the accelerometer has a bias",
+            );
+            text.line(&format!("still = {}", standing(stances)), "as of the stances below");
+            return;
+        }
         match &imu.rest {
             Some(r) => {
                 let duration = (0.5 * r.first.1).clamp(1.0, 10.0);
@@ -271,13 +290,16 @@ impl Inspection {
         text.line("type = \"stationarity\"\nsource = \"imu\"\nrate = \"1 Hz\"\npersist = 5", "");
         text.line(&format!("still = {}", still(rest, "1 s")), &limits(rest));
         text.line("max_mean_acceleration = \"0.2 m/s^2\"", "guessed: braking is no rest");
-        text.line(
-            &format!(
-                "gnss = {{ source = \"{}\", max_speed = \"0.2 m/s\", max_age = \"1.6 s\" }}",
-                self.velocity_source()
-            ),
-            "guessed: the noise of the reported speed",
-        );
+        // The test of rest reads a velocity with its vertical.
+        if !self.has_flat_velocity() {
+            text.line(
+                &format!(
+                    "gnss = {{ source = \"{}\", max_speed = \"0.2 m/s\", max_age = \"1.6 s\" }}",
+                    self.velocity_source()
+                ),
+                "guessed: the noise of the reported speed",
+            );
+        }
         text.line("max_speed = \"2 m/s\"", "guessed: where GNSS is silent");
         text.table("sensor.standing");
         text.line("type = \"zero_velocity\"\nsource = \"standing\"", "");
@@ -315,18 +337,23 @@ fn foot(text: &mut Text, s: &Stances) {
         "",
     );
     text.line(
-        &format!(
-            "still = {{ window = \"{:.2} s\", accel_std = \"{:.2} m/s^2\", gyro_std = \"{:.2} deg/s\", mean_rate = \"{:.2} deg/s\" }}",
-            Stances::WINDOW,
-            s.accel_std,
-            s.gyro_std.to_degrees(),
-            s.mean_rate.to_degrees()
-        ),
+        &format!("still = {}", standing(s)),
         "guessed: twice the medians in the middle of the stances",
     );
     text.table("sensor.standing");
     text.line("type = \"zero_velocity\"\nsource = \"standing\"", "");
     text.line("noise = { sigma = \"3 cm/s\" }", "guessed: a foot that rolls while it stands");
+}
+
+/// The limits of the test of a stance.
+fn standing(s: &Stances) -> String {
+    format!(
+        "{{ window = \"{:.2} s\", accel_std = \"{:.2} m/s^2\", gyro_std = \"{:.2} deg/s\", mean_rate = \"{:.2} deg/s\" }}",
+        Stances::WINDOW,
+        s.accel_std,
+        s.gyro_std.to_degrees(),
+        s.mean_rate.to_degrees()
+    )
 }
 
 /// Where the limits of the test of rest are from.

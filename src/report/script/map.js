@@ -66,16 +66,17 @@ function makeMap({ canvas, host, out, part, follow, title, hidden }, true_path, 
     ctx.lineJoin = "round";
     const zoomed = range[0] > span[0] || range[1] < span[1];
     const inRange = t => t >= range[0] && t <= range[1];
-    for (const f of fixes) {
-      if (!shows(`fix ${f.name}`)) continue;
-      ctx.fillStyle = color("fix");
+    const dots = (d, c) => {
+      ctx.fillStyle = color(c);
       for (const now of [false, true]) {
         ctx.globalAlpha = zoomed && !now ? 0.2 : 0.75;
         ctx.beginPath();
-        for (let i = 0; i < f.used.t.length; i++) if (inRange(f.used.t[i]) === now) { const x = X(f.used.c[1][i]), y = Y(f.used.c[0][i]); ctx.moveTo(x + 2, y); ctx.arc(x, y, 2, 0, 7); }
+        for (let i = 0; i < d.t.length; i++) if (inRange(d.t[i]) === now) { const x = X(d.c[1][i]), y = Y(d.c[0][i]); ctx.moveTo(x + 2, y); ctx.arc(x, y, 2, 0, 7); }
         ctx.fill();
       }
-    }
+      ctx.globalAlpha = 1;
+    };
+    for (const f of fixes) if (shows(`fix ${f.name}`)) dots(f.used, "fix");
     const line = (d, c, width, dash) => {
       ctx.strokeStyle = color(c);
       ctx.setLineDash(dash);
@@ -98,7 +99,8 @@ function makeMap({ canvas, host, out, part, follow, title, hidden }, true_path, 
     const under = lines.filter(d => shows(d.group)).reverse();
     for (const d of under) line(d, d.color, d.width, []);
     const reference = true_path && shows("truth") ? true_path : null;
-    if (reference) line(reference, "truth", 1.5, [6, 4]);
+    if (reference && withheld) dots(reference, "truth");
+    else if (reference) line(reference, "truth", 1.5, [6, 4]);
     ctx.strokeStyle = color("bad");
     ctx.lineWidth = 1.75;
     for (const f of fixes) {
@@ -162,7 +164,7 @@ function makeMap({ canvas, host, out, part, follow, title, hidden }, true_path, 
     const lines_ = [title, `north ${show(n)} m   east ${show(east)} m`];
     if (t == null) return lines_;
     lines_.push([`${show(t)} s`, healthAt(t), ...faultsAt(t)].filter(Boolean).join("   "));
-    const named = lines.map(l => [l.name, l]).concat(true_path ? [["truth", true_path]] : []);
+    const named = lines.map(l => [l.name, l]).concat(true_path ? [[trueName, true_path]] : []);
     for (const [name, d] of named) {
       const i = nearest(d.t, t);
       if (i >= 0) lines_.push(`${name}: north ${show(d.c[0][i])}   east ${show(d.c[1][i])}`);

@@ -7,8 +7,27 @@ for (const run of runs) {
   for (const p of run.parameters) for (const k of ["estimate", "truth"]) p[k] = table(p[k]);
   for (const n of run.nees) n.table = table(n.table);
   for (const s of run.sensors) for (const k of ["updates", "used", "rejected", "apart", "intervals"]) s[k] = table(s[k]);
+  if (run.smoothed) {
+    for (const q of run.smoothed.quantities) for (const k of ["estimate", "error"]) q[k] = table(q[k]);
+    run.smoothed.path = table(run.smoothed.path);
+  }
   for (const i of run.inputs) i.table = table(i.table);
 }
+/** What later data say, of a run that is alone. */
+const later = several ? null : runs[0]?.smoothed;
+const laterColor = "run3", laterKey = ["line", laterColor, "smoothed", "smoothed"];
+const addLater = (into, d, a, center, width) => {
+  if (empty(d)) return;
+  const half = d.c[a + 3], groups = ["smoothed", "band"];
+  if (half.some(v => v > 0)) {
+    into.push({ kind: "edge", upper: true, t: d.t, y: center ? plus(d.c[a], half, 1) : half, color: laterColor, groups });
+    into.push({ kind: "edge", t: d.t, y: center ? plus(d.c[a], half, -1) : half.map(v => -v), color: laterColor, groups });
+  }
+  into.push({ kind: "line", t: d.t, y: d.c[a], half, color: laterColor, groups: ["smoothed"], width, label: "smoothed" });
+};
+// Fixes that were withheld are points, and no way.
+const withheld = runs.find(r => r.withheld)?.withheld;
+const trueName = withheld ? `rows withheld of ${withheld}` : "truth", trueMark = withheld ? "dot" : "dash";
 const truth = q => runs.map(r => r.quantities[q].truth).find(t => !empty(t));
 // The strip below each plot needs a key where it has more than one colour.
 const seen = Object.keys(states).filter(state => health.some(h => h[2] === state));
@@ -43,7 +62,8 @@ const band = (into, run, t, half, center) => {
   for (const s of runs[0]?.sensors ?? []) if (s.used.t.length || s.rejected.t.length) fixes.set(s.name, s);
   if (lines.length || true_path) {
     const entries = [];
-    if (true_path) entries.push(["dash", "truth", "truth", "truth"]);
+    if (later?.path.t.length) lines.push({ ...later.path, name: "smoothed", color: laterColor, group: "smoothed", width: 1.5 });
+    if (true_path) entries.push([trueMark, "truth", trueName, "truth"]);
     for (const l of lines) entries.push(["line", l.color, l.name, l.group]);
     for (const [name, s] of fixes) {
       const of = several ? `${name} (${names[0]})` : name;
@@ -76,8 +96,10 @@ const band = (into, run, t, half, center) => {
   const errors = runs.some(r => !empty(r.quantities[q].error));
   const fixes = q === 0 ? (runs[0]?.sensors ?? []).filter(s => s.used.t.length || s.rejected.t.length) : [];
   const entries = [];
-  if (reference) entries.push(["dash", "truth", "truth", "truth"]);
+  if (reference) entries.push([trueMark, "truth", trueName, "truth"]);
   runs.forEach((r, i) => { if (!empty(r.quantities[q].estimate)) entries.push(["line", runColor(i), label(i, errors ? "estimate, error" : "estimate"), `run${i}`]); });
+  const after = later?.quantities[q];
+  if (after && !empty(after.estimate)) entries.push(laterKey);
   entries.push(["band", several ? "soft" : "run0", "±3σ", "band"]);
   // The heading that a controller wanted, beside the one that it had.
   const isSteered = q === 2 && runs[0]?.wanted.t.length > 0;
@@ -94,7 +116,8 @@ const band = (into, run, t, half, center) => {
       const d = r.quantities[q].estimate;
       if (!empty(d)) series.push({ kind: "line", run: i, t: d.t, y: d.c[a], half: d.c[a + 3], color: runColor(i), groups: ofRun(i), width: runWidth(i, 1.75), label: label(i, "estimate") });
     });
-    if (reference) series.push({ kind: "line", t: reference.t, y: reference.c[a], color: "truth", groups: ["truth"], dash: [6, 4], width: 1.5, label: "truth" });
+    if (after) addLater(series, after.estimate, a, true, 1.25);
+    if (reference) series.push({ kind: withheld ? "dot" : "line", t: reference.t, y: reference.c[a], color: "truth", groups: ["truth"], dash: [6, 4], width: 1.5, size: 2, label: trueName });
     for (const s of fixes) series.push({ kind: "cross", t: s.rejected.t, y: s.rejected.c[a], color: "bad", groups: ["rejected"], size: 3.5, label: "rejected" });
     panel(grid, `${axis} [${unit}]`, { series, angle: angles[a] });
     if (errors) {
@@ -103,6 +126,7 @@ const band = (into, run, t, half, center) => {
         const d = r.quantities[q].error;
         if (!empty(d)) wrong.push({ kind: "line", run: i, t: d.t, y: d.c[a], half: d.c[a + 3], color: runColor(i), groups: ofRun(i), width: runWidth(i, 1.25), label: label(i, "error") });
       });
+      if (after) addLater(wrong, after.error, a, false, 1.25);
       panel(grid, `${axis} error [${unit}]`, { series: wrong, scale: "error" });
     }
   });

@@ -38,10 +38,14 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    pub(super) fn moved(&self, pose: &Pose) -> Pose {
-        Pose {
-            position: self.rotation * pose.position + self.translation,
-            attitude: pose.attitude.map(|q| self.rotation * q),
+    /// The pair with its estimate moved.
+    pub(super) fn aligned(&self, pair: &PosePair) -> PosePair {
+        PosePair {
+            estimate: Pose {
+                position: self.rotation * pair.estimate.position + self.translation,
+                attitude: pair.estimate.attitude.map(|q| self.rotation * q),
+            },
+            ..*pair
         }
     }
 }

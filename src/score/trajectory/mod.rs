@@ -4,7 +4,10 @@
 //!
 //! ATE   S of least squares over the positions; errors |S p_k − q_k| \[m\] and ∠(Q_k⁻¹ S P_k)
 //! RPE   over pairs (i, j) a distance apart on the way of the estimate: E = (Q_i⁻¹ Q_j)⁻¹ (P_i⁻¹ P_j),
-//!       errors |trans E| \[m\] and ∠E
+//!       errors |trans E| \[m\] and ∠E; of positions alone |S (p_j − p_i) − (q_j − q_i)|, S without its translation
+//!
+//! With attitudes E is the same in whatever axes either trajectory is given. Displacements alone are not: they are compared
+//! after the alignment that is shown.
 //!
 //! Axes     north-east-down, tangent to the Earth at the first position of the reference
 //! Kept     every pose up to 2^16, then every second, fourth, …
@@ -201,6 +204,8 @@ impl Trajectory {
             rules.distances.clone()
         };
         let absolute = |align: &Alignment| AbsoluteError::of(pairs, *align);
+        let motion = rules.align.of(pairs).filter(|_| with_attitude.is_empty());
+        let aligned: Vec<PosePair> = related.iter().map(|pair| motion.map_or(*pair, |m| m.aligned(pair))).collect();
         let alignments = Alignment::ALL.iter().filter(|align| !(horizontal && **align == Alignment::Se3));
         Self {
             poses: pairs.len(),
@@ -211,7 +216,7 @@ impl Trajectory {
             absolute: alignments.filter_map(absolute).collect(),
             relative: distances
                 .into_iter()
-                .filter_map(|distance| RelativeError::of(related, distance, rules.pairs))
+                .filter_map(|distance| RelativeError::of(&aligned, distance, rules.pairs))
                 .collect(),
         }
     }
@@ -240,12 +245,8 @@ impl AbsoluteError {
     /// None where the positions do not determine the alignment.
     fn of(pairs: &[PosePair], align: Alignment) -> Option<Self> {
         let motion = align.of(pairs)?;
-        let aligned = |pair: &PosePair| PosePair {
-            estimate: motion.moved(&pair.estimate),
-            ..*pair
-        };
         let distance = |pair: &PosePair| (pair.estimate.position - pair.reference.position).norm();
-        let aligned: Vec<PosePair> = pairs.iter().map(aligned).collect();
+        let aligned: Vec<PosePair> = pairs.iter().map(|pair| motion.aligned(pair)).collect();
         let angles = aligned.iter().filter_map(PosePair::rotation).map(|q| degrees(&q));
         Some(Self {
             align,

@@ -67,7 +67,7 @@ fn nearest(way: &[f64], from: usize, distance: f64) -> Option<usize> {
 }
 
 /// Length of the translation \[m\] and angle \[deg\] of (Q_i⁻¹ Q_j)⁻¹ (P_i⁻¹ P_j); without attitudes the axes
-/// of both bodies are those of the trajectories.
+/// of both bodies are those of the trajectories, which are then aligned.
 pub(super) fn error(from: &PosePair, to: &PosePair) -> (f64, Option<f64>) {
     let moved = |of: fn(&PosePair) -> &Pose| {
         let [from, to] = [of(from), of(to)];

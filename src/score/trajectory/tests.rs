@@ -202,6 +202,46 @@ fn relative_errors_match_evo_over_consecutive_and_over_all_pairs() {
 }
 
 #[test]
+fn relative_errors_do_not_depend_on_the_axes_of_the_reference() {
+    let turn = so3::from_rpy(0.0, 0.0, core::f64::consts::PI);
+    let errors = |align, is_turned: bool, has_attitude: bool| {
+        let turned = |pose: Pose| Pose {
+            position: if is_turned { turn * pose.position } else { pose.position },
+            attitude: pose.attitude.map(|q| if is_turned { turn * q } else { q }).filter(|_| has_attitude),
+        };
+        let only = |pose: Pose| Pose {
+            attitude: pose.attitude.filter(|_| has_attitude),
+            ..pose
+        };
+        let pair = |pair: PosePair| PosePair {
+            estimate: only(pair.estimate),
+            reference: turned(pair.reference),
+            ..pair
+        };
+        let pairs: Vec<PosePair> = made().into_iter().map(pair).collect();
+        let rules = TrajectoryRules {
+            align,
+            distances: vec![10.0],
+            ..TrajectoryRules::default()
+        };
+        Trajectory::of(&pairs, &rules, false).relative[0].position.rmse
+    };
+    // In body axes of each pose, as evo has it, whatever is aligned.
+    for align in Alignment::ALL {
+        let [as_it_is, turned] = [false, true].map(|is_turned| errors(align, is_turned, true));
+        // 1e-12 m: rounding.
+        assert!((turned - as_it_is).abs() < 1e-12, "{align}: {as_it_is} {turned}");
+    }
+    // Displacements alone are those of the aligned trajectory.
+    for align in [Alignment::Yaw, Alignment::Se3] {
+        let [as_it_is, turned] = [false, true].map(|is_turned| errors(align, is_turned, false));
+        assert!((turned - as_it_is).abs() < 1e-12 && turned < 1.0, "{align}: {as_it_is} {turned}");
+    }
+    // Ten metres of way there, and ten back.
+    assert!(errors(Alignment::None, true, false) > 15.0);
+}
+
+#[test]
 fn a_line_has_no_alignment_about_itself_and_a_point_none_about_the_vertical() {
     let line = |length: f64| {
         let pose = |k: i32| Pose {

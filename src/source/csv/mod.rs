@@ -14,6 +14,7 @@
 //! Memory   one row; a quotation mark that is never closed makes the rest of the file that row
 
 mod blanks;
+mod dropped;
 mod lines;
 mod reader;
 #[cfg(test)]
@@ -23,12 +24,13 @@ use super::decode::{Plan, TimeSpec, format_spec};
 use super::file::DataFile;
 use super::{OpenContext, SourceSpec};
 use crate::rows::{ProvidedChannel, RowStream, SourceError};
+use core::num::NonZeroUsize;
 use fusion_models::block::BuildError;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::path::PathBuf;
 
-pub(super) use reader::{CsvRows, Dialect, Names};
+pub(super) use reader::{CsvRows, Dialect, Head, Names};
 
 fusion_models::register!(
     Source,
@@ -59,14 +61,19 @@ format_spec! {
         /// What separates the fields: a character, or `"blanks"` for runs of blanks and tabs.
         #[serde(default = "comma")]
         delimiter: String,
-        /// Lines that begin with this character, such as `"#"` or `"%"`, are comments.
-        comment: Option<char>,
+        /// Lines that begin with this text, such as `"#"`, `"%"` or `"//"`, are comments.
+        comment: Option<String>,
         /// Whether the first line names the columns; without header they are called `1`, `2`, …. With
-        /// `"comment"` the last comment before the first row names them.
+        /// `"comment"` the last comment before the first row names them. A number is that of the line with the names:
+        /// those before it are passed over.
         #[serde(default)]
         header: Header,
-        /// Names for the columns of a file without header.
+        /// Names for the columns, instead of a header.
         names: Option<Vec<String>>,
+        /// Lines between the header and the first row that are no rows, such as one of units; without header or with
+        /// `names` lines at the beginning of the file.
+        #[serde(default)]
+        skip: usize,
         /// The stamp of a row.
         time: TimeSpec,
     }
@@ -81,10 +88,12 @@ const BLANKS: &str = "blanks";
 
 /// Which line names the columns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
-#[serde(untagged, expecting = "expected true, false or \"comment\"")]
+#[serde(untagged, expecting = "expected true, false, \"comment\" or the number of a line")]
 enum Header {
     /// The first, or none.
     First(bool),
+    /// The one of this number, from 1.
+    Line(NonZeroUsize),
     /// A comment.
     Within(Within),
 }
@@ -112,8 +121,16 @@ impl CsvSpec {
         if self.delimiter != BLANKS && plain(&self.delimiter).is_none() {
             errors.push(BuildError::at("delimiter", message).help("runs of blanks are `delimiter = \"blanks\"`"));
         }
-        if self.comment.is_some_and(|c| plain(c.encode_utf8(&mut [0; 4])).is_none()) {
-            errors.push(BuildError::at("comment", message));
+        let is_mark = |text: &String| !text.is_empty() && !text.contains(['\n', '\r', '"']);
+        if self.comment.as_ref().is_some_and(|text| !is_mark(text)) {
+            errors.push(BuildError::at(
+                "comment",
+                "this is what comments begin with, such as \"#\" or \"//\"",
+            ));
+        }
+        if self.names.is_some() && matches!(self.header, Header::Line(_)) {
+            let help = "leave out one of them; a header is passed over by `skip`, the number of its lines";
+            errors.push(BuildError::at("header", "`names` stand instead of a header").help(help));
         }
         if self.header == Header::Within(Within::Comment) && self.comment.is_none() {
             let message = "a header within a comment needs the character that begins comments";
@@ -122,25 +139,31 @@ impl CsvSpec {
         if errors.is_empty() { Ok(plan) } else { Err(errors) }
     }
 
-    fn dialect(&self) -> Dialect {
+    fn dialect(&self) -> Dialect<'_> {
         Dialect {
             delimiter: if self.delimiter == BLANKS { None } else { plain(&self.delimiter) },
-            comment: self.comment.and_then(|c| plain(c.encode_utf8(&mut [0; 4]))),
+            comment: self.comment.as_deref(),
         }
     }
 
-    fn names(&self) -> Names<'_> {
-        match (&self.names, self.header) {
-            (Some(names), _) => Names::Given(names),
-            (None, Header::First(true)) => Names::FirstLine,
-            (None, Header::First(false)) => Names::Numbered,
-            (None, Header::Within(Within::Comment)) => Names::Comment,
+    fn head(&self) -> Head<'_> {
+        let (names, before) = match (&self.names, self.header) {
+            (Some(names), _) => (Names::Given(names), 0),
+            (None, Header::First(true)) => (Names::FirstLine, 0),
+            (None, Header::Line(line)) => (Names::FirstLine, line.get() - 1),
+            (None, Header::First(false)) => (Names::Numbered, 0),
+            (None, Header::Within(Within::Comment)) => (Names::Comment, 0),
+        };
+        Head {
+            names,
+            before,
+            after: self.skip,
         }
     }
 
     /// Its rows as they lie in the file.
     pub(super) fn raw(&self, context: &OpenContext) -> Result<CsvRows, SourceError> {
-        CsvRows::open(self.dialect(), self.names(), &DataFile::new(&self.path, context), context)
+        CsvRows::open(self.dialect(), self.head(), &DataFile::new(&self.path, context), context)
     }
 }
 

@@ -1,6 +1,7 @@
 //! Lines of a text file as rows of cells.
 
 use super::blanks::Blanks;
+use super::dropped::Dropped;
 use super::lines::Lines;
 use crate::rows::{DataError, SourceError};
 use crate::source::OpenContext;
@@ -11,11 +12,11 @@ use std::io::{BufRead, BufReader, Cursor, Read};
 
 /// How text is split.
 #[derive(Clone, Copy, Debug)]
-pub(in super::super) struct Dialect {
+pub(in super::super) struct Dialect<'a> {
     /// What separates fields; `None` for runs of blanks.
     pub(in super::super) delimiter: Option<u8>,
     /// What comments begin with.
-    pub(in super::super) comment: Option<u8>,
+    pub(in super::super) comment: Option<&'a str>,
 }
 
 /// Where the names of the columns come from.
@@ -26,6 +27,27 @@ pub(in super::super) enum Names<'a> {
     /// The last comment before the first row.
     Comment,
     Numbered,
+}
+
+/// What a file begins with.
+#[derive(Clone, Copy, Debug)]
+pub(in super::super) struct Head<'a> {
+    pub(in super::super) names: Names<'a>,
+    /// Lines before that with the names, which are dropped.
+    pub(in super::super) before: usize,
+    /// Lines after it that are no rows.
+    pub(in super::super) after: usize,
+}
+
+impl<'a> Head<'a> {
+    /// Names, and then rows.
+    pub(in super::super) const fn of(names: Names<'a>) -> Self {
+        Self {
+            names,
+            before: 0,
+            after: 0,
+        }
+    }
 }
 
 /// An open file.
@@ -42,12 +64,21 @@ pub(in super::super) struct CsvRows {
 
 impl CsvRows {
     /// Opens the file and reads the names of its columns.
-    pub(in super::super) fn open(dialect: Dialect, names: Names<'_>, file: &DataFile, context: &OpenContext) -> Result<Self, SourceError> {
+    pub(in super::super) fn open(
+        dialect: Dialect<'_>,
+        head: Head<'_>,
+        file: &DataFile,
+        context: &OpenContext,
+    ) -> Result<Self, SourceError> {
+        let Head { names, before, after } = head;
         let mut bytes = file.bytes(context)?;
         let mut columns = Vec::new();
+        // The line after which rows may begin.
+        let mut header = 0;
         if let (Names::Comment, Some(mark)) = (names, dialect.comment) {
-            let head = Head::read(bytes, mark).map_err(|error| broken(&file.name(), 1, &error.into()))?;
+            let head = Comments::read(bytes, mark).map_err(|error| broken(&file.name(), 1, &error.into()))?;
             columns = head.columns(dialect);
+            header = head.line;
             if columns.is_empty() {
                 let message = "no comment before the first row names the columns";
                 return Err(DataError::new(file.name(), message).into());
@@ -57,9 +88,17 @@ impl CsvRows {
         if dialect.delimiter.is_none() {
             bytes = Box::new(Blanks::new(bytes));
         }
+        let byte = match dialect.comment.map(str::as_bytes) {
+            Some(&[byte]) => Some(byte),
+            _ => None,
+        };
+        let mark = dialect.comment.filter(|_| byte.is_none()).unwrap_or_default();
+        if before > 0 || !mark.is_empty() {
+            bytes = Box::new(Dropped::new(bytes, mark, before));
+        }
         let mut builder = ReaderBuilder::new();
         builder.has_headers(false).flexible(true).buffer_capacity(BUFFER);
-        builder.delimiter(dialect.delimiter.unwrap_or(b' ')).comment(dialect.comment);
+        builder.delimiter(dialect.delimiter.unwrap_or(b' ')).comment(byte);
         let mut rows = Self {
             file: file.name(),
             columns,
@@ -70,9 +109,23 @@ impl CsvRows {
         };
         match names {
             Names::Given(names) => rows.columns = names.to_vec(),
-            Names::FirstLine => rows.read_columns(true)?,
-            Names::Numbered => rows.read_columns(false)?,
-            Names::Comment => {}
+            Names::FirstLine => {
+                rows.read_columns()?;
+                header = rows.line;
+            }
+            Names::Numbered | Names::Comment => {}
+        }
+        if after > 0 || matches!(names, Names::Numbered) {
+            rows.is_pending = rows.read()?;
+            while rows.is_pending && rows.line <= header + after {
+                rows.is_pending = rows.read()?;
+            }
+        }
+        if matches!(names, Names::Numbered) {
+            if !rows.is_pending {
+                return Err(rows.empty().into());
+            }
+            rows.columns = (1..=rows.record.len()).map(|k| k.to_string()).collect();
         }
         Ok(rows)
     }
@@ -82,21 +135,18 @@ impl CsvRows {
         self.columns = columns;
     }
 
-    /// Takes the columns from the first line: their names, or how many there are.
-    fn read_columns(&mut self, has_header: bool) -> Result<(), DataError> {
+    /// Takes the names of the columns from the next line.
+    fn read_columns(&mut self) -> Result<(), DataError> {
         if !self.read()? {
-            return Err(DataError::new(self.file.as_str(), "this file is empty"));
+            return Err(self.empty());
         }
-        self.is_pending = !has_header;
-        self.columns = if has_header {
-            self.record
-                .iter()
-                .map(|name| String::from_utf8_lossy(name.trim_ascii()).into_owned())
-                .collect()
-        } else {
-            (1..=self.record.len()).map(|k| k.to_string()).collect()
-        };
+        let names = self.record.iter();
+        self.columns = names.map(|name| String::from_utf8_lossy(name.trim_ascii()).into_owned()).collect();
         Ok(())
+    }
+
+    fn empty(&self) -> DataError {
+        DataError::new(self.file.as_str(), "this file is empty")
     }
 
     fn read(&mut self) -> Result<bool, DataError> {
@@ -119,35 +169,42 @@ fn broken(file: &str, line: usize, error: &Error) -> DataError {
         .help("rows before were sound; copy or download it again")
 }
 
-/// What a file begins with up to its first row, and all of its bytes.
-struct Head {
+/// The comments that a file begins with, up to its first row, and all of its bytes.
+struct Comments {
     /// The last comment, without the characters that begin it.
     comment: String,
+    /// Its line, from 1.
+    line: usize,
     bytes: Box<dyn Read + Send>,
 }
 
-impl Head {
-    fn read(bytes: Box<dyn Read + Send>, mark: u8) -> std::io::Result<Self> {
+impl Comments {
+    fn read(bytes: Box<dyn Read + Send>, mark: &str) -> std::io::Result<Self> {
         let mut reader = BufReader::with_capacity(BUFFER, bytes);
-        let (mut head, mut comment) = (Vec::new(), String::new());
-        loop {
+        let (mut head, mut comment, mut named) = (Vec::new(), String::new(), 0);
+        for number in 1.. {
             let start = head.len();
             reader.read_until(b'\n', &mut head)?;
             let line = head.get(start..).unwrap_or_default();
             match line.trim_ascii() {
                 [] if !line.is_empty() => {}
-                [first, rest @ ..] if *first == mark => {
-                    comment = String::from_utf8_lossy(rest).trim_start_matches(char::from(mark)).to_owned();
+                text if text.starts_with(mark.as_bytes()) => {
+                    comment = String::from_utf8_lossy(text).trim_start_matches(mark).to_owned();
+                    named = number;
                 }
                 _ => break,
             }
         }
         let bytes = Box::new(Cursor::new(head).chain(reader));
-        Ok(Self { comment, bytes })
+        Ok(Self {
+            comment,
+            line: named,
+            bytes,
+        })
     }
 
     /// The names in the comment.
-    fn columns(&self, dialect: Dialect) -> Vec<String> {
+    fn columns(&self, dialect: Dialect<'_>) -> Vec<String> {
         let names = self.comment.trim();
         match dialect.delimiter {
             _ if names.is_empty() => Vec::new(),
@@ -160,6 +217,10 @@ impl Head {
 impl RawRows for CsvRows {
     fn columns(&self) -> &[String] {
         &self.columns
+    }
+
+    fn is_numbered(&self) -> bool {
+        true
     }
 
     fn advance(&mut self) -> Result<bool, DataError> {

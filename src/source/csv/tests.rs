@@ -1,6 +1,7 @@
 //! Files as they come, and every word that is said of them.
 
 mod axes;
+mod courses;
 mod fields;
 mod stamps;
 
@@ -404,8 +405,7 @@ fn a_latency_of_hours_is_refused() {
 #[test]
 fn values_that_cannot_be_are_refused() {
     let geodetic = format!("{T}channels.p = {{ latitude = 'a', longitude = 'b', height = 'c', unit = 'rad' }}");
-    let expected =
-        "error: the latitude 40.1 rad lies beyond a pole\n--> log.csv:2\n = help: if the columns are in degrees, write `unit = \"deg\"`";
+    let expected = "error: 40.1 rad in column `a` is no latitude: it lies beyond a pole\n--> log.csv:2\n = help: if the columns are in degrees, write `unit = \"deg\"`;";
     assert!(said(&geodetic, "t,a,b,c\n1,40.1,-105,3\n").starts_with(expected));
     let sigma = format!("{T}channels.s = {{ column = 'a', unit = 'm^2', variance = true }}");
     assert!(said(&sigma, "t,a\n1,-4\n").starts_with("error: the variance -4 in column `a` is negative\n--> log.csv:2"));

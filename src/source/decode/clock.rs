@@ -2,7 +2,7 @@
 
 use super::Cell;
 use super::header_unit::header_unit;
-use super::instant::{Origin, Scale};
+use super::instant::{Date, Order, Origin, Scale};
 use super::raw::RawRows;
 use super::spec::{Stamp, Timing};
 use fusion_core::time::nanos;
@@ -18,6 +18,9 @@ const LARGEST: i128 = i128::MAX / 4;
 #[derive(Clone, Debug)]
 pub(super) struct Clock {
     form: Form,
+    /// The instant of the last stamp in order, and of the row at hand: a time of day is near them.
+    last: Option<i128>,
+    hand: Option<i128>,
     /// The columns, once the file is open.
     columns: Vec<usize>,
     epoch: i128,
@@ -37,8 +40,12 @@ pub(super) struct Clock {
 enum Form {
     /// Counts whose sum is taken: the nanoseconds that one of each column stands for, and what they count from.
     Count { units: Vec<i128>, origin: Option<Origin> },
+    /// Rows, or what a column counts, so many in a second.
+    Counter(f64),
     /// A date with the time of day, in one column or in two.
-    Calendar(Scale),
+    Calendar(Scale, Option<Order>),
+    /// Times of day, from this day on.
+    TimeOfDay(Scale, Date),
 }
 
 impl Clock {
@@ -73,6 +80,8 @@ impl Clock {
         let (about, offset) = (spec.about.map(at), at(spec.offset));
         Self {
             form,
+            last: None,
+            hand: None,
             columns: Vec::new(),
             epoch,
             scale: spec.scale,
@@ -96,10 +105,27 @@ impl Clock {
         }
     }
 
-    /// The stamp of the row at hand in nanoseconds of the log's time; `Err` says which column is not what.
-    pub(super) fn read(&mut self, row: &impl RawRows) -> Result<i64, (usize, &'static str)> {
+    /// The stamp of the row at hand, number `number` of the file from 0, in nanoseconds of the log's time; `Err` says
+    /// which column is not what.
+    pub(super) fn read(&mut self, row: &impl RawRows, number: u64) -> Result<i64, (usize, &'static str)> {
+        let (instant, last) = self.form.read(&self.columns, row, number, self.last)?;
+        self.hand = Some(instant);
+        self.log_time(instant, last)
+    }
+
+    /// As [`read`](Self::read), of the row after the one at hand.
+    pub(super) fn read_after(&mut self, row: &impl RawRows, number: u64) -> Result<i64, (usize, &'static str)> {
+        let (instant, last) = self.form.read(&self.columns, row, number, self.hand)?;
+        self.log_time(instant, last)
+    }
+
+    /// The stamp of the row at hand is in order.
+    pub(super) const fn took(&mut self) {
+        self.last = self.hand;
+    }
+
+    fn log_time(&mut self, instant: i128, last: usize) -> Result<i64, (usize, &'static str)> {
         let beyond = "lies beyond the 292 years that a log spans: set `time.epoch`, or another `time.unit`";
-        let (instant, last) = self.form.read(&self.columns, row)?;
         let stamp = i64::try_from(instant - self.epoch).map_err(|_| (last, beyond))?;
         let about = *self.about.get_or_insert(stamp);
         let stretched = (stamp.saturating_sub(about) as f64 * (self.scale - 1.0)).round() as i64;
@@ -110,23 +136,57 @@ impl Clock {
 impl Form {
     fn new(spec: &Stamp<'_>, errors: &mut Vec<BuildError>) -> Self {
         let mut wrong = |field: &str, message: String| errors.push(BuildError::at(format!("time.{field}"), message));
-        if let Some(scale) = spec.calendar {
-            let misfits = [
-                ("unit", spec.unit.is_some()),
-                ("counts_from", spec.counts_from.is_some()),
-                ("plus", spec.each.is_some()),
-            ];
-            for (field, _) in misfits.into_iter().filter(|(_, is_given)| *is_given) {
-                wrong(field, format!("`{field}` does not apply to a calendar"));
+        let has_date = spec.columns.iter().any(|(field, _)| *field == "time.date");
+        let mut misfits = |what: &str, keys: &[(&str, bool)]| {
+            for (field, _) in keys.iter().filter(|(_, is_given)| *is_given) {
+                wrong(field, format!("`{field}` does not apply to {what}"));
             }
-            return Self::Calendar(scale);
+        };
+        let of_count = [
+            ("unit", spec.unit.is_some()),
+            ("counts_from", spec.counts_from.is_some()),
+            ("plus", spec.each.is_some()),
+        ];
+        let of_calendar = [
+            ("calendar", spec.calendar.is_some()),
+            ("date", has_date),
+            ("day", spec.day.is_some()),
+            ("order", spec.order.is_some()),
+        ];
+        if let Some(rate) = spec.rate {
+            misfits("a rate", &of_count);
+            misfits("a rate", &of_calendar);
+            return Self::Counter(rate);
         }
-        if spec.columns.iter().any(|(field, _)| *field == "time.date") {
-            wrong("date", "a date needs its `calendar`: \"utc\", \"gps\" or \"tai\"".to_owned());
+        if let Some(scale) = spec.calendar {
+            misfits("a calendar", &of_count);
+            let Some(day) = spec.day else {
+                return Self::Calendar(scale, spec.order);
+            };
+            misfits("times of day", &[("date", has_date), ("order", spec.order.is_some())]);
+            return match Date::read(day, None) {
+                Ok(day) if scale.nearest(day, "00:00:00", None).is_ok() => Self::TimeOfDay(scale, day),
+                _ => {
+                    wrong("day", format!("`{day}` is no date such as `2025-07-08`"));
+                    Self::Calendar(scale, None)
+                }
+            };
         }
-        let of_header = spec.columns.first().and_then(|(_, column)| header_unit(column));
+        for (field, is_given) in of_calendar {
+            if is_given {
+                let what = if field == "order" { "an order of" } else { "" };
+                let needs = format!("{what} a date needs its `calendar`: \"utc\", \"gps\" or \"tai\"");
+                wrong(field, needs.trim_start().to_owned());
+            }
+        }
+        if spec.columns.is_empty() {
+            let message = "a row has its stamp in a `column`, or rows are evenly spaced and have a `rate`, such as \"100 Hz\"";
+            errors.push(BuildError::at("time", message).help("write e.g. `time = { column = \"t\" }` or `time = { rate = \"100 Hz\" }`"));
+            return Self::Counter(1.0);
+        }
+        let of_header = spec.columns.first().and_then(|(_, column)| header_unit(column, None));
         let of_header = of_header.filter(|unit| unit_nanos(unit).is_ok());
-        let unit = unit_nanos(spec.unit.or(of_header).unwrap_or("s")).unwrap_or_else(|message| {
+        let unit = unit_nanos(spec.unit.or(of_header.as_deref()).unwrap_or("s")).unwrap_or_else(|message| {
             wrong("unit", message);
             1
         });
@@ -144,7 +204,11 @@ impl Form {
     fn epoch(&self, text: &str) -> Result<i128, String> {
         let of_calendar = |scale: Scale| scale.any_instant(text).map_err(|what| format!("`{text}` {what}"));
         match self {
-            Self::Calendar(scale) => of_calendar(*scale),
+            Self::Calendar(scale, _) | Self::TimeOfDay(scale, _) => of_calendar(*scale),
+            Self::Counter(rate) => {
+                let count = text.parse().ok().and_then(|count| counted_nanos(count, *rate));
+                count.ok_or_else(|| "the epoch of a counter is the count at time zero".to_owned())
+            }
             Self::Count { units, origin } => match (decimal_nanos(text, units[0]), origin) {
                 (Some(count), None) => Ok(count),
                 (Some(count), Some(origin)) => origin.instant(count).ok_or_else(|| "the epoch lies beyond any log".to_owned()),
@@ -159,7 +223,13 @@ impl Form {
     }
 
     /// The nanoseconds of the row at hand, and its last column; `Err` says which column is not what.
-    fn read(&self, columns: &[usize], row: &impl RawRows) -> Result<(i128, usize), (usize, &'static str)> {
+    fn read(
+        &self,
+        columns: &[usize],
+        row: &impl RawRows,
+        number: u64,
+        around: Option<i128>,
+    ) -> Result<(i128, usize), (usize, &'static str)> {
         let last = columns.last().copied().unwrap_or_default();
         let text = |column: usize| row.cell(column).text().ok_or((column, "is not text"));
         let instant = match self {
@@ -171,11 +241,21 @@ impl Form {
                 let counted = origin.map_or(Some(sum), |origin| origin.instant(sum));
                 counted.ok_or((last, "is not a time"))?
             }
-            Self::Calendar(scale) => match *columns {
-                [date, time] => scale.of_day(text(date)?, text(time)?),
-                _ => scale.instant(text(last)?),
+            Self::Counter(rate) => {
+                let count = match columns.first() {
+                    Some(&column) => row.cell(column).number(),
+                    None => Some(number as f64),
+                };
+                count
+                    .and_then(|count| counted_nanos(count, *rate))
+                    .ok_or((last, "is not a number"))?
+            }
+            Self::Calendar(scale, order) => match *columns {
+                [date, time] => scale.of_day(text(date)?, text(time)?, *order),
+                _ => scale.instant(text(last)?, *order),
             }
             .map_err(|what| (last, what))?,
+            Self::TimeOfDay(scale, day) => scale.nearest(*day, text(last)?, around).map_err(|what| (last, what))?,
         };
         Ok((instant, last))
     }
@@ -189,6 +269,11 @@ fn cell_nanos(cell: Cell<'_>, unit: i128) -> Result<i128, &'static str> {
         Cell::Number(value) => rounded_nanos(value, unit),
     };
     nanos.filter(|nanos| nanos.abs() < LARGEST).ok_or("is not a number")
+}
+
+/// The nanoseconds of a count, so many of which are in a second.
+fn counted_nanos(count: f64, rate: f64) -> Option<i128> {
+    rounded_nanos(count / rate, 1_000_000_000)
 }
 
 /// A unit of time in whole nanoseconds.

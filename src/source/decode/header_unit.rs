@@ -1,10 +1,11 @@
 //! Units that a header states.
 
-use fusion_models::units::parse_unit;
+use fusion_models::units::{Dimension, by_letter, parse_unit};
+use std::borrow::Cow;
 
 /// The unit in brackets at the end of a column's name, as of `gyro_x [deg/s]` or `height(m)`; `None` where
-/// there are no brackets, or no known unit within.
-pub(super) fn header_unit(column: &str) -> Option<&str> {
+/// there are no brackets, or no known unit within. Of a `wanted` dimension `(G)` may be gauss, or standard gravity.
+pub(super) fn header_unit(column: &str, wanted: Option<Dimension>) -> Option<Cow<'_, str>> {
     let column = column.trim_end();
     let open = match column.chars().next_back()? {
         ']' => '[',
@@ -12,15 +13,21 @@ pub(super) fn header_unit(column: &str) -> Option<&str> {
         _ => return None,
     };
     let inner = column.get(column.rfind(open)? + 1..column.len() - 1)?.trim();
-    (!inner.is_empty() && parse_unit(inner).is_ok()).then_some(inner)
+    if let Some(meant) = wanted.and_then(|wanted| by_letter(inner, wanted)) {
+        return Some(meant.into());
+    }
+    (!inner.is_empty() && parse_unit(inner).is_ok()).then_some(inner.into())
 }
 
 /// The unit that all of these columns state, if any; `Err` is two columns that do not agree.
-pub(super) fn common_unit<'a>(columns: impl IntoIterator<Item = &'a String>) -> Result<Option<&'a str>, (&'a str, &'a str)> {
+pub(super) fn common_unit<'a>(
+    columns: impl IntoIterator<Item = &'a String>,
+    wanted: Option<Dimension>,
+) -> Result<Option<Cow<'a, str>>, (&'a str, &'a str)> {
     let mut columns = columns.into_iter();
     let Some(first) = columns.next() else { return Ok(None) };
-    let unit = header_unit(first);
-    match columns.find(|column| header_unit(column) != unit) {
+    let unit = header_unit(first, wanted);
+    match columns.find(|column| header_unit(column, wanted) != unit) {
         Some(other) => Err((first, other)),
         None => Ok(unit),
     }
@@ -47,7 +54,11 @@ mod tests {
             ("", None),
             ("é]", None),
         ] {
-            assert_eq!(header_unit(column), unit, "{column}");
+            assert_eq!(header_unit(column, None).as_deref(), unit, "{column}");
         }
+        let field = parse_unit("T").ok().map(|(_, field)| field);
+        assert_eq!(header_unit("Magnetometer X (G)", field).as_deref(), Some("gauss"));
+        assert_eq!(header_unit("Magnetometer X (uT)", field).as_deref(), Some("uT"));
+        assert_eq!(header_unit("Magnetometer X (G)", None), None);
     }
 }

@@ -64,8 +64,10 @@ pub(super) struct Judge {
     numbers: Vec<f64>,
     /// Those of the last row that was no repetition.
     last_numbers: Option<Vec<f64>>,
-    /// The last stamp in order.
+    /// The last stamp in order, of a row that is valid.
     stamp: Option<i64>,
+    /// The latest two different stamps of the file, be their rows valid or not.
+    seen: [Option<i64>; 2],
     /// Whether no row since had an unreadable stamp.
     is_interval_known: bool,
 }
@@ -139,6 +141,7 @@ impl Judge {
             drops_repeats: spec.drops_repeats(),
             last_numbers: None,
             stamp: None,
+            seen: [None; 2],
             is_interval_known: false,
         }
     }
@@ -153,24 +156,28 @@ impl Judge {
         if self.keep.is_some_and(|keep| !keep.keeps(number)) {
             return Err(Unused::Left("not among the rows to keep"));
         }
-        let stamp = self.stamp(&*raw)?;
+        if !self.is_valid(&*raw)? {
+            self.pass(&*raw, number);
+            return Err(Unused::Left("not valid as declared"));
+        }
+        let stamp = self.stamp(&*raw, number)?;
         self.check_order(stamp)?;
-        self.check_jump(stamp, raw)?;
+        self.check_jump(stamp, raw, number)?;
         let raw = &*raw;
+        self.clock.took();
         let was_known = core::mem::replace(&mut self.is_interval_known, true);
         let last = self.stamp.replace(stamp);
         if let Some(last) = last {
             self.jumps.took(stamp.saturating_sub(last));
         }
-        let previous = last.filter(|_| was_known);
+        let before = self.before(stamp);
+        // With a nominal interval a row that is left out does no harm, and rows of another instrument none either.
+        let previous = if self.nominal.is_some() { last } else { before }.filter(|_| was_known);
         if stamp < self.clock.start {
             return Err(Unused::Left("before the declared start"));
         }
         if stamp >= self.clock.stop {
             return Err(Unused::End);
-        }
-        if !self.meets(&self.valid, raw)? {
-            return Err(Unused::Left("not valid as declared"));
         }
         self.read_cells(raw)?;
         if self.drops_repeats {
@@ -194,13 +201,38 @@ impl Judge {
         Ok(Time::from_nanos(stamp))
     }
 
-    /// The stamp of a row whose form is sound; the interval after one that has none is not known.
-    fn stamp(&mut self, raw: &impl RawRows) -> Result<i64, Unused> {
+    /// Whether a row, whose form is sound, meets the conditions of its source.
+    fn is_valid(&mut self, raw: &impl RawRows) -> Result<bool, Unused> {
         if let Some(malformed) = raw.malformed() {
             self.is_interval_known = false;
             return Err(self.bad(malformed.message, Some(malformed.help)));
         }
-        self.clock.read(raw).map_err(|(column, what)| {
+        self.meets(&self.valid, raw)
+    }
+
+    /// Passes a row that is not valid: it may be of another instrument. Its stamp is that of an increment all the same.
+    fn pass(&mut self, raw: &impl RawRows, number: u64) {
+        let stamp = self.clock.read(raw, number);
+        if self.stamp.is_none() {
+            self.clock.forget_first();
+        }
+        match stamp {
+            Ok(stamp) if self.seen[1].is_none_or(|latest| latest < stamp) => self.seen = [self.seen[1], Some(stamp)],
+            Ok(_) => {}
+            Err(_) => self.is_interval_known = false,
+        }
+    }
+
+    /// The latest stamp of the file before this one of a valid row.
+    fn before(&mut self, stamp: i64) -> Option<i64> {
+        let before = self.seen.into_iter().flatten().filter(|seen| *seen < stamp).max();
+        self.seen = [before, Some(stamp)];
+        before
+    }
+
+    /// The stamp of a row; the interval after one that has none is not known.
+    fn stamp(&mut self, raw: &impl RawRows, number: u64) -> Result<i64, Unused> {
+        self.clock.read(raw, number).map_err(|(column, what)| {
             self.is_interval_known = false;
             self.bad_cell(raw, column, what)
         })
@@ -233,12 +265,12 @@ impl Judge {
     }
 
     /// A stamp that jumps ahead stands if the next one does not go back.
-    fn check_jump(&mut self, stamp: i64, raw: &mut Ahead<impl RawRows>) -> Result<(), Unused> {
+    fn check_jump(&mut self, stamp: i64, raw: &mut Ahead<impl RawRows>, number: u64) -> Result<(), Unused> {
         if !self.jumps.is_in_doubt(self.stamp, stamp) {
             return Ok(());
         }
         let sound = raw.after().filter(|row| row.malformed().is_none());
-        let after = sound.and_then(|row| self.clock.read(row).ok());
+        let after = sound.and_then(|row| self.clock.read_after(row, number + 1).ok());
         let after = after.map_or(After::Nothing, After::Stamp);
         let Some(message) = self.jumps.refute(self.stamp, stamp, after) else {
             return Ok(());
@@ -302,10 +334,11 @@ impl Judge {
     }
 
     fn bad(&self, message: String, help: Option<&str>) -> Unused {
-        let help = help.map_or_else(
-            || SKIP_BAD.to_owned(),
-            |help| format!("{help} {SKIP_BAD}").replacen("? to", "? To", 1),
-        );
+        let help = match help {
+            Some(question) if question.ends_with('?') => format!("{question} T{}", &SKIP_BAD[1..]),
+            Some(help) => format!("{help}; {SKIP_BAD}"),
+            None => SKIP_BAD.to_owned(),
+        };
         Unused::Wrong(Refusal {
             policy: self.bad_rows,
             reason: "bad rows",

@@ -3,14 +3,14 @@
 //! A format implements [`RawRows`] and declares its table by `format_spec!`, which adds the keys
 //! that are decoded here. See `source/csv/` for the first, `decode/tests.rs` for the smallest.
 //!
-//! Order    of the tests on a row: number in the file (`keep`), form, stamp, time order, jumps of
-//!          time (`max_jump`), `start` and `stop`, `valid`, the cells that channels read, `repeats`. Cells that nobody reads
+//! Order    of the tests on a row: number in the file (`keep`), form, `valid`, stamp, time order, jumps of
+//!          time (`max_jump`), `start` and `stop`, the cells that channels read, `repeats`. Cells that nobody reads
 //!          are never looked at
 //! Order    of a channel's arithmetic: sign, unit, `scale`, root of a variance, `offset`, increment
 //!          to rate, rotation, mean with the previous sample
-//! Interval of an increment: since the previous stamp in the file, be its row used or not; 1/`rate`
-//!          in the first row, after an unreadable stamp and where the gap exceeds 1.5 intervals;
-//!          always 1/`rate` with `interval = "nominal"`
+//! Interval of an increment: since the previous stamp in the file, be its row used or not; with a `rate` since that
+//!          of a valid row, or 1/`rate` in the first row, after an unreadable stamp and where the gap exceeds 1.5
+//!          intervals; always 1/`rate` with `interval = "nominal"`
 //! Memory   one row, two where the stamp of the first jumps ahead
 //! Not here decimal commas
 

@@ -13,6 +13,11 @@ pub(in super::super) trait RawRows: Send {
         None
     }
 
+    /// Whether a column may be called by its number, from 1, too.
+    fn is_numbered(&self) -> bool {
+        false
+    }
+
     /// Reads the next row; `false` after the last.
     ///
     /// # Errors

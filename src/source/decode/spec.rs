@@ -1,13 +1,14 @@
 //! What TOML says of rows, whatever their format.
 
-use super::instant::{Origin, Scale};
+use super::instant::{Order, Origin, Scale};
 use super::one_or_many::OneOrMany;
 use core::fmt;
 use core::num::NonZeroU64;
 use fusion_models::units::{Duration, PerAxis, Positive, Vec3Of, dim};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
-use serde::de::{Deserializer, Error, Visitor};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Deserializer, Error, MapAccess, Visitor};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
@@ -150,8 +151,11 @@ pub(in super::super) struct Timing<'a> {
 time_spec! {
     /// The stamp of a row: log time = about + scale · (stamp − epoch − about) + offset, of a stamp in two columns their sum.
     pub struct TimeSpec {
-        /// Its column.
-        column: String,
+        /// Its column. A file without stamps has a `rate` instead.
+        column: Option<String>,
+        /// The rate of a recording without stamps, whose first row is at zero; with `column` the rate of its counter of
+        /// samples, which is zero at zero.
+        rate: Option<Positive<dim::Frequency>>,
         /// Its unit; decimal stamps of any length are read to the nanosecond. Without it the one in brackets at
         /// the end of the column's name, as of `t [ms]`, or seconds.
         unit: Option<String>,
@@ -162,8 +166,15 @@ time_spec! {
         /// `2025-07-08T19:34:18.25Z` or `2025/07/08 19:34:18`: in UTC (`Z`, an offset such as `+02:00`, or
         /// none), GPS time or TAI.
         calendar: Option<Scale>,
-        /// The column of the date, where `column` holds the time of day alone.
+        /// The column of the date, where `column` holds the time of day alone: `19:34:18.25`, or `193418.25` as
+        /// NMEA writes it.
         date: Option<String>,
+        /// The date of the first row, such as `"2025-07-08"`, where the file has times of day and no date. After
+        /// midnight the next day begins; a gap is shorter than half a day.
+        day: Option<String>,
+        /// The order of day, month and year, where the year is not first: `dmy` for `08/07/2025`, `08.07.25` or
+        /// `080725`, as NMEA writes it, `mdy` for `07/08/2025`. Years of two digits are 1980 to 2079.
+        order: Option<Order>,
         /// A second column, whose time is added: nanoseconds beside seconds, a week beside its seconds, the number
         /// of a recording whose clock begins at zero.
         plus: Option<PlusSpec>,
@@ -175,27 +186,36 @@ impl TimeSpec {
     pub(in super::super) fn stamp(&self) -> Stamp<'_> {
         let date = self.date.as_ref().map(|column| ("time.date", column.as_str()));
         let plus = self.plus.as_ref().map(|plus| ("time.plus.column", plus.column.as_str()));
-        let own = core::iter::once(("time.column", self.column.as_str()));
+        let own = self.column.as_ref().map(|column| ("time.column", column.as_str()));
         Stamp {
             columns: date.into_iter().chain(own).chain(plus).collect(),
             unit: self.unit.as_deref(),
             counts_from: self.counts_from,
             calendar: self.calendar,
             each: self.plus.as_ref().map(|plus| plus.each.si()),
+            rate: self.rate.map(|rate| rate.si()),
+            day: self.day.as_deref(),
+            order: self.order,
         }
     }
 }
 
 /// Where the stamp of a row is and what it says.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(in super::super) struct Stamp<'a> {
-    /// Its columns in the order in which they are read, each with its field; of a calendar the date first.
+    /// Its columns in the order in which they are read, each with its field; of a calendar the date first. None where
+    /// rows are counted.
     pub(in super::super) columns: Vec<(&'static str, &'a str)>,
     pub(in super::super) unit: Option<&'a str>,
     pub(in super::super) counts_from: Option<Origin>,
     pub(in super::super) calendar: Option<Scale>,
     /// Seconds that one of the second column of a count stands for.
     pub(in super::super) each: Option<f64>,
+    /// What is counted in a second, of rows or of the column.
+    pub(in super::super) rate: Option<f64>,
+    /// The date of the first row, of times of day.
+    pub(in super::super) day: Option<&'a str>,
+    pub(in super::super) order: Option<Order>,
 }
 
 pub(in super::super) const fn one() -> f64 {
@@ -366,8 +386,9 @@ pub(in super::super) enum Wanted {
     Text(String),
 }
 
-/// A channel: the columns that it is made of, and how. One of `column`, `columns`, `enu`, `quaternion`, `dcm`,
-/// `rpy`, `euler`, `latitude` with `longitude` and `height`, `ecef`, `utm`, or `north` with `east` and `down` or `up`.
+/// A channel: the columns that it is made of, and how. One of `column`, `columns`, `enu`, `speed` with `course`,
+/// `quaternion`, `dcm`, `rpy`, `euler`, `latitude` with `longitude` and `height`, `ecef`, `utm`, or `north` with
+/// `east` and `down` or `up`.
 ///
 /// A column is written as in the header; a minus sign before it changes the sign of its values.
 #[derive(Debug, Default, Deserialize, JsonSchema)]
@@ -379,6 +400,10 @@ pub(in super::super) struct ChannelSpec {
     pub(super) columns: Option<Vec<OneOrMany<String>>>,
     /// The columns of a vector, or of its 1σ, along east, north and up; makes one along north, east and down.
     pub(super) enu: Option<[String; 3]>,
+    /// The column of the speed over ground, with that of its `course`; makes a velocity north, east, down.
+    pub(super) speed: Option<OneColumn>,
+    /// The column of the course over ground, clockwise from north.
+    pub(super) course: Option<OneColumn>,
     /// The columns of a quaternion w x y z, body to navigation.
     pub(super) quaternion: Option<[String; 4]>,
     /// The columns of a rotation matrix, row by row, from body to navigation axes; makes a quaternion.
@@ -404,13 +429,14 @@ pub(in super::super) struct ChannelSpec {
     pub(super) north: Option<String>,
     /// The column of the metres east of it.
     pub(super) east: Option<String>,
-    /// The column of the metres below it.
-    pub(super) down: Option<String>,
-    /// The column of the metres above it, instead of `down`.
-    pub(super) up: Option<String>,
+    /// The column of the metres below it; of `speed` and `course`, that of the velocity down.
+    pub(super) down: Option<OneColumn>,
+    /// The column of the opposite, instead of `down`.
+    pub(super) up: Option<OneColumn>,
     /// The unit of the columns, such as `deg/s`. Without it the one in brackets at the end of their names,
     /// as of `gyro_x [deg/s]`; else a pure number (also with `unit = ""`). Of latitude and longitude and of
-    /// roll, pitch, heading: `rad` or `deg`.
+    /// roll, pitch, heading: `rad` or `deg`; of latitude and longitude also `ddmm`, degrees and minutes as NMEA
+    /// writes them (`4854.554` is 48° 54.554'). Of `speed` with `course`: that of the speeds.
     pub(super) unit: Option<String>,
     /// The unit of the height. Without it the one in brackets at the end of its column's name, else metres.
     pub(super) height_unit: Option<String>,
@@ -441,6 +467,66 @@ pub(in super::super) struct ChannelSpec {
     /// How late the stamp is: the values are valid at stamp − latency; at most 1 h.
     #[serde(default)]
     pub(super) latency: Duration,
+}
+
+/// A column that may have a unit of its own: its name, or `{ column = "SOG", unit = "kn" }`.
+#[derive(Clone, Debug)]
+pub(in super::super) struct OneColumn {
+    pub(super) column: String,
+    pub(super) unit: Option<String>,
+}
+
+/// A column with its unit.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct ColumnTable {
+    /// The column.
+    column: String,
+    /// Its unit.
+    unit: Option<String>,
+}
+
+impl<'de> Deserialize<'de> for OneColumn {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Written;
+
+        impl<'de> Visitor<'de> for Written {
+            type Value = OneColumn;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("the name of a column, or a table with `column` and `unit`")
+            }
+
+            fn visit_str<E: Error>(self, v: &str) -> Result<OneColumn, E> {
+                Ok(OneColumn {
+                    column: v.to_owned(),
+                    unit: None,
+                })
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<OneColumn, A::Error> {
+                let ColumnTable { column, unit } = ColumnTable::deserialize(MapAccessDeserializer::new(map))?;
+                Ok(OneColumn { column, unit })
+            }
+        }
+
+        deserializer.deserialize_any(Written)
+    }
+}
+
+impl JsonSchema for OneColumn {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> Cow<'static, str> {
+        "OneColumn".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let table = generator.subschema_for::<ColumnTable>();
+        json_schema!({ "anyOf": [{ "type": "string" }, table] })
+    }
 }
 
 /// Angles about the axes of turns.

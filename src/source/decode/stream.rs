@@ -89,22 +89,52 @@ struct Columns<'a> {
 }
 
 impl Columns<'_> {
-    fn position(&self, name: &str) -> Option<usize> {
-        self.raw.columns().iter().position(|known| known == name)
+    /// The numbers of the columns of this name, from 0; of a name that no column has, the column of this number.
+    fn positions(&self, name: &str) -> Vec<usize> {
+        let columns = self.raw.columns();
+        let named: Vec<usize> = (0..columns.len()).filter(|k| columns[*k] == name).collect();
+        if !named.is_empty() || !self.raw.is_numbered() {
+            return named;
+        }
+        let number = name.parse().ok().filter(|number| (1..=columns.len()).contains(number));
+        number.map(|number: usize| number - 1).into_iter().collect()
     }
 
     /// The number of a column.
     fn find(&mut self, field: &str, name: &str) -> usize {
-        self.position(name).unwrap_or_else(|| self.missing(field, name))
+        match self.positions(name)[..] {
+            [] => self.missing(field, name),
+            [one] => one,
+            ref several => self.ambiguous(field, name, several),
+        }
     }
 
     /// The number of a column and the sign before its name.
     fn find_signed(&mut self, field: &str, name: &str) -> (usize, f64) {
-        match (self.position(name), name.strip_prefix('-')) {
-            (Some(at), _) => (at, 1.0),
-            (None, Some(bare)) => (self.find(field, bare), -1.0),
-            (None, None) => (self.missing(field, name), 1.0),
+        match name.strip_prefix('-') {
+            Some(bare) if self.positions(name).is_empty() => (self.find(field, bare), -1.0),
+            _ => (self.find(field, name), 1.0),
         }
+    }
+
+    fn ambiguous(&mut self, field: &str, name: &str, columns: &[usize]) -> usize {
+        let numbers: Vec<String> = columns.iter().map(|k| format!("`{}`", k + 1)).collect();
+        let message = format!("`{}` has {} columns `{name}`", self.file.declared.display(), columns.len());
+        let help = if self.raw.is_numbered() {
+            format!(
+                "write the number of the column that is meant instead of its name: {}. Or name all columns by `names`, and pass over \
+                 the line with theirs by `skip = 1`",
+                numbers.join(" or ")
+            )
+        } else {
+            "give them different names".to_owned()
+        };
+        let error = BuildError::at(field, message).help(help);
+        // A name that a channel reads three times is one mistake.
+        if !self.errors.contains(&error) {
+            self.errors.push(error);
+        }
+        0
     }
 
     /// The cells that a channel reads.

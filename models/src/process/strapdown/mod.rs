@@ -112,7 +112,7 @@ position_noise = "1 mm/sqrt(s)"
 discretisation = "second_order"
 gravity = "somigliana"
 agility = { acceleration = ["3 m/s^2", "2 m/s^2", "1 m/s^2"], angular_rate = ["5 deg/s", "5 deg/s", "30 deg/s"], time = "1 s", tilt = "10 deg" }
-gyro = { noise = "0.2 deg/sqrt(h)", bias = { estimate = true, initial = [0.01, 0, 0], sigma = "0.1 deg/s", random_walk = "1e-5 rad/s/sqrt(s)" }, scale = { estimate = true, initial = [0, 0.02, 0], sigma = "1 %" } }
+gyro = { noise = "0.2 deg/sqrt(h)", bias = { estimate = true, initial = [0.01, 0, 0], sigma = "0.1 deg/s", random_walk = "1e-5 rad/s/sqrt(s)" }, scale = { estimate = true, initial = [0, 0.02, 0], sigma = "1 %" }, scale_noise = "0.2 %/sqrt(Hz)" }
 accelerometer = { noise = "70 ug/sqrt(Hz)", bias = { estimate = true, initial = [0, 0.1, 0], sigma = "10 mg", correlation_time = "1000 s" }, scale = { estimate = true, initial = [0, 0, 0.01], sigma = "1 %" }, vibration = "1 s" }
 "#
 );
@@ -250,7 +250,7 @@ impl Strapdown {
 
     #[inline(always)]
     fn write_transition(&self, start: &Start, corrected: &Sample, input: &Input<'_>, dt: f64, out: &mut Transition) {
-        let (gyro, accel) = self.inertial.noise(input);
+        let (gyro, accel) = self.inertial.noise(&corrected.0.rate, input);
         let (slots, (w, f)) = (&self.kinematic.slots, (&corrected.0.rate, &corrected.1.rate));
         if self.discretisation == Discretisation::FirstOrder {
             let linear = Linear::at(start, w, f, self.gravity);
@@ -266,7 +266,7 @@ impl Strapdown {
     /// The same of second order, or exact.
     #[inline(never)]
     fn write_other(&self, start: &Start, corrected: &Sample, input: &Input<'_>, dt: f64, out: &mut Transition) {
-        let ((gyro, accel), slots) = (self.inertial.noise(input), &self.kinematic.slots);
+        let ((gyro, accel), slots) = (self.inertial.noise(&corrected.0.rate, input), &self.kinematic.slots);
         let phi = if self.discretisation == Discretisation::Exact {
             let (w, f) = self.inertial.driven(corrected, input);
             slots.write_exact_noise(&start.c_nb, (&w, &f), &gyro, &accel, dt, out);

@@ -165,3 +165,27 @@ fn a_sample_that_lasts_long_adds_noise_for_what_it_hides() {
     );
     assert!(process.max_step() <= LONGEST_STEP);
 }
+
+#[test]
+fn the_noise_of_the_gyros_grows_with_the_rate_on_every_axis() {
+    let of = |gyro: &str, rate: f64| {
+        let (layout, process) = built(&format!("gyro = {{ {gyro} }}\naccelerometer = {{ noise = 1e-3 }}\n"));
+        let mut out = Transition::new(&layout);
+        let sample = [0.0, rate, 0.0, 0.0, 0.0, -9.8];
+        let interval = 0.01;
+        let input = Input { sample: &sample, interval };
+        process.linearise(&state(&layout, UnitQuaternion::identity()), &input, interval, &mut out);
+        let noise: Vec<_> = out.noise_before().chain(out.noise_after()).collect();
+        noise
+    };
+    // √(3² + (2 · 2)²) = 5.
+    let (grown, same) = (of("noise = 3e-3, scale_noise = 2e-3", 2.0), of("noise = 5e-3", 2.0));
+    assert!(grown.len() == same.len() && !same.is_empty());
+    for ((i, j, grown), (k, l, same)) in grown.into_iter().zip(same) {
+        assert!(
+            (i, j) == (k, l) && (grown - same).abs() <= 1e-12 * same.abs(),
+            "{i}, {j}: {grown} {same}"
+        );
+    }
+    assert_eq!(of("noise = 3e-3, scale_noise = 2e-3", 0.0), of("noise = 3e-3", 0.0));
+}

@@ -130,3 +130,70 @@ fn fields_of_a_magnetometer_and_temperatures_are_read() {
         );
     }
 }
+
+#[test]
+fn a_name_that_stands_twice_is_an_error_where_it_is_used_and_a_number_tells_columns_apart() {
+    let toml = format!("{T}channels.v = {{ columns = ['a', '-b'], unit = 'm/s' }}");
+    let text = "t,a,b,a,c,c\n1,2,3,4,5,5\n";
+    let twice = said(&toml, text);
+    assert!(twice.starts_with("error: `log.csv` has 2 columns `a`\n"), "{twice}");
+    assert!(
+        twice.contains("instead of its name: `2` or `4`. Or name all columns by `names`") && twice.contains("`skip = 1`"),
+        "{twice}"
+    );
+    assert_eq!(values(&toml.replace("'a'", "'4'").replace("'-b'", "'-3'"), text), [[4.0, -3.0]]);
+    assert_eq!(
+        values(&format!("skip = 1\nnames = ['t', 'a', 'b', 'x', 'y', 'z']\n{toml}"), text),
+        [[2.0, -3.0]]
+    );
+    let beyond = said(&toml.replace("'a'", "'7'"), text);
+    assert!(beyond.contains("has no column `7`"), "{beyond}");
+    // A name comes before a number.
+    let number = format!("{T}channels.v = {{ column = '2', unit = 'm/s' }}");
+    assert_eq!(values(&number, "t,a,2\n1,5,6\n"), [[6.0]]);
+    let thrice = said(&toml.replace("'-b'", "'a', '-a'"), text);
+    assert_eq!(thrice.matches("has 2 columns").count(), 1, "{thrice}");
+    let time = said("time = { column = 't' }", "t,t\n1,2\n");
+    assert!(time.starts_with("error: `log.csv` has 2 columns `t`\n"), "{time}");
+}
+
+#[test]
+fn lines_before_and_after_a_header_are_passed_over() {
+    let channels = format!("{T}channels.v = {{ column = 'v', unit = 'm/s' }}");
+    let text = "made by \"x\nt,t,t\nt,v\ns,m/s\n\n1,2\n2,x\n";
+    let wrong = said(&format!("header = 3\nskip = 1\n{channels}"), text);
+    assert!(
+        wrong.starts_with("error: `x` in column `v` is not a number\n--> log.csv:7"),
+        "{wrong}"
+    );
+    assert_eq!(
+        values(&format!("header = 3\nskip = 1\n{channels}"), "a\nb\nt,v\ns,m/s\n1,2\n"),
+        [[2.0]]
+    );
+    assert_eq!(values(&format!("skip = 1\n{channels}"), "t,v\ns,m/s\n1,2\n"), [[2.0]]);
+    assert_eq!(
+        values(&format!("names = ['t', 'v']\nskip = 2\n{channels}"), "x,y\ns,m/s\n1,2\n"),
+        [[2.0]]
+    );
+    let numbered = "header = false\nskip = 1\ntime = { column = '1' }\nchannels.v = { column = '2', unit = 'm/s' }";
+    assert_eq!(values(numbered, "x,y\n1,2\n"), [[2.0]]);
+    let comment = format!("header = 'comment'\nskip = 1\ncomment = '#'\n{channels}");
+    assert_eq!(values(&comment, "# log\n# t,v\ns,m/s\n1,2\n"), [[2.0]]);
+    let both = said(&format!("names = ['t', 'v']\nheader = 2\n{channels}"), "t,v\n1,2\n");
+    assert!(both.contains("`names` stand instead of a header"), "{both}");
+    assert!(said(&format!("header = 0\n{channels}"), "t,v\n1,2\n").contains("or the number of a line"));
+    assert!(said("header = false\nskip = 5\ntime = { column = '1' }", "1\n2\n").contains("this file is empty"));
+}
+
+#[test]
+fn comments_may_begin_with_more_than_one_character() {
+    let toml = format!("comment = '//'\n{T}channels.v = {{ column = 'v', unit = 'm/s' }}");
+    let wrong = said(&toml, "// a \"log\n//\nt,v\n// pause\n1,2\n/1,2\n");
+    assert!(
+        wrong.starts_with("error: `/1` in column `t` is not a number\n--> log.csv:6"),
+        "{wrong}"
+    );
+    let named = format!("header = 'comment'\ndelimiter = 'blanks'\n{toml}");
+    assert_eq!(values(&named, "// x\n// t v\n1  2\n// pause\n 2 3\n"), [[2.0], [3.0]]);
+    assert!(said(&toml.replace("//", ""), "t,v\n").contains("this is what comments begin with"));
+}

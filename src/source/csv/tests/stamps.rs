@@ -162,3 +162,175 @@ fn what_is_wrong_with_a_date_is_said_by_line_and_column() {
     let zero = stamped("column = 't', calendar = 'gps', epoch = 5", "t\n2025-07-08 00:00:00\n").unwrap_err();
     assert!(zero.contains("`5` is not a date and time"), "{zero}");
 }
+
+#[test]
+fn dates_in_other_orders_and_times_of_day_are_read_as_declared() {
+    let epoch = "epoch = '2025-07-08T19:34:18Z'";
+    for (time, data) in [
+        (
+            "column = 't', calendar = 'utc', order = 'dmy'",
+            "t\n08/07/2025 19:34:18.5\n08/07/2025 19:34:19\n",
+        ),
+        (
+            "column = 't', calendar = 'utc', order = 'mdy'",
+            "t\n7/8/25 19:34:18.5\n7/8/25 19:34:19\n",
+        ),
+        (
+            "date = 'd', column = 't', calendar = 'utc', order = 'dmy'",
+            "d,t\n080725,193418.50\n080725,193419.00\n",
+        ),
+        ("column = 't', calendar = 'utc', day = '2025-07-08'", "t\n19:34:18.5\n193419\n"),
+    ] {
+        assert_eq!(
+            stamped(&format!("{time}, {epoch}"), data).unwrap(),
+            [500_000_000, 1_000_000_000],
+            "{time}"
+        );
+    }
+    for (time, cell, what) in [
+        (
+            "column = 't', calendar = 'utc'",
+            "08/07/2025 10:00:00",
+            "begins with the day or the month",
+        ),
+        (
+            "column = 't', calendar = 'utc'",
+            "10:00:00.5",
+            "has no date: name its column by `date`, or write",
+        ),
+        ("column = 't', calendar = 'utc', day = '2025-07-08'", "10:61:00", "does not exist"),
+        (
+            "column = 't', calendar = 'utc', day = '2025-07-08'",
+            "noon",
+            "is no time of day, such as",
+        ),
+    ] {
+        let wrong = stamped(time, &format!("t\n{cell}\n")).unwrap_err();
+        assert!(wrong.starts_with(&format!("error: `{cell}` in column `t` {what}")), "{wrong}");
+    }
+    for (time, what) in [
+        ("column = 't', order = 'dmy'", "an order of a date needs its `calendar`"),
+        ("column = 't', day = '2025-07-08'", "a date needs its `calendar`"),
+        (
+            "column = 't', calendar = 'utc', day = '8.7.2025'",
+            "`8.7.2025` is no date such as `2025-07-08`",
+        ),
+        ("column = 't', calendar = 'utc', day = '2025-02-30'", "is no date such as"),
+        (
+            "column = 't', date = 'd', calendar = 'utc', day = '2025-07-08'",
+            "`date` does not apply to times of day",
+        ),
+    ] {
+        let wrong = stamped(time, "t,d\n1,1\n").unwrap_err();
+        assert!(wrong.contains(what), "{wrong}");
+    }
+}
+
+#[test]
+fn times_of_day_go_on_after_midnight_and_do_not_jump_a_day_for_one_that_goes_back() {
+    let toml = "calendar = 'utc', day = '2025-07-08', epoch = '2025-07-08T23:59:58Z'";
+    let first = "column = 't', ";
+    let of = |data: &str| stamped(&format!("{first}{toml}"), data);
+    let seconds = |found: Vec<i64>| -> Vec<i64> { found.into_iter().map(|t| t / 1_000_000_000).collect() };
+    // The first row is the last of its day, too.
+    assert_eq!(seconds(of("t\n23:59:59\n00:00:00\n00:00:01\n").unwrap()), [1, 2, 3]);
+    assert_eq!(
+        seconds(of("t\n23:59:58\n08:00:00\n19:00:00\n03:00:00\n").unwrap()),
+        [0, 28_802, 68_402, 97_202]
+    );
+    let back = of("t\n23:59:59\n00:00:00\n00:00:01\n23:59:59\n").unwrap_err();
+    assert!(
+        back.starts_with("error: time runs backwards: 1.000000 s comes after 3.000000 s"),
+        "{back}"
+    );
+    let skipping = "backwards = 'skip', ";
+    let left = stamped(&format!("{first}{skipping}{toml}"), "t\n23:59:59\n00:00:00\n23:59:58\n00:00:01\n").unwrap();
+    assert_eq!(seconds(left), [1, 2, 3]);
+    // A stamp that jumps ahead is wrong where the next one goes back: the day does not follow it.
+    let jump = of("t\n23:59:58\n23:59:59\n00:00:00\n05:00:00\n00:00:01\n00:00:02\n").unwrap();
+    assert_eq!(seconds(jump), [0, 1, 2, 3, 4]);
+}
+
+#[test]
+fn rows_without_stamps_and_counters_of_samples_have_a_rate() {
+    assert_eq!(stamped("rate = '100 Hz'", "v\n1\n2\n3\n").unwrap(), [0, 10_000_000, 20_000_000]);
+    // A row that cannot be read was recorded all the same.
+    let bad = "bad_rows = 'skip'\ntime = { rate = '100 Hz' }\nchannels.v = { column = 'v', unit = 'm/s' }";
+    let (rows, _) = read(bad, b"v\n1\nx\n1,2\n3\n").unwrap();
+    assert_eq!(rows.iter().map(|(t, _)| *t).collect::<Vec<_>>(), [0, 30_000_000]);
+    let counter = "column = 'Packet number', rate = '256 Hz'";
+    let text = "Packet number\n512\n513\n1024\n1025\n";
+    assert_eq!(
+        stamped(counter, text).unwrap(),
+        [2_000_000_000, 2_003_906_250, 4_000_000_000, 4_003_906_250]
+    );
+    assert_eq!(stamped(&format!("{counter}, epoch = 512"), text).unwrap()[0], 0);
+    // No interval in whole nanoseconds: the stamps do not drift by its rounding. 3e7 / 30 Hz is 1e6 s.
+    assert_eq!(
+        stamped("column = 'n', rate = '30 Hz'", "n\n30000000\n").unwrap(),
+        [1_000_000_000_000_000]
+    );
+    for (time, what) in [
+        (
+            "start = 0",
+            "a row has its stamp in a `column`, or rows are evenly spaced and have a `rate`",
+        ),
+        ("column = 'n', rate = '1 Hz', unit = 's'", "`unit` does not apply to a rate"),
+        (
+            "column = 'n', rate = '1 Hz', calendar = 'utc'",
+            "`calendar` does not apply to a rate",
+        ),
+        (
+            "column = 'n', rate = '1 Hz', epoch = 'noon'",
+            "the epoch of a counter is the count at time zero",
+        ),
+    ] {
+        let wrong = stamped(time, "n\n1\n").unwrap_err();
+        assert!(wrong.contains(what), "{wrong}");
+    }
+    let wrong = stamped("column = 'n', rate = '1 Hz'", "n\nx\n").unwrap_err();
+    assert!(
+        wrong.starts_with("error: `x` in column `n` is not a number\n--> log.csv:2"),
+        "{wrong}"
+    );
+}
+
+#[test]
+fn rows_of_several_instruments_with_equal_stamps_are_told_apart_by_valid_alone() {
+    let toml = "time = { column = 't' }\nvalid = { column = 'I', equals = 0 }\nchannels.v = { column = 'v', unit = 'm/s' }";
+    let text = "t,I,v\n0,1,10\n0,0,1\n0.1,0,2\n0.1,1,20\n0.05,1,30\n900,1,40\n0.2,0,3\nlost,1,50\n0.3,0,4\n";
+    let (rows, report) = read(toml, text.as_bytes()).unwrap();
+    let seen: Vec<_> = rows.iter().map(|(t, row)| (t / 1_000_000, row[0])).collect();
+    assert_eq!(seen, [(0, 1.0), (100, 2.0), (200, 3.0), (300, 4.0)]);
+    assert_eq!(
+        (report.skipped.len(), report.skipped[0].reason.as_str(), report.skipped[0].count),
+        (1, "not valid as declared", 5)
+    );
+    // Two rows of one instrument are still no pair.
+    let tie = read(toml, b"t,I,v\n0,0,1\n0,1,2\n0,0,3\n").unwrap_err();
+    assert!(
+        tie.starts_with("error: the stamp 0.000000 s is equal to that of the row before\n--> log.csv:4"),
+        "{tie}"
+    );
+}
+
+#[test]
+fn an_increment_covers_the_interval_of_its_instrument() {
+    let rates = |more: &str, text: &str| -> Vec<f64> {
+        let toml = format!(
+            "{more}time = {{ column = 't' }}\nvalid = {{ column = 'I', equals = 0 }}
+            channels.w = {{ columns = ['d'], unit = 'rad', increment = true }}"
+        );
+        let (rows, _) = read(&toml, text.as_bytes()).unwrap();
+        rows.iter().map(|(_, row)| (row[0] * 1e9).round() / 1e9).collect()
+    };
+    // Equal stamps, in either order; a row that is left out has an interval of its own.
+    let pairs = "t,I,d\n0,0,1\n0,1,9\n0.1,1,9\n0.1,0,1\n0.2,1,9\n0.3,0,1\n0.4,0,1\n";
+    assert_eq!(rates("", pairs), [10.0; 3]);
+    // Stamps of the other a little before: with the nominal rate they do not matter.
+    let between = "t,I,d\n0,0,1\n0.09,1,9\n0.1,0,1\n0.19,1,9\n0.2,0,1\n";
+    assert_eq!(rates("rate = '10 Hz'\n", between), [10.0; 3]);
+    // A wrong stamp of the other has no effect on later ones.
+    let wrong = "t,I,d\n0,0,1\n0.1,0,1\n900,1,9\n0.2,0,1\n0.3,0,1\n";
+    assert_eq!(rates("", wrong), [10.0; 3]);
+}

@@ -2,6 +2,8 @@
 
 use super::plan::ChannelPlan;
 use super::turns::{Turns, of_matrix};
+use core::f64::consts::{FRAC_PI_2, TAU};
+use core::fmt;
 use core::ops::RangeInclusive;
 use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
@@ -27,7 +29,9 @@ pub(super) enum Conversion {
     Vector {
         rotation: Option<Matrix3<f64>>,
     },
-    Geodetic,
+    /// Speed, course and, if known, velocity down.
+    Course,
+    Geodetic(Angles),
     /// Earth-centred Earth-fixed.
     Ecef,
     /// Easting, northing, height.
@@ -42,6 +46,15 @@ pub(super) enum Conversion {
         sensor: UnitQuaternion<f64>,
         inverse: bool,
     },
+}
+
+/// How latitudes and longitudes are written.
+#[derive(Clone, Debug)]
+pub(super) enum Angles {
+    /// As multiples of this unit.
+    Of(String),
+    /// `4854.554` is 48° 54.554′.
+    DegreesAndMinutes,
 }
 
 /// How an attitude is written.
@@ -70,12 +83,8 @@ impl Wrong {
 
 impl From<Impossible> for Wrong {
     fn from(impossible: Impossible) -> Self {
-        Self {
-            message: impossible.message,
-            help: impossible
-                .may_be_degrees
-                .then_some("if the columns are in degrees, write `unit = \"deg\"`"),
-        }
+        // A place was judged as it is written.
+        Self::new(impossible.message)
     }
 }
 
@@ -105,6 +114,9 @@ impl ChannelPlan {
         } else {
             let scaled = &mut scaled[..read.len()];
             self.scale(read, interval, scaled)?;
+            if let Conversion::Geodetic(angles) = &self.conversion {
+                self.place(angles, read, scaled)?;
+            }
             self.conversion.apply(scaled, out)?;
         }
         let Channel {
@@ -119,6 +131,31 @@ impl ChannelPlan {
             }
         }
         Ok(())
+    }
+
+    /// Latitude and longitude \[rad\], which lie on the Earth.
+    fn place(&self, angles: &Angles, read: &[f64], out: &mut [f64]) -> Result<(), Wrong> {
+        let column = |i: usize| self.inputs[i].name();
+        if matches!(angles, Angles::DegreesAndMinutes) {
+            for (i, out) in out.iter_mut().enumerate().take(2) {
+                *out = of_degrees_and_minutes(*out).ok_or_else(|| {
+                    let message = format!("`{}` in column `{}` has 60 minutes or more", read[i].abs(), column(i));
+                    Wrong {
+                        message,
+                        help: Some("if the columns are in degrees, write `unit = \"deg\"`"),
+                    }
+                })?;
+            }
+        }
+        let (i, what) = match *out {
+            [lat, ..] if lat.abs() > FRAC_PI_2 => (0, "latitude: it lies beyond a pole"),
+            [_, lon, ..] if lon.abs() > TAU => (1, "longitude: it is more than a turn"),
+            _ => return Ok(()),
+        };
+        Err(Wrong {
+            message: format!("{} {angles} in column `{}` is no {what}", read[i], column(i)),
+            help: angles.instead(read[0], read[1]),
+        })
     }
 
     /// Number by number: unit and scale, root of a variance, offset, increment to rate.
@@ -143,7 +180,13 @@ impl Conversion {
     /// Turns the numbers as a whole; a vector keeps its own.
     fn apply(&self, read: &[f64], out: &mut [f64]) -> Result<(), Wrong> {
         let position = match self {
-            Self::Vector { .. } | Self::Geodetic | Self::Local { frame: None } => {
+            Self::Course => {
+                let (sin, cos) = read[1].sin_cos();
+                let velocity = [read[0] * cos, read[0] * sin, third(read)];
+                out.copy_from_slice(&velocity[..out.len()]);
+                return Ok(());
+            }
+            Self::Vector { .. } | Self::Geodetic(_) | Self::Local { frame: None } => {
                 out.copy_from_slice(read);
                 return Ok(());
             }
@@ -184,8 +227,41 @@ impl Conversion {
     }
 }
 
+impl fmt::Display for Angles {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Of(unit) => f.write_str(unit),
+            Self::DegreesAndMinutes => f.write_str("(degrees and minutes)"),
+        }
+    }
+}
+
+impl Angles {
+    /// What the columns may be instead, where a number is no latitude or longitude.
+    fn instead(&self, lat: f64, lon: f64) -> Option<&'static str> {
+        let are = |lat: f64, lon: f64| lat.abs() <= 90.0 && lon.abs() <= 360.0;
+        let of_minutes = |number: f64| of_degrees_and_minutes(number).map(f64::to_degrees);
+        let may_be_minutes = || of_minutes(lat).zip(of_minutes(lon)).is_some_and(|(lat, lon)| are(lat, lon));
+        match self {
+            Self::Of(unit) if unit == "rad" && are(lat, lon) => Some("if the columns are in degrees, write `unit = \"deg\"`"),
+            Self::Of(unit) if unit == "deg" && are(lon, lat) => Some("are latitude and longitude exchanged?"),
+            Self::Of(_) if may_be_minutes() => {
+                Some("if they are degrees and minutes, as NMEA writes them (ddmm.mmmm), write `unit = \"ddmm\"`")
+            }
+            _ => None,
+        }
+    }
+}
+
+/// The angle \[rad\] of `ddmm.mmmm`; `None` of 60 minutes and more.
+fn of_degrees_and_minutes(number: f64) -> Option<f64> {
+    let degrees = (number.abs() / 100.0).trunc();
+    let minutes = number.abs() - 100.0 * degrees;
+    (minutes < 60.0).then(|| (degrees + minutes / 60.0).to_radians().copysign(number))
+}
+
 /// The height or depth among what is read; of a horizontal position 0, on which its latitude and longitude
-/// hardly depend.
+/// hardly depend, and of a horizontal velocity nothing.
 fn third(read: &[f64]) -> f64 {
     read.get(2).copied().unwrap_or_default()
 }

@@ -2,17 +2,24 @@
 
 use super::turns::Turns;
 use crate::source::decode::OneOrMany;
-use crate::source::decode::spec::{ChannelSpec, Hemisphere};
+use crate::source::decode::spec::{ChannelSpec, Hemisphere, OneColumn};
 use fusion_models::block::Channel;
 use fusion_models::earth::utm::Zone;
 
-/// The name of the channel that is a position without a height: for a reference, which judges what it knows.
-pub(super) const HORIZONTAL: &str = "horizontal_position";
+/// What the names of channels without their vertical part begin with.
+const HORIZONTAL: &str = "horizontal_";
+
+/// The channel with a vertical part that this one would be: `position` of `horizontal_position`.
+pub(super) fn whole(name: &str) -> Option<&str> {
+    name.strip_prefix(HORIZONTAL)
+        .filter(|whole| ["position", "velocity"].contains(whole))
+}
 
 /// The ways to make a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Form {
     Vector,
+    Course,
     Quaternion,
     Dcm,
     Rpy,
@@ -30,6 +37,8 @@ pub(in super::super) struct Input {
     pub(in super::super) field: &'static str,
     /// The columns whose sum it is, as written: each may have a minus sign.
     pub(in super::super) columns: Vec<String>,
+    /// A unit of its own.
+    pub(super) unit: Option<String>,
     /// The sum is turned round.
     pub(in super::super) is_reversed: bool,
 }
@@ -43,7 +52,15 @@ impl Input {
         Self {
             field,
             columns: columns.to_vec(),
+            unit: None,
             is_reversed: false,
+        }
+    }
+
+    fn one(field: &'static str, column: &OneColumn) -> Self {
+        Self {
+            unit: column.unit.clone(),
+            ..Self::new(field, &column.column)
         }
     }
 
@@ -55,10 +72,13 @@ impl Input {
 
 pub(super) fn forms(spec: &ChannelSpec) -> Vec<Form> {
     let any = |keys: &[&Option<String>]| keys.iter().any(|key| key.is_some());
+    let is_course = spec.speed.is_some() || spec.course.is_some();
+    let is_local = any(&[&spec.north, &spec.east]) || !is_course && (spec.down.is_some() || spec.up.is_some());
     let asked = [
         (spec.column.is_some(), Form::Vector),
         (spec.columns.is_some(), Form::Vector),
         (spec.enu.is_some(), Form::Vector),
+        (is_course, Form::Course),
         (spec.quaternion.is_some(), Form::Quaternion),
         (spec.dcm.is_some(), Form::Dcm),
         (spec.rpy.is_some(), Form::Rpy),
@@ -66,7 +86,7 @@ pub(super) fn forms(spec: &ChannelSpec) -> Vec<Form> {
         (any(&[&spec.latitude, &spec.longitude]), Form::Geodetic),
         (spec.ecef.is_some(), Form::Ecef),
         (spec.utm.is_some(), Form::Utm),
-        (any(&[&spec.north, &spec.east, &spec.down, &spec.up]), Form::Local),
+        (is_local, Form::Local),
     ];
     let asked: Vec<Form> = asked.into_iter().filter(|(is_asked, _)| *is_asked).map(|(_, form)| form).collect();
     // A height alone is that of a latitude which is missing.
@@ -86,12 +106,19 @@ impl Form {
             let columns = columns.unwrap_or_default();
             columns.iter().map(|column| Input::new(field, column)).collect()
         };
+        let one = |field: &'static str, column: &Option<OneColumn>| column.as_ref().map(|c| Input::one(field, c)).ok_or(field);
         let with_height = |across: [Input; 2], height: &dyn Fn() -> Result<Input, &'static str>| {
-            let height = if name == HORIZONTAL { None } else { Some(height()?) };
+            let height = if whole(name).is_some() { None } else { Some(height()?) };
             Ok(across.into_iter().chain(height).collect())
+        };
+        let vertical = || match (&spec.down, &spec.up) {
+            (Some(_), Some(_)) => Err("down` or `up` (one of them, not both)"),
+            (down, None) => one("down", down),
+            (None, up) => one("up", up),
         };
         match self {
             Self::Vector => Ok(vector(name, spec)),
+            Self::Course => with_height([one("speed", &spec.speed)?, one("course", &spec.course)?], &vertical),
             Self::Quaternion => Ok(all("quaternion", spec.quaternion.as_ref().map(|q| &q[..]))),
             Self::Dcm => Ok(all("dcm", spec.dcm.as_ref().map(|m| &m[..]))),
             Self::Rpy => Ok(all("rpy", spec.rpy.as_ref().map(|angles| &angles[..]))),
@@ -106,20 +133,14 @@ impl Form {
                 let across = [Input::new("utm.easting", &utm.easting), Input::new("utm.northing", &utm.northing)];
                 with_height(across, &|| named("height", &spec.height))
             }
-            Self::Local => {
-                let vertical = || match (&spec.down, &spec.up) {
-                    (Some(_), Some(_)) => Err("down` or `up` (one of them, not both)"),
-                    (down, None) => named("down", down),
-                    (None, up) => named("up", up),
-                };
-                with_height([named("north", &spec.north)?, named("east", &spec.east)?], &vertical)
-            }
+            Self::Local => with_height([named("north", &spec.north)?, named("east", &spec.east)?], &vertical),
         }
     }
 
     pub(super) const fn name(self) -> &'static str {
         match self {
             Self::Vector => "a vector",
+            Self::Course => "a speed with its course",
             Self::Quaternion => "a quaternion",
             Self::Dcm => "a rotation matrix",
             Self::Rpy => "roll, pitch and heading",
@@ -132,6 +153,9 @@ impl Form {
         match self {
             Self::Geodetic => "write e.g. `{ latitude = \"lat\", longitude = \"lon\", height = \"h\", unit = \"deg\" }`",
             Self::Utm => "write e.g. `{ utm = { easting = \"e\", northing = \"n\", zone = 32, hemisphere = \"north\" }, height = \"h\" }`",
+            Self::Course => {
+                "write e.g. `{ speed = { column = \"SOG\", unit = \"kn\" }, course = { column = \"COG\", unit = \"deg\" }, down = \"vd\" }`"
+            }
             Self::Vector => "write e.g. `{ columns = [\"x\", \"y\", \"z\"] }`, or `{ column = \"speed\" }` for one number",
             _ => "write e.g. `{ north = \"n\", east = \"e\", down = \"d\" }`",
         }
@@ -151,7 +175,7 @@ impl Form {
     pub(super) fn misfits(self, name: &str, spec: &ChannelSpec) -> Vec<&'static str> {
         let (vector, attitude) = (self == Self::Vector, self.is_attitude());
         let is_turned = vector && spec.enu.is_none();
-        let is_horizontal = name == HORIZONTAL;
+        let is_horizontal = whole(name).is_some();
         let has_height = matches!(self, Self::Geodetic | Self::Utm) && !is_horizontal;
         let keys = [
             ("unit", spec.unit.is_some(), !matches!(self, Self::Quaternion | Self::Dcm)),

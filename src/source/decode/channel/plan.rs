@@ -1,7 +1,7 @@
 //! From the declaration of a channel to what is done with its cells.
 
-use super::convert::{Conversion, Written};
-use super::form::{Form, HORIZONTAL, Input, forms, turns, zone};
+use super::convert::{Angles, Conversion, Written};
+use super::form::{Form, Input, forms, turns, whole, zone};
 use super::rotation::matrix;
 use crate::source::decode::OneOrMany;
 use crate::source::decode::header_unit::common_unit;
@@ -9,8 +9,12 @@ use crate::source::decode::spec::{ChannelSpec, RotationSpec};
 use fusion_core::time::nanos;
 use fusion_models::block::{BuildError, Channel, Shape, check_delay};
 use fusion_models::units::{Dimension, Dimensional, dim, parse_unit, range};
+use fusion_models::vocabulary::channel;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
+use std::borrow::Cow;
 
+/// What `unit` says of latitudes and longitudes in degrees and minutes.
+const DEGREES_AND_MINUTES: &str = "ddmm";
 const NEEDS_ANGLE: &str = "add `unit = \"deg\"` or `unit = \"rad\"`";
 
 /// A channel, checked; columns are still names.
@@ -39,7 +43,7 @@ impl ChannelPlan {
         let (form, inputs) = planner.form()?;
         let width = inputs.len();
         let units = planner.units(form, &inputs);
-        let (mut factor, mut dimension) = planner.factor(form, width, &units);
+        let (mut factor, mut dimension) = planner.factor(form, &inputs, &units);
         // A horizontal position has no factor of a height.
         factor.truncate(width);
         planner.scale(&mut factor);
@@ -51,7 +55,7 @@ impl ChannelPlan {
         if spec.increment {
             dimension = planner.rate(dimension);
         }
-        let conversion = planner.conversion(form, width);
+        let conversion = planner.conversion(form, width, &units);
         let shape = planner.shape(form, dimension);
         let (shape, dimension) = if shape == Shape::Geodetic && width == 2 {
             (Shape::Angle, dim::Angle::KIND.dimension)
@@ -113,8 +117,9 @@ impl Planner<'_> {
                 } else {
                     "this channel is made in two ways"
                 };
-                let help = "give one of `column`, `columns`, `enu`, `quaternion`, `dcm`, `rpy`, `euler`, `latitude` with `longitude` \
-                            and `height`, `ecef`, `utm` with `height`, or `north` with `east` and `down` or `up`";
+                let help = "give one of `column`, `columns`, `enu`, `speed` with `course`, `quaternion`, `dcm`, `rpy`, `euler`, \
+                            `latitude` with `longitude` and `height`, `ecef`, `utm` with `height`, or `north` with `east` and \
+                            `down` or `up`";
                 self.wrong("", message, help);
                 return None;
             }
@@ -122,12 +127,16 @@ impl Planner<'_> {
         let inputs = match form.inputs(self.name, self.spec) {
             Ok(inputs) => inputs,
             Err(missing) => {
-                let without_height = if missing == "height" && self.name == "position" {
-                    "; of fixes without a height call the channel `horizontal_position`, which the sensor of that name reads"
-                } else {
-                    ""
+                let without = match (self.name, missing) {
+                    ("position", "height") => {
+                        "; of fixes without a height call the channel `horizontal_position`, which the sensor of that name reads"
+                    }
+                    ("velocity", "down") => {
+                        "; where nothing is known of the vertical call the channel `horizontal_velocity`, which the sensor of that name reads"
+                    }
+                    _ => "",
                 };
-                let help = format!("{}{without_height}", form.example());
+                let help = format!("{}{without}", form.example());
                 self.wrong("", &format!("this channel misses `{missing}`"), &help);
                 return None;
             }
@@ -144,26 +153,38 @@ impl Planner<'_> {
             );
         }
         for key in form.misfits(self.name, self.spec) {
-            if self.name == HORIZONTAL && ["height", "down", "up"].contains(&key) {
-                let message = format!("a `{HORIZONTAL}` has no `{key}`");
-                self.wrong(key, &message, "leave it out, or call the channel `position`");
+            if let Some(whole) = whole(self.name).filter(|_| ["height", "down", "up"].contains(&key)) {
+                let message = format!("a `{}` has no `{key}`", self.name);
+                self.wrong(key, &message, &format!("leave it out, or call the channel `{whole}`"));
             } else {
                 self.wrong(key, &format!("`{key}` does not apply to {}", form.name()), "");
             }
+        }
+        if form == Form::Course && Channel::is_sigma(self.name) {
+            self.wrong(
+                "",
+                "a 1σ is along north, east and down, and has no course",
+                "write `columns`, or `enu`",
+            );
+            return None;
         }
         Some((form, inputs))
     }
 
     /// The units: declared, or stated by the names of the columns.
     fn units(&mut self, form: Form, inputs: &[Input]) -> Units {
-        let (heights, others): (Vec<&Input>, Vec<&Input>) = inputs.iter().partition(|input| input.field == "height");
+        // Of a speed with its course each column is asked for itself.
+        let inputs = if form == Form::Course { &[] } else { inputs };
+        let inputs = inputs.iter().filter(|input| input.unit.is_none());
+        let (heights, others): (Vec<&Input>, Vec<&Input>) = inputs.partition(|input| input.field == "height");
         let columns = |inputs: &[&Input]| -> Vec<String> { inputs.iter().flat_map(|input| input.columns.clone()).collect() };
         let (heights, others) = (columns(&heights), columns(&others));
-        let stated = |of: Result<Option<&str>, _>| of.ok().flatten().map(str::to_owned);
-        let height = self.spec.height_unit.clone().or_else(|| stated(common_unit(&heights)));
+        let wanted = channel::known(self.name.strip_suffix("_sigma").unwrap_or(self.name)).map(|channel| channel.dimension);
+        let stated = |of: Result<Option<Cow<'_, str>>, _>| of.ok().flatten().map(Cow::into_owned);
+        let height = self.spec.height_unit.clone().or_else(|| stated(common_unit(&heights, None)));
         let has_unit = self.spec.unit.is_some() || matches!(form, Form::Quaternion | Form::Dcm);
-        let of_header = if has_unit { Ok(None) } else { common_unit(&others) };
-        if let Err((one, other)) = of_header {
+        let of_header = if has_unit { Ok(None) } else { common_unit(&others, wanted) };
+        if let Err((one, other)) = &of_header {
             let message = format!("the columns `{one}` and `{other}` state different units");
             self.wrong("", &message, "declare the `unit`, or make two channels");
         }
@@ -194,22 +215,27 @@ impl Planner<'_> {
     }
 
     /// Factors of the units on the columns, and the dimension of the channel.
-    fn factor(&mut self, form: Form, width: usize, units: &Units) -> (Vec<f64>, Dimension) {
+    fn factor(&mut self, form: Form, inputs: &[Input], units: &Units) -> (Vec<f64>, Dimension) {
         let length = dim::Length::KIND.dimension;
         let unit = units.across.as_deref();
         let height = units.height.as_deref().unwrap_or("m");
         match form {
             Form::Vector => {
                 let (factor, dimension) = self.unit("unit", unit.filter(|unit| !unit.is_empty()), None);
-                (vec![factor; width], dimension)
+                (vec![factor; inputs.len()], dimension)
             }
-            Form::Quaternion | Form::Dcm => (vec![1.0; width], Dimension::NONE),
+            Form::Course => (self.speeds(inputs), dim::Speed::KIND.dimension),
+            Form::Quaternion | Form::Dcm => (vec![1.0; inputs.len()], Dimension::NONE),
             Form::Rpy | Form::Euler => {
                 let factor = self.angle("an angle needs its unit", unit);
-                (vec![factor; width], Dimension::NONE)
+                (vec![factor; inputs.len()], Dimension::NONE)
             }
             Form::Geodetic => {
-                let across = self.angle("a latitude needs its unit", unit);
+                let across = if unit == Some(DEGREES_AND_MINUTES) {
+                    1.0
+                } else {
+                    self.angle("a latitude needs its unit", unit)
+                };
                 let up = self.unit("height_unit", Some(height), Some(length)).0;
                 (vec![across, across, up], Dimension::NONE)
             }
@@ -220,10 +246,61 @@ impl Planner<'_> {
             }
             Form::Ecef | Form::Local => {
                 let factor = self.unit("unit", Some(unit.unwrap_or("m")), Some(length)).0;
-                let down = if self.spec.up.is_some() { -factor } else { factor };
-                (vec![factor, factor, down], Dimension::NONE)
+                let own = inputs.get(2).and_then(|input| Some((input.field, input.unit.as_deref()?)));
+                let vertical = own.map_or(factor, |(field, own)| {
+                    self.unit(&format!("{field}.unit"), Some(own), Some(length)).0
+                });
+                (vec![factor, factor, self.downwards(vertical)], Dimension::NONE)
             }
         }
+    }
+
+    /// The factor of what counts up or down, to count down.
+    const fn downwards(&self, factor: f64) -> f64 {
+        if self.spec.up.is_some() { -factor } else { factor }
+    }
+
+    /// Factors of a speed, its course and a vertical speed. A unit is the column's own, for speeds `unit`, or stated
+    /// by the name of the column; that of the vertical speed may be that of the other.
+    fn speeds(&mut self, inputs: &[Input]) -> Vec<f64> {
+        let mut factors = Vec::new();
+        let mut of_speed = None;
+        for input in inputs {
+            let is_course = input.field == "course";
+            let (what, wanted, example) = if is_course {
+                (
+                    "course",
+                    dim::Angle::KIND.dimension,
+                    "write e.g. `course = { column = \"COG\", unit = \"deg\" }`",
+                )
+            } else {
+                (
+                    "speed",
+                    dim::Speed::KIND.dimension,
+                    "write e.g. `speed = { column = \"SOG\", unit = \"kn\" }`",
+                )
+            };
+            let of_speeds = [&self.spec.unit, &of_speed].map(|unit| unit.clone().filter(|_| !is_course));
+            let [declared, same] = of_speeds;
+            let is_declared = input.unit.is_none() && declared.is_some();
+            let stated = common_unit(&input.columns, None).ok().flatten().map(Cow::into_owned);
+            let Some(unit) = input.unit.clone().or(declared).or(stated).or(same) else {
+                self.wrong(input.field, &format!("a {what} needs its unit"), example);
+                factors.push(1.0);
+                continue;
+            };
+            let field = if is_declared {
+                "unit".to_owned()
+            } else {
+                format!("{}.unit", input.field)
+            };
+            let factor = self.unit(&field, Some(&unit), Some(wanted)).0;
+            factors.push(if input.field == "up" { -factor } else { factor });
+            if input.field == "speed" {
+                of_speed = Some(unit);
+            }
+        }
+        factors
     }
 
     /// The factor of angles, whose unit has to be known.
@@ -290,7 +367,7 @@ impl Planner<'_> {
     }
 
     /// What is done with the numbers as a whole.
-    fn conversion(&mut self, form: Form, width: usize) -> Conversion {
+    fn conversion(&mut self, form: Form, width: usize, units: &Units) -> Conversion {
         let spec = self.spec;
         let body = self.rotation("rotation", spec.rotation.as_ref());
         let navigation = self.rotation("navigation_rotation", spec.navigation_rotation.as_ref());
@@ -304,10 +381,11 @@ impl Planner<'_> {
         };
         let written = match form {
             Form::Vector => return Conversion::Vector { rotation: body },
-            Form::Geodetic => return Conversion::Geodetic,
+            Form::Course => return Conversion::Course,
+            Form::Geodetic => return Conversion::Geodetic(angles(units)),
             Form::Ecef => return Conversion::Ecef,
             Form::Local => return Conversion::Local { frame: None },
-            Form::Utm => return self.checked("utm.zone", zone(spec)).map_or(Conversion::Geodetic, Conversion::Utm),
+            Form::Utm => return self.checked("utm.zone", zone(spec)).map_or(Conversion::Ecef, Conversion::Utm),
             Form::Quaternion => Written::Quaternion,
             Form::Dcm => Written::Matrix,
             Form::Rpy => Written::Rpy,
@@ -330,7 +408,7 @@ impl Planner<'_> {
         let is_angle = dimension == dim::Angle::KIND.dimension && !self.spec.variance;
         let shape = match form {
             Form::Vector if is_angle => Shape::Angle,
-            Form::Vector => Shape::Vector,
+            Form::Vector | Form::Course => Shape::Vector,
             Form::Quaternion | Form::Dcm | Form::Rpy | Form::Euler => Shape::Quaternion,
             Form::Geodetic | Form::Ecef | Form::Utm | Form::Local => Shape::Geodetic,
         };
@@ -338,6 +416,14 @@ impl Planner<'_> {
             self.wrong("average", "angles that wrap have no plain mean", "");
         }
         shape
+    }
+}
+
+/// How latitudes and longitudes are written.
+fn angles(units: &Units) -> Angles {
+    match units.across.as_deref() {
+        Some(DEGREES_AND_MINUTES) => Angles::DegreesAndMinutes,
+        unit => Angles::Of(unit.unwrap_or("rad").to_owned()),
     }
 }
 

@@ -1,0 +1,138 @@
+//! Lines that are no rows, made empty: comments, and what stands before a header.
+
+use crate::source::file::BUFFER;
+use std::io::{self, Read};
+
+/// Passes the line ends on, so that lines keep their numbers, and the text of all lines but the first few and those
+/// that begin with a mark.
+#[derive(Debug)]
+pub(super) struct Dropped<R> {
+    inner: R,
+    chunk: Vec<u8>,
+    /// What the chunk has become, and how much of it is passed on.
+    ready: Vec<u8>,
+    passed: usize,
+    /// What comments begin with; empty where there are none.
+    mark: Vec<u8>,
+    /// How many lines at the beginning are still to be dropped.
+    before: usize,
+    line: Line,
+}
+
+/// What is known of the line that is being read.
+#[derive(Clone, Copy, Debug)]
+enum Line {
+    /// So many of its bytes are those of the mark.
+    Begun(usize),
+    Kept,
+    Dropped,
+}
+
+impl<R> Dropped<R> {
+    /// Drops `before` lines, and those that begin with `mark`, if it is not empty.
+    pub(super) fn new(inner: R, mark: &str, before: usize) -> Self {
+        let mut dropped = Self {
+            inner,
+            chunk: vec![0; BUFFER],
+            ready: Vec::with_capacity(BUFFER),
+            passed: 0,
+            mark: mark.as_bytes().to_vec(),
+            before,
+            line: Line::Kept,
+        };
+        dropped.line = dropped.first();
+        dropped
+    }
+
+    /// What is known of a line before its first byte.
+    const fn first(&self) -> Line {
+        match (self.before, self.mark.is_empty()) {
+            (0, true) => Line::Kept,
+            (0, false) => Line::Begun(0),
+            _ => Line::Dropped,
+        }
+    }
+
+    fn take(&mut self, byte: u8) {
+        if let Line::Begun(matched) = self.line {
+            if self.mark[matched] == byte {
+                let matched = matched + 1;
+                self.line = if matched == self.mark.len() {
+                    Line::Dropped
+                } else {
+                    Line::Begun(matched)
+                };
+                return;
+            }
+            self.keep(matched);
+        }
+        if byte == b'\n' {
+            self.before = self.before.saturating_sub(1);
+            self.line = self.first();
+            self.ready.push(byte);
+        } else if matches!(self.line, Line::Kept) {
+            self.ready.push(byte);
+        }
+    }
+
+    /// The line is kept, with what it has of the mark.
+    fn keep(&mut self, matched: usize) {
+        self.ready.extend_from_slice(&self.mark[..matched]);
+        self.line = Line::Kept;
+    }
+}
+
+impl<R: Read> Read for Dropped<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        while self.passed == self.ready.len() {
+            self.ready.clear();
+            self.passed = 0;
+            let mut chunk = core::mem::take(&mut self.chunk);
+            let read = self.inner.read(&mut chunk);
+            for byte in chunk.iter().take(*read.as_ref().unwrap_or(&0)) {
+                self.take(*byte);
+            }
+            self.chunk = chunk;
+            if read? == 0 {
+                // The last line may end within a mark.
+                if let Line::Begun(matched) = self.line {
+                    self.keep(matched);
+                }
+                if self.ready.is_empty() {
+                    return Ok(0);
+                }
+            }
+        }
+        let rest = &self.ready[self.passed..];
+        let count = rest.len().min(buffer.len());
+        buffer[..count].copy_from_slice(&rest[..count]);
+        self.passed += count;
+        Ok(count)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn left(text: &str, mark: &str, before: usize) -> String {
+        let mut dropped = Dropped::new(text.as_bytes(), mark, before);
+        let (mut left, mut bytes) = (Vec::new(), [0; 3]);
+        loop {
+            let read = dropped.read(&mut bytes).unwrap();
+            if read == 0 {
+                return String::from_utf8(left).unwrap();
+            }
+            left.extend_from_slice(&bytes[..read]);
+        }
+    }
+
+    #[test]
+    fn lines_are_made_empty_and_keep_their_numbers() {
+        assert_eq!(left("// a\nt,v\n//\n1,/2\n/3\n/", "//", 0), "\nt,v\n\n1,/2\n/3\n/");
+        assert_eq!(left("\"a\n// b\nt\n1\n// c", "//", 2), "\n\nt\n1\n");
+        assert_eq!(left("a\nb\nc", "", 1), "\nb\nc");
+        assert_eq!(left("a\nb", "", 5), "\n");
+        assert_eq!(left("é1\né\n", "é1", 0), "\né\n");
+    }
+}
