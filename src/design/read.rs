@@ -291,7 +291,6 @@ fn enabled<T>(all: Vec<Named<Optional<T>>>) -> Vec<Named<T>> {
     .collect()
 }
 
-/// Reads a block that `enabled = false` leaves out.
 /// A block of this role, with all of its mistakes.
 fn read_block<T: ?Sized>(node: &Node, word: &str, role: Role, d: &mut Diagnostics) -> Option<Box<T>>
 where
@@ -310,6 +309,7 @@ where
     read
 }
 
+/// Reads a block that `enabled = false` leaves out.
 fn read_optional<T: ?Sized>(node: &Node, role: &str, registered: Role, d: &mut Diagnostics) -> Option<Optional<Box<T>>>
 where
     Box<T>: serde::de::DeserializeOwned,
@@ -368,9 +368,7 @@ fn read_sensor(node: &Node, d: &mut Diagnostics) -> Option<SensorDesign> {
     if matches!(own.get("only_with").map(Node::value), Some(Value::Boolean(false))) {
         drop(own.take("only_with"));
     }
-    if own.get("truth").is_some()
-        && let Some(truth) = own.take("truth")
-    {
+    if let Some(truth) = own.take("truth") {
         let message = "`truth` is of the simulated instrument, and not of what the filter believes of it";
         let help = "it stands under the same name in `[simulation.sensor.NAME]`";
         d.push(Diagnostic::error(message).at(truth.place()).help(help));

@@ -5,6 +5,8 @@ use serde::Serialize;
 
 /// What was still waited for after so much of the wait is what it was for; the rest was ready long before.
 const LATE: f64 = 0.9;
+/// How often it is asked what is waited for \[s\]: the answer is a text, and a log may have thousands of rows a second.
+const EVERY: f64 = 0.1;
 
 /// The part of a log that lies before the start of the outermost filter.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -32,6 +34,8 @@ pub(super) struct Waiting {
     last: Time,
     /// The first start; a filter may start anew later.
     started: Option<Time>,
+    /// When it was asked last.
+    asked: Option<Time>,
     /// Who waits for what, and the last row at which it did.
     pending: Vec<(String, String, Time)>,
 }
@@ -40,6 +44,7 @@ fusion_core::memory!(Waiting {
     first,
     last,
     started,
+    asked,
     pending
 });
 
@@ -48,9 +53,10 @@ impl Waiting {
     pub(super) fn row(&mut self, time: Time, waits_for: impl FnOnce() -> Vec<(String, String)>) {
         let first = *self.first.get_or_insert(time);
         (self.first, self.last) = (Some(first.min(time)), self.last.max(time));
-        if self.started.is_some() {
+        if self.started.is_some() || self.asked.is_some_and(|asked| time.seconds_since(asked).abs() < EVERY) {
             return;
         }
+        self.asked = Some(time);
         for (name, what) in waits_for() {
             match self.pending.iter_mut().find(|(known, ..)| *known == name) {
                 Some(known) => *known = (name, what, time),
@@ -100,5 +106,14 @@ mod tests {
         assert_eq!((found.seconds, found.of, found.share()), (40.0, 100.0, 0.4));
         assert_eq!(found.waited, [("levelling".to_owned(), "rest".to_owned())]);
         assert_eq!(Waiting::default().finish(), None);
+        // A second of a fast log: who waits is asked ten times.
+        let (mut waiting, mut asked) = (Waiting::default(), 0);
+        for k in 0..1000 {
+            waiting.row(Time::from_nanos(k * 1_000_000), || {
+                asked += 1;
+                Vec::new()
+            });
+        }
+        assert_eq!(asked, 10);
     }
 }
