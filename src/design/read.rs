@@ -368,7 +368,10 @@ fn read_sensor(node: &Node, d: &mut Diagnostics) -> Option<SensorDesign> {
     if matches!(own.get("only_with").map(Node::value), Some(Value::Boolean(false))) {
         drop(own.take("only_with"));
     }
-    if let Some(truth) = own.take("truth") {
+    // Asked before it is taken: what is taken would stand among the fields that a sensor knows.
+    if own.get("truth").is_some()
+        && let Some(truth) = own.take("truth")
+    {
         let message = "`truth` is of the simulated instrument, and not of what the filter believes of it";
         let help = "it stands under the same name in `[simulation.sensor.NAME]`";
         d.push(Diagnostic::error(message).at(truth.place()).help(help));
