@@ -44,7 +44,7 @@ mod findings;
 #[path = "suite/forms.rs"]
 mod forms;
 /// Mistakes of axes, signs, units and lever arms, found from the data.
-#[path = "suite/frames.rs"]
+#[path = "suite/frames/mod.rs"]
 mod frames;
 /// Gaps and spikes of the inertial unit, recorded and simulated.
 #[path = "suite/gaps.rs"]

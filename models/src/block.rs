@@ -339,6 +339,12 @@ pub trait SensorSpec: Debug + Send + Sync {
         }
     }
 
+    /// The sensor whose states it reads, where it names one: that is built before it, and used before it at a time that
+    /// they share, wherever the two are in a design.
+    fn follows(&self) -> Option<&str> {
+        None
+    }
+
     /// Declares the states it brings and makes the model.
     ///
     /// # Errors
@@ -378,11 +384,27 @@ pub trait InitialiserSpec: Debug + Send + Sync {
     /// Names of the state blocks it writes.
     fn writes(&self) -> Vec<&'static str>;
 
+    /// What it makes of the position in the rows of its first input, which sensors may read too.
+    fn takes(&self) -> Taken {
+        Taken::Nothing
+    }
+
     /// Makes the initialiser. The layout is complete by then.
     ///
     /// # Errors
     /// [`BuildError`] naming the field.
     fn build(&self, build: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError>;
+}
+
+/// What an initialiser makes of a measured position.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Taken {
+    /// Nothing, or no more than what it says of itself.
+    Nothing,
+    /// A place to begin at: sensors tell the position.
+    Place,
+    /// A position with this 1σ per axis \[m\], independent of all that sensors measure.
+    Position([f64; 3]),
 }
 
 /// A gate policy as declared.

@@ -47,6 +47,8 @@ pub mod state {
 
 /// Names of parameters whose truth a simulated world may know: a state that a sensor brings is called `sensor.parameter`.
 pub mod parameter {
+    /// What a sensor reads too much, in each row of its residual.
+    pub const BIAS: &str = "bias";
     /// Velocity of the water over ground, north, east, down \[m/s\].
     pub const CURRENT: &str = "current";
 }

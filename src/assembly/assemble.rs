@@ -11,8 +11,9 @@ use fusion_core::model::{Process, Size};
 use fusion_core::runner::{InitialiserUnit, InputLimits, Port, Runner, Sensor, StageUnit};
 use fusion_core::state::{Block, Dynamics, Layout, LayoutBuilder};
 use fusion_core::time::nanos;
-use fusion_models::block::{Build, BuildError};
+use fusion_models::block::{Build, BuildError, Channel, Taken};
 use fusion_models::earth::Gravity;
+use fusion_models::vocabulary::channel;
 use std::sync::Arc;
 
 /// How far ahead of all others a stamp may be where nothing is declared \[s\].
@@ -171,7 +172,9 @@ impl<'a, P> Assembler<'a, P> {
         let is_moved = process.is_some();
         let mut models = Vec::new();
         for sensor in &design.sensors {
-            let built = is_moved.then(|| self.build(sensor, sensors::build)).flatten();
+            // Of a sensor that could not be built the mistakes are told already.
+            let is_led = sensor.block.model.follows().is_none_or(|name| !self.failed.contains(&name));
+            let built = (is_moved && is_led).then(|| self.build(sensor, sensors::build)).flatten();
             if built.is_none() {
                 self.failed.push(&sensor.name);
             }
@@ -255,7 +258,15 @@ impl<'a, P> Assembler<'a, P> {
 
     fn initialisers(&mut self, is_moved: bool) -> Vec<InitialiserUnit> {
         let mut units = Vec::new();
+        let is_position = |channel: &Channel| *channel == channel::POSITION || *channel == channel::HORIZONTAL_POSITION;
+        let mut sensors = self.design.sensors.iter().map(|sensor| sensor.block.model.reading());
+        let is_measured = sensors.any(|reading| reading.channels().iter().any(is_position)) || !self.failed.is_empty();
         for unit in &self.design.initialisers {
+            if unit.block.takes() == Taken::Place && !is_measured {
+                let message = "without `position_sigma` the next fixes tell the position, and no sensor reads a position";
+                let help = "add `position_sigma`, the 1σ of this fix: `position_sigma = \"2 m\"`";
+                self.d.push(Diagnostic::error(message).at(unit.node.name_place()).help(help));
+            }
             let built = is_moved.then(|| self.build(unit, |s, b| s.build(b))).flatten();
             let inputs = self.listen(&unit.node, &unit.block.inputs());
             if let (Some(initialiser), Some(inputs)) = (built, inputs) {

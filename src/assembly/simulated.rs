@@ -3,9 +3,7 @@
 use super::StreamLayout;
 use crate::design::{Design, SimulationDesign};
 use fusion_models::block::{Channel, imu_channels};
-use fusion_models::sim::{
-    IMU, ODOMETRY, REFERENCE, SHIP_STREAMS, TRACK_SPEEDS, odometry_channels, reference_channels, ship_channels, track_channels,
-};
+use fusion_models::sim::{IMU, ODOMETRY, REFERENCE, TRACK_SPEEDS, odometry_channels, reference_channels, ship_channels, track_channels};
 
 /// What the process calls its source, be the process itself right or wrong.
 fn process_source<P>(design: &Design<P>) -> Option<&str> {
@@ -38,9 +36,8 @@ pub(super) fn simulated_streams<P>(design: &Design<P>, simulation: &SimulationDe
     if simulation.world.track_speeds.is_some() {
         streams.push(StreamLayout::of(TRACK_SPEEDS, None, &track_channels()));
     }
-    if simulation.world.ship.is_some() {
-        let ship = SHIP_STREAMS.iter().enumerate();
-        streams.extend(ship.map(|(i, name)| StreamLayout::of(name, None, &ship_channels(i))));
+    if let Some(ship) = &simulation.world.ship {
+        streams.extend(ship.streams().map(|(i, name)| StreamLayout::of(name, None, &ship_channels(i))));
     }
     for (sensor, source, channels) in simulated(design, simulation) {
         // A sensor that reads what a stage makes leaves the stream of its name to that stage.

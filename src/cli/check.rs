@@ -80,7 +80,7 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
         provenance: Provenance::of(&design, None),
         warnings: Vec::new(),
         sections: vec![
-            Section::new("", [facts(&design, &mut assembly, unjudged)]),
+            Section::new("", [facts(&design, &mut assembly, unjudged.as_deref())]),
             Section::new(format!("State, {} dimensions", assembly.layout.dim()), [state(&assembly)]),
             Section::new("Sensors", [sensors(&design, &assembly)]),
             Section::new("Gates and losses", [policies(&design)]),
@@ -99,23 +99,26 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
 }
 
 /// Why the frames of recorded data are not judged; `None` where they are, and where there are none.
-fn unjudged(design: &Design, has_data: bool, options: &Options) -> Option<&'static str> {
+fn unjudged(design: &Design, has_data: bool, options: &Options) -> Option<String> {
     if design.simulation.is_some() || design.sources.is_empty() {
-        None
-    } else if !has_data {
-        Some("not judged: with `--data DIR` the recorded channels are compared with each other")
-    } else if !has_all_files(design, options) {
-        Some("not judged: not all files of the sources are there, or one is a pipe")
-    } else {
-        None
+        return None;
     }
-}
-
-/// Whether the data can be read before the run.
-fn has_all_files(design: &Design, options: &Options) -> bool {
     let dir = data_dir(design, options);
-    let files = design.sources.iter().flat_map(|named| named.block.source.files());
-    files.map(|file| dir.join(file)).all(|path| path.exists() && !is_pipe(&path))
+    if !has_data {
+        let own = design.run.data_dir.as_ref().map(|_| dir.display().to_string());
+        return Some(format!(
+            "not judged: with `--data {}` the recorded channels are compared with each other",
+            own.as_deref().unwrap_or("DIR")
+        ));
+    }
+    let mut files = design
+        .sources
+        .iter()
+        .flat_map(|named| named.block.source.files())
+        .map(|file| dir.join(file));
+    let unread = files.find(|path| !path.exists() || is_pipe(path))?;
+    let why = if unread.exists() { "is a pipe" } else { "is not there" };
+    Some(format!("not judged: `{}` {why}", unread.display()))
 }
 
 /// When each segment of the simulated trajectory begins and ends; of a controlled vehicle only its run tells.

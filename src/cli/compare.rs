@@ -5,8 +5,7 @@ use super::run::written;
 use super::{BASE, DesignArgs, Failure, OutputArgs, as_warnings, report};
 use clap::Args;
 use fusion::campaign::{Campaign, monte_carlo};
-use fusion::config::Diagnostics;
-use fusion::design::{Design, FilterSpec, differences};
+use fusion::design::{Design, differences};
 use fusion::examine::{Missing, variants};
 use fusion::output::FileSet;
 use fusion::present::campaign::{health, pooled};
@@ -48,7 +47,7 @@ pub(super) struct CompareArgs {
     /// Runs each N times, each time with another seed but the same ones for all, and compares the
     /// figures of all runs together. Not with `--out` or `--smooth`: `fusion montecarlo --out` writes
     /// the page of one variant.
-    #[arg(short, long, value_name = "N", conflicts_with_all = ["out", "smooth"], value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(short, alias = "n", value_name = "N", conflicts_with_all = ["out", "smooth"], value_parser = clap::value_parser!(u64).range(1..))]
     n: Option<u64>,
     #[command(flatten)]
     output: OutputArgs,
@@ -63,14 +62,6 @@ fn pairs<'a>(variants: &'a [String], backends: &'a [String]) -> impl Iterator<It
             .map(move |backend| (variant, backend))
     };
     variants.iter().flat_map(of)
-}
-
-/// The values to replace: the table `[filter]` by the backend, then what is set.
-fn with(backend: Option<&String>, set: &[String]) -> Result<Vec<String>, Failure> {
-    let table = backend
-        .map(|words| FilterSpec::table_of(words).map_err(Diagnostics::from))
-        .transpose()?;
-    Ok(table.into_iter().chain(set.iter().cloned()).collect())
 }
 
 pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
@@ -91,6 +82,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
             config: config.clone(),
             variant: args.variant.clone(),
             set: args.set.clone(),
+            backend: None,
             data: args.data.clone(),
         };
         let file = all.load()?;
@@ -98,7 +90,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         for (variant, backend) in pairs(&args.variant, &args.backend) {
             let named = DesignArgs {
                 variant: vec![variant.clone()],
-                set: with(backend, &args.set)?,
+                backend: backend.cloned(),
                 ..all.clone()
             };
             let options = Options {

@@ -22,7 +22,7 @@ mod stress;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use fusion::config::{Diagnostic, Diagnostics, Document, Files, Severity};
-use fusion::design::Design;
+use fusion::design::{Design, FilterSpec};
 use fusion::examine::{Missing, examine, surprises, variants};
 use fusion::output::Unwritable;
 use fusion::present::{Page, json, text};
@@ -257,6 +257,10 @@ struct DesignArgs {
     /// Replaces one value, after all variants: `sensor.gnss.noise.sigma=3 m`.
     #[arg(long, value_name = "PATH=VALUE")]
     set: Vec<String>,
+    /// A backend in place of the table [filter]: `ekf`, `error_state`, `iekf`, `invariant`, `ukf`, or any chart, update
+    /// and form, as in `left_invariant+iterated`. Before `--set`.
+    #[arg(long, value_name = "A")]
+    backend: Option<String>,
     /// Where relative source paths start, instead of at the design's `data_dir`.
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
@@ -309,7 +313,8 @@ impl DesignArgs {
                 .and_then(|()| document.overlay(&format!("variant.{name}")));
             d.keep(laid);
         }
-        for assignment in &self.set {
+        let backend = self.backend.as_deref().and_then(|words| d.keep(FilterSpec::table_of(words)));
+        for assignment in backend.iter().chain(&self.set) {
             d.keep(document.set(assignment));
         }
         match examine(document, &self.options(), missing) {

@@ -20,7 +20,7 @@ pub(super) struct MonteCarloArgs {
     #[command(flatten)]
     design: DesignArgs,
     /// How many runs; 100 without it.
-    #[arg(short, long, value_name = "N", default_value_t = 100, hide_default_value = true, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(short, alias = "n", value_name = "N", default_value_t = 100, hide_default_value = true, value_parser = clap::value_parser!(u64).range(1..))]
     n: u64,
     /// Seed of the campaign, 1 without it; each run draws its own from it and from its number.
     #[arg(long, value_name = "S", default_value_t = 1, hide_default_value = true)]
@@ -111,6 +111,7 @@ impl MonteCarloArgs {
         let mut words = vec!["fusion run".to_owned()];
         words.extend(self.design.config.iter().map(|file| path(file)));
         words.extend(self.design.variant.iter().map(|name| format!("--variant {}", quoted(name))));
+        words.extend(self.design.backend.iter().map(|words| format!("--backend {}", quoted(words))));
         words.extend(self.design.set.iter().map(|set| format!("--set {}", quoted(set))));
         words.extend(self.design.data.iter().map(|data| format!("--data {}", path(data))));
         words.push(format!("--seed {} --out run-{}", row.seed, row.run));

@@ -291,19 +291,7 @@ impl FilterSpec {
     pub fn table_of(words: &str) -> Result<String, Diagnostic> {
         let mut keys = Vec::new();
         for word in words.split('+').map(str::trim) {
-            let key = if is::<PresetSpec>(word) {
-                "backend"
-            } else if is::<ChartSpec>(word) {
-                "chart"
-            } else if is::<BiasesSpec>(word) {
-                "biases"
-            } else if is::<UpdateSpec>(word) {
-                "update"
-            } else if is::<FormSpec>(word) {
-                "form"
-            } else if is::<ResetSpec>(word) {
-                "reset"
-            } else {
+            let Some(key) = key_of(word) else {
                 let known = names();
                 let message = format!("`{word}` is not a backend, a chart, an update or a form");
                 let near =
@@ -314,6 +302,21 @@ impl FilterSpec {
             keys.push(format!("{key} = \"{word}\""));
         }
         Ok(format!("filter={{ {} }}", keys.join(", ")))
+    }
+
+    /// The table. A chart, an update or a form that is named as a backend is told by its own key.
+    pub(super) fn of(node: &Node, d: &mut Diagnostics) -> Option<Self> {
+        let named = node.get("backend").and_then(|backend| Some((backend, backend.as_str()?)));
+        let Some((backend, word, key)) = named
+            .and_then(|(backend, word)| Some((backend, word, key_of(word)?)))
+            .filter(|(.., key)| *key != "backend")
+        else {
+            return node.read(d);
+        };
+        let message = format!("`{word}` is no named backend, but what `filter.{key}` may be");
+        let help = format!("write `filter.{key} = \"{word}\"`; a `backend` beside it gives the rest");
+        d.push(Diagnostic::error(message).at(backend.place()).help(help));
+        None
     }
 
     /// What of the table contradicts itself.
@@ -452,6 +455,19 @@ fn is<'de, T: Deserialize<'de>>(word: &'de str) -> bool {
     T::deserialize(deserializer).is_ok()
 }
 
+/// The key of `[filter]` that a word is a value of.
+fn key_of(word: &str) -> Option<&'static str> {
+    let kinds = [
+        ("backend", is::<PresetSpec>(word)),
+        ("chart", is::<ChartSpec>(word)),
+        ("biases", is::<BiasesSpec>(word)),
+        ("update", is::<UpdateSpec>(word)),
+        ("form", is::<FormSpec>(word)),
+        ("reset", is::<ResetSpec>(word)),
+    ];
+    kinds.into_iter().find(|(_, is_one)| *is_one).map(|(key, _)| key)
+}
+
 /// Every word that [`FilterSpec::table_of`] takes.
 fn names() -> Vec<String> {
     let schemas = [
@@ -468,4 +484,25 @@ fn names() -> Vec<String> {
         names.extend(of_variants.filter_map(|v| v.get("const")?.as_str()).map(str::to_owned));
     }
     names
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Document;
+
+    #[test]
+    fn a_chart_that_is_named_as_a_backend_is_told_by_its_key() {
+        let of = |text: &str| {
+            let mut d = Diagnostics::new();
+            let is_read = FilterSpec::of(Document::parse("test", text).0.root(), &mut d).is_some();
+            (is_read, d.render(false))
+        };
+        let (is_read, told) = of("backend = 'left_invariant'\nupdate = 'iterated'");
+        assert!(!is_read && told.contains("write `filter.chart = \"left_invariant\"`"), "{told}");
+        assert!(of("backend = 'iterated'").1.contains("`filter.update = \"iterated\"`"));
+        let (is_read, told) = of("backend = 'invariant'");
+        assert!(is_read && told.is_empty(), "{told}");
+        assert!(of("backend = 'left'").1.contains("unknown name"));
+    }
 }

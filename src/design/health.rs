@@ -32,6 +32,9 @@ pub struct HealthSpec {
     /// How far a parameter may move while sensors contradict the estimate, in units of what its own
     /// covariance explains; 5 by default. It is told until the parameter is back or learnt anew.
     pub pulled: Option<Positive<dim::Ratio>>,
+    /// How far a parameter may move within a minute in which no sensor contradicts the estimate, in units of the 1σ
+    /// that it had; 8 by default.
+    pub jumped: Option<Positive<dim::Ratio>>,
     /// The least 1σ that the motion can be known with.
     pub floor: FloorSpec,
     /// How long a reason is told after it has ceased to hold; 5 s by default.
@@ -103,6 +106,7 @@ impl HealthSpec {
             unaided: self.unaided.map_or(d.unaided, |v| v.si()),
             calibration: self.calibration.map_or(d.calibration, |v| v.si()),
             pulled: self.pulled.map_or(d.pulled, |v| v.si()),
+            jumped: self.jumped.map_or(d.jumped, |v| v.si()),
             floor: Floor {
                 position: self.floor.position.map_or(d.floor.position, |v| v.si()),
                 velocity: self.floor.velocity.map_or(d.floor.velocity, |v| v.si()),

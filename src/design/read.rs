@@ -124,7 +124,9 @@ impl Draft {
     /// Reads what a filter consists of, wherever its rows come from.
     pub(super) fn filter(document: Document, run: RunSpec, d: &mut Diagnostics) -> Self {
         let root = document.shared();
-        let filter = root.get("filter").map_or_else(|| Some(FilterSpec::default()), |n| n.read(d));
+        let filter = root
+            .get("filter")
+            .map_or_else(|| Some(FilterSpec::default()), |n| FilterSpec::of(n, d));
         if let (Some(node), Some(filter)) = (root.get("filter"), &filter) {
             filter.check(node, d);
         }
@@ -148,7 +150,7 @@ impl Draft {
             filter: filter.unwrap_or_default(),
             health,
             process,
-            sensors: sensors.into_iter().filter(|s| s.block.common.enabled != Some(false)).collect(),
+            sensors: in_order(sensors.into_iter().filter(|s| s.block.common.enabled != Some(false)).collect()),
             stages,
             filters,
             initialisers: enabled(initialisers),
@@ -189,6 +191,26 @@ impl Draft {
             }),
         }
     }
+}
+
+/// Sensors as they are declared, but each after the one whose states it reads: a part that is included, and so comes
+/// first, may read those of a sensor of the design itself.
+fn in_order(sensors: Vec<Named<SensorDesign>>) -> Vec<Named<SensorDesign>> {
+    let read = |at: usize| {
+        let name = sensors[at].block.model.follows()?;
+        sensors.iter().position(|sensor| sensor.name == name)
+    };
+    let mut order: Vec<usize> = Vec::new();
+    for at in 0..sensors.len() {
+        let (mut chain, mut next) = (Vec::new(), Some(at));
+        while let Some(at) = next.filter(|at| !order.contains(at) && !chain.contains(at)) {
+            chain.push(at);
+            next = read(at);
+        }
+        order.extend(chain.into_iter().rev());
+    }
+    let mut taken: Vec<_> = sensors.into_iter().map(Some).collect();
+    order.into_iter().filter_map(|at| taken[at].take()).collect()
 }
 
 /// The blocks of a table of blocks; none where it is left out.

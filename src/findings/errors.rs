@@ -19,6 +19,9 @@ const MOUNTED: f64 = 20.0;
 const WRONG_HEADING: f64 = 10.0;
 /// The share of the squares of the heading errors from which on most of them are of the reference; it is known to two 1σ.
 const MOST_OF_ERRORS: f64 = 0.5;
+/// The scatter of a heading about the course from which on the vehicle does not go where its nose points: half a radian, below which
+/// angles add up as numbers do \[deg\].
+const MOST_SLIP: f64 = 28.6;
 /// How often a consistent filter may be found too sure in its outages.
 const CHANCE: f64 = 0.02;
 /// The same of the largest error of all at the end of one: by its size alone, which noise of other shapes than a normal one has
@@ -50,12 +53,19 @@ impl Judged<'_> {
             .or_else(|| self.wrong_heading(score));
         // A simulated truth is that of the body origin, and in time.
         let offset = score.offset.as_ref().filter(|_| causes.is_empty() && self.is_recorded);
-        let latency = offset.and_then(wrong_latency);
-        let arm = offset
-            .filter(|_| latency.is_none())
-            .and_then(|offset| wrong_arm(offset, self.point));
+        let latency = offset.and_then(|offset| self.wrong_latency(offset));
+        let late = if causes.is_empty() && latency.is_none() && self.is_recorded {
+            self.late_reference()
+        } else {
+            Vec::new()
+        };
+        let is_late = |what: Measures| late.iter().any(|(of, _)| *of == what);
+        // A time that is wrong makes an arm of its own.
+        let is_in_time = latency.is_none() && late.is_empty();
+        let arm = offset.filter(|_| is_in_time);
+        let arm = arm.and_then(|offset| self.other_arm().or_else(|| wrong_arm(offset, self.point)));
         let errors = Measures::ALL.into_iter().filter_map(|what| {
-            let is_reference = latency.is_some() || arm.is_some() && what == Measures::Position;
+            let is_reference = latency.is_some() || is_late(what) || arm.is_some() && what == Measures::Position;
             let own = [
                 is_reference.then(|| "the reference".to_owned()),
                 heading
@@ -74,7 +84,11 @@ impl Judged<'_> {
             first.advice = first.advice.replacen(TIMES, &format!("{TIMES}{check}"), 1);
         }
         let outside = self.attitude_outside(score, causes, heading.is_some());
-        let known = heading.into_iter().chain(latency).chain(arm);
+        let known = heading
+            .into_iter()
+            .chain(latency)
+            .chain(late.into_iter().map(|(_, f)| f))
+            .chain(arm);
         known
             .chain(errors)
             .chain(outside)
@@ -166,7 +180,9 @@ impl Judged<'_> {
     /// A reference whose heading goes less well with its own velocity than the estimated one does.
     fn wrong_reference(&self, score: &Score) -> Option<Finding> {
         let (axes, course) = (score.attitude_deg.as_ref()?, score.course?);
-        let is_worse = course.share - 2.0 * course.share_sigma > MOST_OF_ERRORS;
+        // More than all of the errors is of no reference: the slip then goes with them, as of a nose that does not follow the way.
+        let is_share = course.share - 2.0 * course.share_sigma <= 1.0 && course.reference_deg < MOST_SLIP;
+        let is_worse = is_share && course.share - 2.0 * course.share_sigma > MOST_OF_ERRORS;
         let is_outside = Verdict::of_share(axes.inside[2]) == Some(Verdict::Overconfident);
         (self.is_recorded && is_outside && is_worse).then(|| Finding {
             about: "heading".to_owned(),
@@ -221,12 +237,59 @@ impl Judged<'_> {
         })
     }
 
+    /// A latency that explains the position errors.
+    pub(super) fn wrong_latency(&self, offset: &Offset) -> Option<Finding> {
+        let Offset {
+            latency,
+            latency_sigma,
+            latency_explained,
+            ..
+        } = *offset;
+        if latency_explained < MOST || latency.abs() < LEAST_LATENCY.max(CERTAIN * latency_sigma) {
+            return None;
+        }
+        let (evidence, advice) = if latency > 0.0 {
+            (
+                "late",
+                format!(
+                    "if its stamps are late, give its channels `latency = \"{latency:.2} s\"`; else the sensors of position are earlier than \
+                     their `time_offset` says"
+                ),
+            )
+        } else {
+            let sensors = || {
+                format!(
+                    "the sensors of position are later than their `time_offset` says, by {:.2} s, or the stamps of the reference are early",
+                    -latency
+                )
+            };
+            ("early", self.late_input(offset).unwrap_or_else(sensors))
+        };
+        Some(Finding {
+            about: "reference".to_owned(),
+            evidence: format!(
+                "position error is explained to {:.0} % by a reference that is {evidence} by {:.2} s",
+                100.0 * latency_explained,
+                latency.abs()
+            ),
+            advice,
+        })
+    }
+
     /// A heading that is wrong beyond any doubt, though its 1σ is small.
     fn wrong_heading(&self, score: &Score) -> Option<Finding> {
         let (axes, rms) = (score.attitude_deg.as_ref()?, score.heading_rmse_deg?);
         let is_told = rms > WRONG_HEADING && Verdict::of_share(axes.inside[2]) == Some(Verdict::Overconfident);
         let median = score.spread.heading_deg.map_or(rms, |s| s.median);
-        let advice = if self.is_recorded {
+        // Until it was aligned the filter itself says that it is wrong.
+        let own = self.summary.health.iter().find(|h| h.filter.is_empty());
+        let aligned = own.and_then(|h| h.aligned).filter(|aligned| axes.max_time[2] < *aligned);
+        let advice = if let Some(aligned) = aligned {
+            format!(
+                "the largest is of the time before the filter was aligned, at {aligned:.1} s: `reference.from = \"{aligned:.1} s\"` leaves \
+                 it out, and shows what the others are"
+            )
+        } else if self.is_recorded {
             format!("either the filter or the reference is wrong: {CHECK} compares both with the way travelled")
         } else {
             "look at what tells the heading, and at how it starts (`[initial]`, `filter.bank`)".to_owned()
@@ -317,45 +380,6 @@ fn constant_heading(score: &Score) -> Option<Finding> {
              odometer, or whether the reference has an axis of its own (`[reference] remove_mean_mounting`)"
                 .to_owned()
         },
-    })
-}
-
-/// A latency that explains the position errors.
-fn wrong_latency(offset: &Offset) -> Option<Finding> {
-    let Offset {
-        latency,
-        latency_sigma,
-        latency_explained,
-        ..
-    } = *offset;
-    if latency_explained < MOST || latency.abs() < LEAST_LATENCY.max(CERTAIN * latency_sigma) {
-        return None;
-    }
-    let (evidence, advice) = if latency > 0.0 {
-        (
-            "late",
-            format!(
-                "if its stamps are late, give its channels `latency = \"{latency:.2} s\"`; else the sensors of position are earlier than \
-                 their `time_offset` says"
-            ),
-        )
-    } else {
-        (
-            "early",
-            format!(
-                "the sensors of position are later than their `time_offset` says, by {:.2} s, or the stamps of the reference are early",
-                -latency
-            ),
-        )
-    };
-    Some(Finding {
-        about: "reference".to_owned(),
-        evidence: format!(
-            "position error is explained to {:.0} % by a reference that is {evidence} by {:.2} s",
-            100.0 * latency_explained,
-            latency.abs()
-        ),
-        advice,
     })
 }
 

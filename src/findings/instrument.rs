@@ -71,7 +71,7 @@ impl Measures {
     }
 
     /// That which has the dimension of a residual; a direction, of gravity or of the magnetic field, tells of attitude.
-    fn of(dimension: Dimension) -> Option<Self> {
+    pub(super) fn of(dimension: Dimension) -> Option<Self> {
         let kinds = [
             (dim::Length::KIND, Self::Position),
             (dim::Speed::KIND, Self::Velocity),

@@ -21,17 +21,20 @@
 mod errors;
 mod instrument;
 mod sensors;
+mod stamps;
 #[cfg(test)]
 mod tests;
 
 use self::instrument::{Instrument, Measures};
 use self::sensors::{disagrees_from, rejected_share};
+use self::stamps::Stamps;
 use crate::design::Design;
 use crate::observe::SensorStatistics;
 use crate::present::{Unit, before_the_start, short};
 use crate::run::{FinalState, Summary};
 use crate::score::{Consistency, Score, Verdict};
 use core::fmt;
+use fusion_core::filter::ChartKind;
 use serde::Serialize;
 
 /// Something that a designer should look at.
@@ -62,8 +65,13 @@ const FAR: f64 = 50.0;
 const LEARNT: f64 = 0.9;
 /// A 1σ of an angle from which on its sine and cosine are no straight lines within it \[rad\].
 const POOR: f64 = 1.0;
+/// A 1σ of an angle at the start from which on what one linearisation makes of it is worth a look: at three of them its cosine is
+/// off by a tenth \[rad\].
+const UNCERTAIN: f64 = 8.0 * core::f64::consts::PI / 180.0;
 /// A part of the log before the start that no alignment needs: it is not what the log is for.
 const LATE: f64 = 0.25;
+/// A heading that is so far from another is another one, and no better estimate of it: as health has it \[rad\].
+const ANOTHER: f64 = 15.0 * core::f64::consts::PI / 180.0;
 /// More samples of the input than these that are taken for spikes are none: a unit has one now and then.
 const SPIKES: u64 = 4;
 /// The same as a share of all, where nothing tells what became of the estimate.
@@ -84,6 +92,7 @@ pub fn findings(design: &Design, summary: &Summary) -> Vec<Finding> {
     let growth = instrument::growth(&design.process.node);
     let reference = design.reference.as_ref().map(|r| &r.block);
     let has_sigma = |k: usize| reference.is_some_and(|r| r.sources().iter().any(|(_, part)| part.sigma.each()[k].is_some()));
+    let stamps = Stamps::of_design(design, &summary.parameters);
     let judged = Judged {
         instruments: &instruments,
         summary,
@@ -91,6 +100,8 @@ pub fn findings(design: &Design, summary: &Summary) -> Vec<Finding> {
         point: reference.map_or([0.0; 3], |r| r.point()),
         is_exact: [0, 1, 2].map(|k| !has_sigma(k)),
         linearises_once: design.filter.linearises_once(),
+        is_invariant: matches!(design.filter.backend().chart, ChartKind::Invariant(..)),
+        stamps: &stamps,
         constant_biases: &constant_biases,
         restart_after: design.run.restart_after.map(|silence| silence.si()),
         growth: &growth,
@@ -136,6 +147,10 @@ struct Judged<'a> {
     is_exact: [bool; 3],
     /// Whether the filter has one estimate, and linearises each measurement there alone.
     linearises_once: bool,
+    /// Whether it does so in an invariant chart.
+    is_invariant: bool,
+    /// What the reference has in common with sensors, and the clock of the input.
+    stamps: &'a Stamps,
     /// The biases of the input that are states which nothing moves.
     constant_biases: &'a [String],
     /// The silence that separates one recording from the next \[s\].
@@ -147,6 +162,8 @@ struct Judged<'a> {
 impl Judged<'_> {
     fn findings(&self) -> Vec<Finding> {
         let late = self.late_start();
+        let (ill, refused_in_a_row) = self.lost().unzip();
+        let refused_in_a_row = refused_in_a_row.flatten();
         let beyond = self.beyond_range();
         let disturbed = self.disturbed();
         let input = self.all_disagree().or_else(|| self.all_refused());
@@ -160,6 +177,7 @@ impl Judged<'_> {
         let refused = if input.is_some() { Vec::new() } else { self.refused() };
         let first = self.first_to_disagree(&refused);
         let never_held = self.never_held();
+        let counted = self.counted();
         let large: Vec<Finding> = self.sensors().filter_map(|(i, s)| self.large(i, s)).collect();
         // What errors follow from, by the words that refer to it.
         let mut causes: Vec<String> = Vec::new();
@@ -174,14 +192,19 @@ impl Judged<'_> {
             .chain(&refused)
             .chain(&far)
             .chain(&never_held)
-            .chain(&large);
+            .chain(&large)
+            .chain(&counted);
         for about in told.map(|f| format!("`{}`", f.about)) {
             if !causes.contains(&about) {
                 causes.push(about);
             }
         }
         let errors = self.all_errors(&causes);
-        late.into_iter()
+        // What is small of a sensor that refused good ones says nothing: it saw those that agree alone.
+        let is_told = |name: &str| counted.iter().any(|f| f.about == name) || refused_in_a_row.as_deref() == Some(name);
+        let rest = || self.sensors().filter(|(i, _)| !is_told(&i.name));
+        ill.into_iter()
+            .chain(late)
             .chain(beyond)
             .chain(disturbed)
             .chain(input)
@@ -193,10 +216,13 @@ impl Judged<'_> {
             .chain(far)
             .chain(never_held)
             .chain(large)
+            .chain(counted.iter().cloned())
             .chain(self.undecided())
+            .chain(self.changed())
             .chain(errors)
-            .chain(self.sensors().filter_map(|(i, s)| self.small(i, s)))
-            .chain(self.sensors().filter_map(|(i, s)| self.lasting(i, s)))
+            .chain(self.uncertain_start())
+            .chain(rest().filter_map(|(i, s)| self.small(i, s)))
+            .chain(rest().filter_map(|(i, s)| self.lasting(i, s)))
             .chain(self.beyond_chance())
             .chain(self.unlearnt())
             .chain(self.gaps())
@@ -330,6 +356,23 @@ impl Judged<'_> {
         })
     }
 
+    /// A heading that the bank showed for a good part of the run, and gave up for another one.
+    fn changed(&self) -> Option<Finding> {
+        let own = self.summary.health.iter().find(|h| h.filter.is_empty())?;
+        let from = self.summary.started?;
+        let mut changes = self.summary.hypotheses.as_ref()?.changes.iter().rev();
+        let (change, angle) = changes.find_map(|c| Some((c, c.angle.filter(|angle| *angle > ANOTHER)?)))?;
+        let (time, angle) = (change.time, angle.to_degrees());
+        (time - from > LATE * (own.until - from)).then(|| Finding {
+            about: "filter.bank".to_owned(),
+            evidence: format!("at {time:.1} s another heading is shown than until then, {angle:.0}° away"),
+            advice: "it fits the measurements much better by then, and either what was shown before is wrong or what is shown since: data that \
+                     hardly tell the headings apart decide by small errors of the model; compare both with what is known of the log, and give \
+                     a better start or a sensor that differs between them, as a compass or a velocity ahead does"
+                .to_owned(),
+        })
+    }
+
     /// A start so late that most figures say nothing of the log.
     fn late_start(&self) -> Option<Finding> {
         let (at, wait) = (self.summary.started?, self.summary.late_start()?);
@@ -364,12 +407,50 @@ impl Judged<'_> {
         } else {
             String::new()
         };
+        // An inertial unit feels which way it accelerates; of dead reckoning with an unknown speed astern fits as ahead does.
+        let astern = if self.growth.is_empty() {
+            "; where nothing tells the sign of the speed ahead, neither the one estimate nor several decide between a heading and its \
+             opposite: compare the course with the way the nose points, or give a sensor of the speed ahead"
+        } else {
+            ""
+        };
         (self.linearises_once && !is_found).then(|| Finding {
             about: name.clone(),
             evidence: format!("the filter starts with a 1σ of {:.0}° of `{name}`", sigma.to_degrees()),
             advice: format!(
                 "linearised once, there, it may settle at a wrong angle with a small 1σ: give a better start (`[initial]`), or try several \
-                 (`filter.bank.headings = 8`){again}"
+                 (`filter.bank.headings = 8`){again}{astern}"
+            ),
+        })
+    }
+
+    /// A heading that was hardly known at the start, where the attitude is much worse than the filter says.
+    fn uncertain_start(&self) -> Option<Finding> {
+        let known = self.summary.start_angle.as_ref();
+        let (name, sigma) = known.filter(|(_, sigma)| (UNCERTAIN..=POOR).contains(sigma))?;
+        let nees = self.nees(Measures::Attitude).filter(|c| is_large(c))?;
+        let is_moved = self.summary.parameters.iter().all(|p| p.name != *name);
+        // What measures the heading is not straight in it: it is linearised again. Where nothing does, what else is measured must
+        // not seem to tell it.
+        let is_measured = |i: &Instrument| i.measures == Some(Measures::Attitude) && !i.is_constraint;
+        let other = if self.instruments.iter().any(is_measured) {
+            "`filter.backend = \"iekf\"`, which linearises again"
+        } else if self.growth.is_empty() {
+            "`filter.backend = \"invariant\"`"
+        } else {
+            "`filter.backend = \"invariant\"` with `process.discretisation = \"exact\"`"
+        };
+        (self.linearises_once && !self.is_invariant && is_moved).then(|| Finding {
+            about: name.clone(),
+            evidence: format!(
+                "the filter starts with a 1σ of {:.0}° of `{name}`, and NEES attitude is {} of {}",
+                sigma.to_degrees(),
+                short(nees.mean),
+                nees.dof
+            ),
+            advice: format!(
+                "linearised once, in these coordinates, such a heading may be taken for better known than it is: if nothing else is \
+                 found wrong, try {other}"
             ),
         })
     }

@@ -1,9 +1,11 @@
 //! What gates and innovations say of a sensor.
 
+use super::errors::bold_outages;
 use super::instrument::{Bias, Instrument, Measures, listed};
-use super::{CHECK, FAR, Finding, Judged, is_large, ratio};
-use crate::observe::SensorStatistics;
-use crate::present::short;
+use super::{CHECK, FAR, Finding, Judged, LARGE, is_large, ratio};
+use crate::health::{Spell, State};
+use crate::observe::{RejectionStreak, SensorStatistics};
+use crate::present::{Unit, short};
 use crate::run::{Detector, FaultWindow};
 use crate::score::{Consistency, Score, Verdict};
 
@@ -25,11 +27,21 @@ const WHITE: f64 = 0.2;
 const JUDGE: f64 = 3.0;
 /// Fewer innovations do not tell one from the other: 2/√n is then more than what lies between.
 const ENOUGH: u64 = 50;
+/// So many of its own 1σ a mean of innovations is away from zero by more than chance: of thousands of rows none.
+const CERTAIN_MEAN: f64 = 4.0;
+/// Innovations that last count so many times for what they tell: from there on the 1σ of what they measure is √10 = 3 times
+/// too small.
+const COUNTED: f64 = 10.0;
+/// Below it the declared noise is as large as that asks for: of a dozen that are independent the number is known to a factor of
+/// two, and the variance of a consistent filter is within [`LARGE`].
+const COVERED: f64 = 2.0 * LARGE;
 /// An error stands out from so many times the median on: of a normal one the largest of a million are five times the 1σ,
 /// which is less than eight times the median.
 const OUTSTANDING: f64 = 8.0;
 /// The mean of a constraint from which on it is no matter of how well a vehicle keeps it: innovations are √10 = 3 times their 1σ.
 const BROKEN: f64 = 10.0;
+/// So many measurements refused in a row are no outliers one by one: of 5 % none in ten thousand.
+const STREAK: u64 = 4;
 /// A sensor disagrees before another one if it does so much earlier \[s\]: one of 1 Hz shows it by a few measurements.
 const LEAD: f64 = 2.0;
 /// It follows from a re-acquisition that was so long before it, at most \[s\].
@@ -93,6 +105,62 @@ impl Judged<'_> {
         let mut told: Vec<(f64, Finding)> = told.collect();
         told.sort_by(|a, b| a.0.total_cmp(&b.0));
         told.into_iter().map(|(_, finding)| finding).collect()
+    }
+
+    /// That the filter was lost but for declared outages, where that is told first; and the sensor whose measurements were refused
+    /// in a row at that time.
+    pub(super) fn lost(&self) -> Option<(Finding, Option<String>)> {
+        let own = self.summary.health.iter().find(|h| h.filter.is_empty())?;
+        // A filter that never was good is told by what it waits for.
+        let aligned = own.aligned?;
+        let spells = own.spells();
+        let is_lost = |s: &Spell| s.state == State::Lost && s.is_ill_undeclared() && s.from >= aligned;
+        let lost = || spells.iter().enumerate().filter(|(_, s)| is_lost(s));
+        let (at, longest) = lost().max_by(|a, b| a.1.seconds().total_cmp(&b.1.seconds()))?;
+        let all = lost().count();
+        // The first of those that follow each other without a good moment in between.
+        let begun = spells[..=at]
+            .iter()
+            .rev()
+            .take_while(|s| s.state >= State::Degraded)
+            .last()
+            .unwrap_or(longest);
+        let times = if all > 1 {
+            format!(", the longest of {all} times")
+        } else {
+            String::new()
+        };
+        let (mut evidence, mut advice) = (
+            format!(
+                "the filter was lost for {:.1} s, from {:.1} s on{times}",
+                longest.seconds(),
+                longest.from
+            ),
+            None,
+        );
+        let refused = self.sensors().filter_map(|(i, s)| Some((i, s.longest_rejection_streak?)));
+        let is_then = |streak: &RejectionStreak| streak.from < longest.to && streak.from + streak.seconds > longest.from;
+        let refused = refused.filter(|(_, streak)| streak.measurements >= STREAK && is_then(streak));
+        let refused = refused.max_by_key(|(_, streak)| streak.measurements);
+        if let Some((sensor, streak)) = refused {
+            evidence += &format!(
+                ": {} measurements of `{}` were refused in a row, from {:.1} s on",
+                streak.measurements, sensor.name, streak.from
+            );
+            advice = Some(format!(
+                "either they were wrong, or the estimate had left them: compare the two there, {}, then look at its `noise`, which may be too \
+                 small; {}",
+                self.look(sensor),
+                softer(sensor)
+            ));
+        } else {
+            let reasons: Vec<String> = begun.reasons.iter().map(ToString::to_string).collect();
+            evidence += &format!(": it began at {:.1} s with {}", begun.from, listed(&reasons));
+        }
+        let advice = advice.unwrap_or_else(|| "what is shown since then may be wrong: look at what it began with".to_owned());
+        let name = refused.map(|(sensor, _)| sensor.name.clone());
+        let about = name.clone().unwrap_or_else(|| "health".to_owned());
+        Some((Finding { about, evidence, advice }, name))
     }
 
     fn rejected(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
@@ -181,6 +249,19 @@ impl Judged<'_> {
             format!("let {CHECK} judge its {parts}")
         } else {
             format!("look at its {parts}")
+        }
+    }
+
+    /// The same for an error that is constant.
+    fn look_for_constant(&self, sensor: &Instrument) -> String {
+        let bias = match sensor.bias {
+            Some(Bias::Fixed) => ", or declare its `bias` as a state",
+            _ => "",
+        };
+        if self.is_recorded {
+            format!("let {CHECK} look for one{bias}")
+        } else {
+            format!("look at its {}{bias}", sensor.parts())
         }
     }
 
@@ -296,7 +377,11 @@ impl Judged<'_> {
     /// A detector that told nothing in a run that went wrong.
     pub(super) fn never_held(&self) -> Option<Finding> {
         let has_health = self.summary.health.iter().any(|h| h.filter.is_empty() && h.is_good());
-        let had_no_row = |i: &&Instrument| self.summary.consumers.iter().any(|c| c.name == i.name && c.rows == 0);
+        // One run of many does not count what its consumers read.
+        let had_no_row = |i: &&Instrument| match self.summary.consumers.iter().find(|c| c.name == i.name) {
+            Some(consumer) => consumer.rows == 0,
+            None => self.detector(i).is_some_and(|d| d.held == 0),
+        };
         let sensor = self.instruments.iter().filter(|i| !i.limits.is_empty()).find(had_no_row)?;
         let nearest = self.detector(sensor).and_then(|d| d.nearest.as_ref());
         let (figures, wider) = nearest.map_or_else(Default::default, |n| (format!(" ({n})"), ", at first twice of what it says"));
@@ -318,10 +403,62 @@ impl Judged<'_> {
         self.summary.detectors.iter().find(|d| d.stage == sensor.source)
     }
 
+    /// Sensors whose measurements count for much more than they tell, because each repeats the error of the one before: the
+    /// first to count most. They explain errors that are no larger than that.
+    pub(super) fn counted(&self) -> Vec<Finding> {
+        let nees = || Measures::ALL.into_iter().filter_map(|what| self.nees(what));
+        let largest = nees().filter(|c| is_large(c)).map(ratio).fold(COUNTED, f64::max);
+        let has_errors = nees().any(is_large)
+            || self
+                .summary
+                .score
+                .as_ref()
+                .is_some_and(|score| bold_outages(&score.drift).is_some());
+        let told = self.sensors().filter_map(|(i, s)| {
+            let is_told = has_errors && !i.is_constraint && i.measures.is_some() || self.is_judged_by_innovations(i);
+            let times = counts(s).filter(|times| is_told && *times > largest)?;
+            let finding = self.repeats(i, s).filter(|_| !s.nis.as_ref().is_some_and(is_large))?;
+            Some((times, finding))
+        });
+        let mut told: Vec<(f64, Finding)> = told.collect();
+        told.sort_by(|a, b| b.0.total_cmp(&a.0));
+        told.into_iter().map(|(_, finding)| finding).collect()
+    }
+
+    /// A sensor each of whose measurements repeats the error of the one before.
+    fn repeats(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
+        let (name, rho) = (&sensor.name, lag_1(s).filter(|rho| *rho > LASTING)?);
+        let own = &s.innovations;
+        let fewest = own.independent.iter().copied().reduce(f64::min)?;
+        // White noise that tells as much: the density of the error at low frequencies is that of its variance times τ.
+        let white = own.rms.iter().zip(&own.independent);
+        let white = white.map(|(rms, n)| rms * (own.count as f64 / n).sqrt()).reduce(f64::max)?;
+        let unit = Unit::of_si(own.unit.first()?);
+        let find = match sensor.bias {
+            Some(Bias::Fixed) => "; then declare its `bias` as a state with a `correlation_time`",
+            _ => "",
+        };
+        Some(Finding {
+            about: name.clone(),
+            evidence: format!(
+                "innovations of `{name}` each repeat the one before, lag-1 autocorrelation {rho:.2}: its {} measurements tell no more than \
+                 {fewest:.0} independent ones, but the filter takes each for another",
+                own.count
+            ),
+            advice: format!(
+                "the 1σ of what it measures is too small by far: {}{find}; if nothing is found wrong, its `noise` as white noise that tells \
+                 as much is {} {}",
+                self.look(sensor),
+                short(unit.of(white)),
+                unit.symbol()
+            ),
+        })
+    }
+
     /// Innovations that are smaller than the filter expects.
     pub(super) fn small(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
         let nis = s.nis.as_ref()?;
-        if !self.is_judged_by_innovations(sensor) || !is_small(nis) {
+        if !self.is_judged_by_innovations(sensor) || !is_small(nis) || is_covered(s) {
             return None;
         }
         let name = &sensor.name;
@@ -333,6 +470,15 @@ impl Judged<'_> {
         let lag_1 = lag_1(s);
         let advice = match lag_1 {
             Some(rho) if rho > LASTING => format!("{slow}{state}"),
+            _ if let Some(mean) = lasting_mean(s) => format!(
+                "{mean}, so an error that lasts is among them, which a smaller `noise` would only follow: first {}",
+                self.look_for_constant(sensor)
+            ),
+            Some(rho) if rho < WHITE && self.is_recorded => format!(
+                "its `noise`, or that of the process, is larger than need be; a constant error that the estimate has taken over does not \
+                 show in innovations, so before you lower it {}",
+                self.look_for_constant(sensor)
+            ),
             Some(rho) if rho < WHITE => "its `noise`, or that of the process, is larger than need be".to_owned(),
             _ => format!("its `noise`, or that of the process, is larger than need be, or {slow}{state}"),
         };
@@ -348,7 +494,7 @@ impl Judged<'_> {
     pub(super) fn lasting(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
         let nis = s.nis.as_ref()?;
         let rho = lag_1(s).filter(|rho| *rho > LASTING)?;
-        if !self.is_judged_by_innovations(sensor) || is_small(nis) || is_large(nis) {
+        if !self.is_judged_by_innovations(sensor) || is_small(nis) || is_large(nis) || is_covered(s) {
             return None;
         }
         let name = &sensor.name;
@@ -410,6 +556,39 @@ fn outstanding(score: &Score) -> impl Iterator<Item = (f64, String)> {
 fn lag_1(s: &SensorStatistics) -> Option<f64> {
     let rows = s.innovations.lag_1.iter().filter(|_| s.innovations.count >= ENOUGH);
     rows.copied().reduce(f64::max)
+}
+
+/// How many times the measurements of a sensor count for what they tell: the variance of the innovations in units of that
+/// which the filter expects, times their integrated autocorrelation. 1 of white ones that are as large as expected, and of
+/// correlated ones whose `noise` is raised for it; none of few.
+fn counts(s: &SensorStatistics) -> Option<f64> {
+    let own = &s.innovations;
+    let fewest = own.independent.iter().copied().reduce(f64::min).filter(|_| own.count >= ENOUGH)?;
+    Some(ratio(s.nis.as_ref()?) * own.count as f64 / fewest)
+}
+
+/// Whether errors that last are no more than the declared noise is good for.
+fn is_covered(s: &SensorStatistics) -> bool {
+    let lasts = lag_1(s).is_some_and(|rho| rho > LASTING);
+    lasts && counts(s).is_some_and(|times| times < COVERED)
+}
+
+/// A mean of innovations that is no chance, in words: that of the row that is most of its own 1σ away from zero.
+fn lasting_mean(s: &SensorStatistics) -> Option<String> {
+    let own = &s.innovations;
+    let rows = own.mean.iter().zip(&own.mean_sigmas).zip(&own.unit).enumerate();
+    let most = rows.max_by(|a, b| a.1.0.1.abs().total_cmp(&b.1.0.1.abs()));
+    let (row, ((mean, sigmas), unit)) = most.filter(|(_, ((_, sigmas), _))| sigmas.abs() > CERTAIN_MEAN && own.count >= ENOUGH)?;
+    let (unit, axis) = (
+        Unit::of_si(unit),
+        own.axis.get(row).map_or_else(String::new, |axis| format!(" ({axis})")),
+    );
+    Some(format!(
+        "their mean{axis} is {} {}, {:.1} times its own 1σ",
+        short(unit.of(*mean)),
+        unit.symbol(),
+        sigmas.abs()
+    ))
 }
 
 /// Whether innovations are so much smaller than expected that it is worth a change.

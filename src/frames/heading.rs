@@ -53,6 +53,11 @@ impl Turned {
         None
     }
 
+    /// Whether the heading goes with the course, however it is turned.
+    pub(super) fn is_tied(&self) -> bool {
+        self.along.0.max(self.against.0) > TIED
+    }
+
     /// Whether the heading is that of the course.
     pub(super) fn is_right(&self) -> bool {
         self.along.0 > TIED && self.wrong().is_none()

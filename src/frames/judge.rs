@@ -6,7 +6,7 @@ use super::heading::Turned;
 use super::log::{self, Track};
 use super::mistake::{self, Axes, Whole, at, complete, differing, names, remedy, unit};
 use super::motion::{self, Attitudes, GRAVITY, Velocities};
-use super::regression::{FAR, Fit, NEAR, fit};
+use super::regression::{ENOUGH, FAR, Fit, NEAR, fit};
 use super::upright::Upright;
 use super::world::Moved;
 use crate::config::{Diagnostic, Diagnostics, Node};
@@ -124,6 +124,11 @@ impl Expected {
             .filter_map(|(from, to, v)| Some((v, measured.mean(from - lag, to - lag)?)));
         pairs.for_each(|(v, m)| expected.push_all(v, m));
         expected
+    }
+
+    /// Of how many intervals both tell.
+    fn count(&self) -> usize {
+        self.rows.iter().map(|(expected, _)| expected.len()).max().unwrap_or(0)
     }
 
     pub(super) fn fits(&self) -> [Option<Fit>; 3] {
@@ -249,7 +254,8 @@ impl Judge<'_> {
             let leans = fits[row].and_then(|f| f.leans(axis));
             leans.or_else(|| housing.map(|axes| axes[row]).filter(|a| a.0 == axis).map(|a| a.1))
         };
-        let whole = complete(known, sign);
+        // A unit that is mounted otherwise is turned, not mirrored.
+        let whole = complete(known, sign).map(|whole| if compared.is_world { whole } else { whole.turned() });
         if !wrong.is_empty() {
             let told = self.axes(track, &known, whole, compared);
             self.found.mistakes.push(told);
@@ -294,7 +300,12 @@ impl Judge<'_> {
             Some(Whole { axes, open }) => {
                 let open = open.map(|row| mistake::of_rows(is_world, |other| other == row));
                 let open = open.map_or_else(String::new, |row| {
-                    format!("; the sign of {row} is not decided by these data: it is kept as declared")
+                    let is = if is_world {
+                        "kept as declared"
+                    } else {
+                        "that which makes the axes right-handed"
+                    };
+                    format!("; the sign of {row} is not decided by these data: it is {is}")
                 });
                 remedy(channel, &axes) + &open
             }
@@ -361,7 +372,7 @@ impl Judge<'_> {
             self.untold(track, &format!("the course of {}", moved.name), why);
             return true;
         };
-        let wrong = agreed.wrong();
+        let wrong = agreed.wrong().or_else(|| self.other_unit(track, moved, &agreed));
         self.found.comparisons.push(Comparison {
             what: self.name(track),
             with: format!("the course of {}", moved.name),
@@ -373,10 +384,26 @@ impl Judge<'_> {
                 .map_or_else(|| "as declared, or not tied to the course".to_owned(), |(what, _)| what),
         });
         let Some((what, help)) = wrong else { return true };
-        let message = format!("the heading of `{}` is not clockwise from north: {what}", self.name(track));
+        let message = format!(
+            "the heading of `{}` is not what is declared, clockwise from north: {what}",
+            self.name(track)
+        );
         let told = at(self.node(track), track.channel, "quaternion", message).help(help);
         self.found.mistakes.push(told);
         false
+    }
+
+    /// Of a heading that is not tied to the course, what is wrong and what to write, where it is in another unit.
+    fn other_unit(&self, track: &Track, moved: &Moved, agreed: &Turned) -> Option<(String, String)> {
+        let declared = self
+            .node(track)
+            .at(&format!("channels.{}.unit", track.channel))
+            .and_then(Node::as_str)?;
+        let unit = ["deg", "rad"].into_iter().find(|unit| *unit != declared)?;
+        let written = format!("unit = {unit:?}");
+        let other = self.read_as(track, std::slice::from_ref(&written)).filter(|_| !agreed.is_tied())?;
+        let is_right = Turned::of(&moved.headings(&other))?.is_right();
+        is_right.then(|| (format!("it goes with the course as {unit}"), format!("write `{written}`")))
     }
 
     /// Every inertial unit.
@@ -496,10 +523,11 @@ impl Judge<'_> {
         let lag = seek(track, &fast, shift);
         // Of a foot that swings between two of its attitudes, neither they nor one half-way tell the mean.
         if let Some(rates) = rates.filter(|_| attitude.is_some()) {
-            let turned = |from: f64, to: f64| rates.mean_length(from - lag, to - lag).map(|rate| rate * (to - from));
-            fast.retain(|(from, to, _)| turned(*from, *to).is_none_or(|angle| angle < motion::MUCH));
+            fast.retain(|told| turns_little(rates, told, lag));
         }
-        let mut fits = Expected::of(track, &fast, lag).fits();
+        let expected = Expected::of(track, &fast, lag);
+        let mut fits = expected.fits();
+        let (lack, is_alone) = (lack(expected.count()), attitude.is_none() && moved.is_none());
         let is_doubtful = attitude.is_none() && doubt(&mut fits, &Expected::of(track, &told(SLOW), lag).fits());
         let mut with = match (attitude, moved) {
             (Some(seen), _) => format!("gravity in the attitude of `{}`", seen.name),
@@ -520,7 +548,7 @@ impl Judge<'_> {
             with: &with,
             is_world: false,
             limit: if factor == 1.0 { FAR } else { NEAR },
-            lack: LONG,
+            lack: if is_alone { ALONE } else { &lack },
             shift: if attitude.is_some() { early(lag, shift) } else { shift },
             axes: None,
             or: None,
@@ -541,7 +569,7 @@ impl Judge<'_> {
         let with = match (attitude, moved) {
             (Some(seen), _) => format!("the turns of `{}`", seen.name),
             (None, Some(moved)) => format!("the turns of {}", moved.name),
-            (None, None) => return,
+            (None, None) => return self.untold(track, "turns that something else tells of", ALONE),
         };
         let told = |seconds: f64| match (attitude, moved) {
             (Some(seen), _) => seen.attitudes.turns().collect(),
@@ -582,6 +610,12 @@ impl Judge<'_> {
     }
 }
 
+/// Whether a unit turns so little in an interval, `lag` before, that its attitude half-way tells the mean.
+pub(super) fn turns_little(rates: &Track, (from, to, _): &motion::Told, lag: f64) -> bool {
+    let rate = rates.mean_length(from - lag, to - lag);
+    rate.is_none_or(|rate| rate * (to - from) < motion::MUCH)
+}
+
 /// Turned about the forward axis by half a turn.
 const UPSIDE_DOWN: Axes = [(0, false), (1, true), (2, true)];
 
@@ -608,6 +642,16 @@ struct Seen {
 const FAST: &str = "not judged: a minute of turns at more than 2 m/s would tell";
 /// ... and by what needs none.
 pub(super) const LONG: &str = "not judged: both together for a minute would tell";
+/// Where nothing else tells of motion.
+const ALONE: &str = "not judged: an attitude, or a velocity of more than 2 m/s, would tell";
+
+/// What is lacking where both tell of so many intervals.
+fn lack(count: usize) -> String {
+    match count {
+        0 => LONG.to_owned(),
+        count => format!("not judged: both tell of {count} intervals of little turn, {ENOUGH} are needed"),
+    }
+}
 
 /// The shift that is told: that of the clocks, or a lag that is earlier than what is smoothed in both directions \[s\].
 fn early(lag: f64, shift: f64) -> f64 {

@@ -21,6 +21,16 @@ pub(super) struct Whole {
     pub(super) open: Option<usize>,
 }
 
+impl Whole {
+    /// With the sign that nothing decides so that the axes are right-handed.
+    pub(super) fn turned(mut self) -> Self {
+        if let Some(row) = self.open.filter(|_| handedness(&self.axes) < 0.0) {
+            self.axes[row].1 = !self.axes[row].1;
+        }
+        self
+    }
+}
+
 /// Completes what is known: of one axis that is missing it is known which one is left, and `sign` says whether as its negative. `None`
 /// where too little is known, or an axis is there twice.
 pub(super) fn complete(known: [Option<(usize, bool)>; 3], sign: impl Fn(usize, usize) -> Option<bool>) -> Option<Whole> {
@@ -218,6 +228,9 @@ mod tests {
         assert_eq!(of(None), whole(false, Some(2)));
         assert_eq!(of(Some(true)), whole(true, None));
         assert_eq!(of(Some(false)), whole(false, None));
+        // Of what is mounted otherwise it is that of a turn.
+        assert_eq!(of(None).map(Whole::turned), whole(true, Some(2)));
+        assert_eq!(of(Some(false)).map(Whole::turned), whole(false, None), "what is decided stays");
         assert_eq!(complete([Some((1, false)), None, None], |_, _| None), None, "two are missing");
         assert_eq!(
             complete([Some((0, false)), Some((0, true)), None], |_, _| None),

@@ -6,7 +6,7 @@
 
 use super::clock;
 use super::field::permutations;
-use super::judge::{Comparison, Expected, Judge, known};
+use super::judge::{Comparison, Expected, Judge, known, turns_little};
 use super::log::{self, Track};
 use super::mistake::at;
 use super::motion::{Attitudes, Velocities};
@@ -38,10 +38,16 @@ impl Agreement {
         is_told(&force) && is_told(&rate) && !is_one && !(is_whole(&force) && is_whole(&rate))
     }
 
+    /// Whether all rates are decided, or forces and rates are explained as those of a unit that goes with its attitude are.
+    fn is_enough(&self) -> bool {
+        known(&self.rate).iter().all(Option::is_some) || self.explained(true) > MOST
+    }
+
     /// Whether the unit goes with the attitude as declared.
     fn is_right(&self) -> bool {
-        let decided = known(&self.rate).iter().flatten().count();
-        decided >= 2 && vote(&self.rate, NEAR) > 0 && vote(&self.force, FAR) >= 0
+        // Two rates of a small motion, or one with the tilt that forces tell.
+        let [rate, force] = [&self.rate, &self.force].map(|fits| known(fits).iter().flatten().count());
+        (rate >= 2 || rate == 1 && force >= 2) && vote(&self.rate, NEAR) > 0 && vote(&self.force, FAR) >= 0
     }
 
     /// How much of forces and turns the declared axes explain, or any axes of the unit.
@@ -58,24 +64,29 @@ impl Agreement {
 /// How much more of three axes of forces and three of turns another declaration has to explain than any axes of the unit do: some
 /// orders of a quaternion are a turn of the unit.
 const BETTER: f64 = 0.5;
+/// What little motion leaves of the six that a right attitude explains: correlations of 0.87 and more.
+const MOST: f64 = 4.5;
 
 impl Judge<'_> {
     /// An attitude as it should have been declared; `None` where it is wrong and nothing puts it right.
     pub(super) fn redeclared(&mut self, track: Track, velocities: Option<&Velocities>) -> Option<Track> {
         let before = self.agreements(&track, velocities);
-        if !before.iter().any(Agreement::is_contradicted) {
+        // Where nothing agrees the motion may be too little, or the attitude wrong: another one that agrees decides.
+        if before.is_empty() || !before.iter().any(Agreement::is_contradicted) && before.iter().all(Agreement::is_enough) {
             return Some(track);
         }
         let node = self.node(&track);
         let explained = |all: &[Agreement], by_any: bool| all.iter().map(|a| a.explained(by_any)).fold(f64::INFINITY, f64::min);
-        let needed = explained(&before, true) + BETTER;
+        // What no axes of the unit explain is no mistake of theirs.
+        let is_in_conflict = before.iter().any(Agreement::is_in_conflict);
+        let needed = explained(&before, !is_in_conflict) + BETTER;
         let right = declarations(node.at("channels.attitude")).into_iter().find_map(|written| {
             let other = self.read_as(&track, &written)?;
             let after = self.agreements(&other, velocities);
             let is_right = after.iter().all(Agreement::is_right) && explained(&after, false) > needed;
             is_right.then_some((written, other))
         });
-        if right.is_none() && !before.iter().any(Agreement::is_in_conflict) {
+        if right.is_none() && !is_in_conflict {
             return Some(track);
         }
         let name = self.name(&track);
@@ -110,8 +121,9 @@ impl Judge<'_> {
         units
             .map(|(force, rates)| {
                 let lag = clock::widest(&rates, &turns);
+                let slow: Vec<_> = forces.iter().filter(|told| turns_little(&rates, told, lag)).copied().collect();
                 Agreement {
-                    force: Expected::of(&force, &forces, lag).fits(),
+                    force: Expected::of(&force, &slow, lag).fits(),
                     rate: Expected::of(&rates, &turns, lag).fits(),
                 }
             })
@@ -119,7 +131,7 @@ impl Judge<'_> {
     }
 
     /// Reads a channel as if it were declared so.
-    fn read_as(&self, track: &Track, written: &[String]) -> Option<Track> {
+    pub(super) fn read_as(&self, track: &Track, written: &[String]) -> Option<Track> {
         let mut document = self.design.document.clone();
         let path = format!("source.{}.channels.{}", self.design.sources[track.source].name, track.channel);
         written.iter().try_for_each(|one| document.set(&format!("{path}.{one}"))).ok()?;
@@ -144,5 +156,21 @@ fn declarations(channel: Option<&Node>) -> Vec<Vec<String>> {
     }
     let alone = orders.iter().map(|order| vec![order.clone()]);
     let both = orders.iter().map(|order| vec![order.clone(), inverse.clone()]);
-    alone.chain([vec![inverse.clone()]]).chain(both).collect()
+    let mut all: Vec<Vec<String>> = alone.chain([vec![inverse.clone()]]).chain(both).collect();
+    // Forward, left, up in a world whose vertical is up.
+    if ["rotation", "navigation_rotation"]
+        .iter()
+        .all(|key| channel.is_none_or(|c| c.get(key).is_none()))
+    {
+        let up = ["rotation", "navigation_rotation"].map(|key| format!("{key} = {{ axes = [\"x\", \"-y\", \"-z\"] }}"));
+        let turned = all.iter().map(|written| [&written[..], &up[..]].concat());
+        let turned: Vec<Vec<String>> = turned.chain([up.to_vec()]).collect();
+        all.extend(turned);
+    }
+    // Angles in another unit.
+    if channel.is_some_and(|c| c.get("rpy").is_some()) {
+        let is_degrees = channel.and_then(|c| c.get("unit")).and_then(Node::as_str) == Some("deg");
+        all.push(vec![format!("unit = {:?}", if is_degrees { "rad" } else { "deg" })]);
+    }
+    all
 }

@@ -12,6 +12,8 @@ const PARTS: usize = 20;
 const FEWEST: usize = 8;
 /// Samples of a part at least.
 const SHORTEST: usize = 6;
+/// Samples at least.
+pub(super) const ENOUGH: usize = FEWEST * SHORTEST;
 /// An explanation is better from so many standard errors on. Of 100 comparisons of twenty parts, Student's t with
 /// 19 degrees of freedom exceeds 6 by chance in 1 of 2000 logs.
 pub(super) const CERTAIN: f64 = 6.0;

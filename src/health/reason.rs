@@ -11,7 +11,7 @@ use serde::{Serialize, Serializer};
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct NamedReason {
     /// What it is: `no_input`, `stopped`, `refused`, `unsound`, `floor`, `calibration`,
-    /// `pulled`, `innovations`, `rejected`, `reacquired`, `silent`, `ahead`, `unaided`, `undecided`.
+    /// `pulled`, `jumped`, `innovations`, `rejected`, `reacquired`, `silent`, `ahead`, `unaided`, `undecided`.
     pub reason: &'static str,
     /// The sensor, stream or block; empty where it is the filter as a whole.
     pub of: String,
@@ -21,7 +21,7 @@ pub struct NamedReason {
 }
 
 /// Every word that a reason can have.
-const WORDS: [&str; 20] = [
+const WORDS: [&str; 21] = [
     "",
     "no_input",
     "stopped",
@@ -30,6 +30,7 @@ const WORDS: [&str; 20] = [
     "floor",
     "calibration",
     "pulled",
+    "jumped",
     "innovations",
     "rejected",
     "reacquired",
@@ -63,6 +64,7 @@ impl NamedReason {
             ("floor", _) => "σ below its floor",
             ("calibration", _) => "far from its initial value",
             ("pulled", _) => "moved too far while sensors disagreed",
+            ("jumped", _) => "moved by far more than its 1σ",
             ("innovations", State::Lost) => "innovations beyond all σ",
             ("innovations", _) => "innovations too large",
             ("rejected", State::Lost) => "rejected for long, and so is another, or none measures the same motion",
@@ -122,6 +124,7 @@ impl Names {
             Reason::Floor { block } => ("floor", Some(&self.blocks), block),
             Reason::Calibration { block } => ("calibration", Some(&self.blocks), block),
             Reason::Pulled { block } => ("pulled", Some(&self.blocks), block),
+            Reason::Jumped { block } => ("jumped", Some(&self.blocks), block),
             Reason::Innovations { sensor, .. } => ("innovations", Some(&self.sensors), sensor),
             Reason::Rejected { sensor, .. } => ("rejected", Some(&self.sensors), sensor),
             Reason::Reacquired { sensor } => ("reacquired", Some(&self.sensors), sensor),

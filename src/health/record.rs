@@ -24,6 +24,9 @@ pub struct Transition {
     pub state: State,
     /// All reasons that hold from then on; the state may be the same as before.
     pub reasons: Vec<NamedReason>,
+    /// Time of it that fell within declared outages or just after them \[s\].
+    #[serde(skip)]
+    pub in_outages: f64,
 }
 
 /// Time spent in each state \[s\].
@@ -125,8 +128,27 @@ pub struct Spell {
     pub state: State,
     /// When the first reason came \[s\]: a state that is no illness may have none at first.
     pub told: f64,
+    /// When the last reason ceased \[s\]; `to` where one still held.
+    pub told_until: f64,
     /// Why, each once, in the order in which they came.
     pub reasons: Vec<NamedReason>,
+    /// Time of it that fell within declared outages or just after them \[s\].
+    pub in_outages: f64,
+}
+
+impl Spell {
+    /// How long it lasted \[s\].
+    #[must_use]
+    pub fn seconds(&self) -> f64 {
+        self.to - self.from
+    }
+
+    /// Whether it is of ill health, and declared outages do not explain all of it.
+    #[must_use]
+    pub fn is_ill_undeclared(&self) -> bool {
+        // 1e-6: rounding of sums of times.
+        self.state >= State::Degraded && self.seconds() - self.in_outages > 1e-6
+    }
 }
 
 impl FilterHealth {
@@ -139,9 +161,15 @@ impl FilterHealth {
             match all.last_mut().filter(|last| last.state == change.state) {
                 Some(last) => {
                     last.to = end;
+                    last.in_outages += change.in_outages;
                     if last.reasons.is_empty() {
                         last.told = change.time;
                     }
+                    last.told_until = if change.reasons.is_empty() {
+                        last.told_until.min(change.time)
+                    } else {
+                        end
+                    };
                     let new = change.reasons.iter().filter(|r| !last.reasons.contains(r));
                     let new: Vec<NamedReason> = new.cloned().collect();
                     last.reasons.extend(new);
@@ -150,8 +178,10 @@ impl FilterHealth {
                     from: change.time,
                     to: end,
                     told: change.time,
+                    told_until: end,
                     state: change.state,
                     reasons: change.reasons.clone(),
+                    in_outages: change.in_outages,
                 }),
             }
         }
@@ -248,6 +278,8 @@ impl Followed {
             self.health.spent.add(self.health.state, seconds);
             if is_declared && self.health.state >= State::Degraded {
                 self.health.in_outages += seconds;
+                let kept = self.health.transitions.last_mut().filter(|_| self.health.further_transitions == 0);
+                kept.into_iter().for_each(|t| t.in_outages += seconds);
             }
             self.counted = Some(time);
             self.health.until = time.seconds();
@@ -270,6 +302,7 @@ impl Followed {
             time: health.since.seconds(),
             state: health.state,
             reasons: health.reasons.iter().map(|r| self.names.of(*r)).collect(),
+            in_outages: 0.0,
         });
     }
 }
@@ -288,7 +321,12 @@ fusion_core::memory!(FilterHealth {
     further_transitions;
     filter
 });
-fusion_core::memory!(Transition { time, state, reasons });
+fusion_core::memory!(Transition {
+    time,
+    state,
+    reasons,
+    in_outages
+});
 fusion_core::memory!(Spent {
     good,
     aligning,

@@ -1,5 +1,6 @@
 //! The stamps of a file: which column, which unit, how regular.
 
+use super::Day;
 use super::numbers::{median, quantile};
 use super::signal::factor;
 use super::words::{Words, contains};
@@ -20,6 +21,15 @@ pub enum Form {
         /// What one of it stands for, as designs write it.
         each: &'static str,
     },
+    /// The number of a recording in a second column, whose clocks begin anew: so many seconds are taken for each.
+    Recordings {
+        /// The second column.
+        second: usize,
+        /// Seconds for each.
+        each: u32,
+    },
+    /// What a column counts; a comment tells how many there are in a second.
+    Counter,
     /// Dates with the time of day.
     Calendar,
     /// None: samples are evenly spaced.
@@ -71,21 +81,32 @@ pub struct Clock {
     pub resets: usize,
     /// What was added to the stamps, to bring them to the clock of the positions \[s\].
     pub shift: f64,
+    /// The day of times of day, where the file has no date.
+    pub day: Option<Day>,
 }
 
 impl Clock {
     /// That of a table; `None` where no column looks like time.
     pub(super) fn of(table: &Table) -> Option<Self> {
         let unnamed = || rising(table).filter(|k| !is_counter(table, *k));
-        Self::named(table).or_else(|| unnamed().map(|column| Self::at(table, column, &Words::of(table.columns[column].called()))))
+        let clock =
+            Self::named(table).or_else(|| unnamed().map(|column| Self::at(table, column, &Words::of(table.columns[column].called()))));
+        let clock = clock.or_else(|| counted(table))?;
+        Some(clock.of_recordings(table).unwrap_or(clock))
     }
 
     /// That of a column which is called time.
     pub(crate) fn named(table: &Table) -> Option<Self> {
+        if let Some(column) = table.stamp {
+            let words = stamp_words(table.columns[column].called());
+            return calendar(table)
+                .filter(|c| c.column == column)
+                .or_else(|| Some(Self::at(table, column, &words)));
+        }
         let by_name = || named(table).map(|(column, words)| Self::at(table, column, &words));
         // Dates to the second beside finer stamps say when the log is from, not when a row is.
         let dates = calendar(table);
-        let fine = dates.clone().filter(|c| c.ties * 2 < c.stamps.len());
+        let fine = dates.clone().filter(|c| c.ties * 2 < c.stamps.len() && c.day.is_none());
         let others = || week(table).or_else(|| split(table)).or_else(by_name).or_else(|| even(table));
         fine.or_else(others).or(dates)
     }
@@ -110,7 +131,7 @@ impl Clock {
     pub(super) fn columns(&self, table: &Table) -> Vec<usize> {
         let date = table.columns[self.column].calendar.as_ref().and_then(|c| c.date);
         let second = match self.form {
-            Form::Sum { second, .. } => Some(second),
+            Form::Sum { second, .. } | Form::Recordings { second, .. } => Some(second),
             _ => date,
         };
         core::iter::once(self.column).chain(second).collect()
@@ -156,8 +177,39 @@ impl Clock {
             backwards: intervals().filter(|d| *d < 0.0).count(),
             resets: intervals().filter(|d| *d < -1.0).count(),
             shift: 0.0,
+            day: None,
             stamps,
         }
+    }
+
+    /// As this one, where it begins anew each time that another column steps: the number of a recording.
+    fn of_recordings(&self, table: &Table) -> Option<Self> {
+        /// Between two recordings the state is not carried on: more than any gap that it is \[s\].
+        const APART: f64 = 10.0;
+        if self.resets == 0 || self.form != Form::Count {
+            return None;
+        }
+        let t = &self.stamps;
+        let steps = |column: &usize| {
+            let values = &table.columns[*column].values;
+            let is_number = values.iter().all(|v| v.fract() == 0.0 && (0.0..1e6).contains(v));
+            is_number && (1..t.len()).all(|k| (values[k] > values[k - 1]) == (t[k] < t[k - 1]) && values[k] >= values[k - 1])
+        };
+        let second = (0..table.columns.len()).filter(|k| *k != self.column).find(steps)?;
+        let (first, last) = self.span();
+        // The next of 1, 2, 5, 10, …
+        let least = (last - first) + APART;
+        let power = 10_f64.powf(least.log10().floor());
+        let each = [1.0, 2.0, 5.0, 10.0].map(|k| k * power).into_iter().find(|each| *each >= least)?;
+        let stamps = t.iter().zip(&table.columns[second].values).map(|(t, number)| t + each * number);
+        Some(Self {
+            column: self.column,
+            form: Form::Recordings { second, each: each as u32 },
+            unit: self.unit,
+            why: self.why.clone(),
+            origin: self.origin,
+            ..Self::measured(stamps.collect())
+        })
     }
 
     /// Moves the stamps.
@@ -177,7 +229,8 @@ impl Clock {
 
 /// Dates with the time of day.
 fn calendar(table: &Table) -> Option<Clock> {
-    let column = table.columns.iter().position(|c| c.calendar.is_some())?;
+    let column = table.stamp.filter(|k| table.columns[*k].calendar.is_some());
+    let column = column.or_else(|| table.columns.iter().position(|c| c.calendar.is_some()))?;
     let scale = table.columns[column].calendar.as_ref()?.scale;
     Some(Clock {
         column,
@@ -185,7 +238,22 @@ fn calendar(table: &Table) -> Option<Clock> {
         origin: Origin::Gps,
         unit: "ns",
         why: format!("dates, {scale} unless their text names another scale"),
+        day: table.columns[column].is_time_of_day.then(Day::default),
         ..Clock::measured(table.columns[column].values.iter().map(|v| v * 1e-9).collect())
+    })
+}
+
+/// Rows that a column counts, whose rate a comment tells.
+fn counted(table: &Table) -> Option<Clock> {
+    let (comment, rate) = table.told.as_ref()?;
+    let column = rising(table).filter(|k| is_counter(table, *k))?;
+    let stamps = table.columns[column].values.iter().map(|v| v / rate);
+    Some(Clock {
+        column,
+        form: Form::Counter,
+        why: format!("guessed: it counts the rows, and a comment says `{comment}`"),
+        rate: *rate,
+        ..Clock::measured(stamps.collect())
     })
 }
 
@@ -261,7 +329,7 @@ fn split(table: &Table) -> Option<Clock> {
 
 /// The name of a column of stamps, taken apart. A unit may be joined to it, as in `TimeUS`; that of no other quantity may,
 /// for `times` is a word and `accels` another.
-fn stamp_words(name: &str) -> Words {
+pub(super) fn stamp_words(name: &str) -> Words {
     let mut words = Words::of(name);
     let joined = ["timestamp", "time"]
         .iter()
@@ -277,7 +345,7 @@ fn stamp_words(name: &str) -> Words {
 }
 
 /// Whether a column is called time.
-fn is_called_time(words: &Words) -> bool {
+pub(super) fn is_called_time(words: &Words) -> bool {
     words.ends_with(&["t", "time", "timestamp", "stamp", "tow", "gpst", "utc"])
 }
 
@@ -344,10 +412,10 @@ pub(super) fn why_none(table: &Table) -> String {
         };
     }
     if let Some(counter) = rising(table).filter(|k| is_counter(table, *k)) {
-        // A column without a name is called by its number.
+        // A column without a name of its own is called by its number.
         let number = (counter + 1).to_string();
         let column = Some(&table.columns[counter].name)
-            .filter(|name| !name.is_empty())
+            .filter(|name| !name.is_empty() && table.names.is_none())
             .unwrap_or(&number);
         return format!(
             "`{name}` has no time: `{column}` counts its rows, and nothing here says how many there are in a second. Declare it: `time = {{ \
@@ -355,6 +423,36 @@ pub(super) fn why_none(table: &Table) -> String {
         );
     }
     format!("`{name}` has no column of time: none is called `t`, `time` or `timestamp`, and none rises from row to row")
+}
+
+/// Takes in each table the column of time that all the others use, where it has one of that name besides.
+pub(super) fn agree(tables: &mut [Table]) {
+    let used = |table: &Table| {
+        let clock = Clock::named(table)?;
+        Some(table.columns[clock.column].called().to_lowercase())
+    };
+    let mut names: Vec<Option<String>> = tables.iter().map(used).collect();
+    for k in 0..tables.len() {
+        let mut others = names
+            .iter()
+            .enumerate()
+            .filter(|(other, _)| *other != k)
+            .filter_map(|(_, name)| name.as_ref());
+        let Some(common) = others.next().filter(|first| others.all(|name| name == *first)).cloned() else {
+            continue;
+        };
+        let own = names[k].as_ref().is_some_and(|own| *own != common);
+        let column = tables[k].columns.iter().position(|c| c.called().to_lowercase() == common);
+        let is_sound = |column: &usize| {
+            let of = &tables[k].columns[*column];
+            let is_told = of.calendar.is_some() || is_called_time(&stamp_words(of.called()));
+            is_told && is_in_order(&tables[k], *column) && of.values.iter().filter(|v| v.is_finite()).count() * 2 > of.values.len()
+        };
+        if let Some(column) = column.filter(|column| own && is_sound(column)) {
+            tables[k].stamp = Some(column);
+            names[k] = Some(common);
+        }
+    }
 }
 
 /// The column that rises from row to row, all but a hundredth of them.

@@ -28,6 +28,8 @@ pub struct Field {
     pub strength: f64,
     /// Median angle below the plane across the specific force \[rad\].
     pub dip: f64,
+    /// How much its length scatters, 1σ by the median \[T\].
+    pub scatter: f64,
     /// How much of its turns the gyros explain: 1 is all.
     pub explained: f64,
 }
@@ -61,6 +63,8 @@ impl Field {
             );
             return Some(Err(why));
         }
+        // Of a normal number, half is within 0.674 σ.
+        let scatter = median(field.iter().map(|m| (norm(*m) - strength).abs())) / 0.674;
         let side = Side {
             t: log.stamps(),
             field,
@@ -72,7 +76,12 @@ impl Field {
             Ok(explained) => return Some(Err(side.contradiction(explained))),
             Err(why) => return Some(Err(why)),
         };
-        Some(Ok(Self { strength, dip, explained }))
+        Some(Ok(Self {
+            strength,
+            dip,
+            scatter,
+            explained,
+        }))
     }
 }
 

@@ -4,6 +4,7 @@ use super::log::Log;
 use super::numbers::{Vec3, median, moments, norm, quantile};
 use super::signal::Kind;
 use super::stance::Stances;
+use super::standing::Standing;
 
 /// Standard gravity \[m/s²\].
 const GRAVITY: f64 = 9.80665;
@@ -24,6 +25,9 @@ const LEAK: f64 = 0.02;
 const TIMES: [f64; 4] = [2.0, 1.5, 1.25, 1.0];
 /// Windows that begin at any sample are shaken so much more than those that follow each other.
 const SLIDING: f64 = 1.1;
+/// A unit that turns faster for a twentieth of the time errs by the scale and the axes of its gyros far more than by their
+/// noise [rad/s].
+const AGILE: f64 = 1.0;
 /// Nothing at rest is shaken more, an idling engine included \[m/s²\].
 const SHAKEN: f64 = 1.0;
 
@@ -38,8 +42,14 @@ pub struct Imu {
     pub tilt: f64,
     /// What it reads at rest; `None` if it never rests.
     pub rest: Option<Rest>,
+    /// How a standstill is told from motion, where somebody else tells of both.
+    pub standing: Option<Standing>,
     /// Regular short rests: of a foot.
     pub stances: Option<Stances>,
+    /// The length of the angular rate, less the bias, that 95 % of the samples stay below \[rad/s\].
+    pub turning: f64,
+    /// Of a unit that turns fast the lengths of force and rate that all but one of a thousand samples stay below.
+    pub agile: Option<(f64, f64)>,
     /// Strength \[T\] and dip \[rad\] of the magnetic field during the first rest.
     pub field: Option<(f64, f64)>,
 }
@@ -88,7 +98,11 @@ impl Imu {
         let (force, rate) = (log.values(Kind::SpecificForce)?, log.values(Kind::AngularRate)?);
         let windows = windows(log.stamps(), &force, &rate, stands);
         let resting = resting(&windows);
-        let rest = rest(&windows, &resting);
+        let rest = rest(
+            &windows,
+            &resting,
+            [&force, &rate].map(|v| [0, 1, 2].map(|i| step(v.iter().map(|v| v[i])))),
+        );
         let chosen: Vec<&Window> = windows
             .iter()
             .zip(&resting)
@@ -96,19 +110,33 @@ impl Imu {
             .map(|(w, _)| w)
             .collect();
         let gravity = [0, 1, 2].map(|i| median(chosen.iter().map(|w| w.force[i].0)));
+        if gravity.iter().any(|g| !g.is_finite()) {
+            return None;
+        }
         let up = [0, 1, 2]
             .into_iter()
             .max_by(|a, b| gravity[*a].abs().total_cmp(&gravity[*b].abs()))?;
         let field = rest.as_ref().and_then(|r| field(log, r.first, gravity));
+        let standing = rest
+            .as_ref()
+            .filter(|_| is_told(&windows))
+            .and_then(|r| Standing::of(log.stamps(), [&force, &rate], [r.accel_std, r.gyro_std], stands));
+        let bias = rest.as_ref().map_or([0.0; 3], |r| r.bias);
+        let lengths = |v: &[Vec3], less: Vec3, share| quantile(v.iter().map(|v| norm([0, 1, 2].map(|i| v[i] - less[i]))), share);
+        let turning = lengths(&rate, bias, 0.95);
+        let agile = (turning > AGILE).then(|| (lengths(&force, [0.0; 3], 0.999), lengths(&rate, bias, 0.999)));
         Some(Self {
             field,
+            standing,
+            turning,
+            agile,
             stances: Stances::of(
                 log.stamps(),
                 &force,
                 &rate,
                 // Without a rest the mean is that of the swings, too.
                 rest.as_ref().map_or(GRAVITY, |_| norm(gravity)),
-                rest.as_ref().map_or([0.0; 3], |r| r.bias),
+                rest.as_ref().map(|r| r.bias),
             ),
             gravity,
             up: (up, gravity[up] < 0.0),
@@ -173,23 +201,41 @@ fn resting(windows: &[Window]) -> Vec<bool> {
     windows.iter().map(is_quiet).collect()
 }
 
-fn rest(windows: &[Window], resting: &[bool]) -> Option<Rest> {
+/// The smallest step between neighbouring samples: that of the numbers as they are written; NaN of a constant.
+fn step(samples: impl Iterator<Item = f64> + Clone) -> f64 {
+    let steps = samples.clone().zip(samples.skip(1)).map(|(a, b)| (b - a).abs());
+    steps.filter(|step| *step > 0.0).fold(f64::NAN, f64::min)
+}
+
+/// Deviations that something can be below. An axis that is constant at rest may still change between two neighbouring numbers,
+/// `step` apart, by half of it; one that is constant throughout says nothing, and takes that of the others.
+fn positive(deviations: Vec3, step: Vec3) -> Vec3 {
+    let own = [0, 1, 2].map(|i| if deviations[i] > 0.0 { deviations[i] } else { 0.5 * step[i] });
+    let largest = own.into_iter().fold(f64::NAN, f64::max);
+    own.map(|deviation| if deviation > 0.0 { deviation } else { largest })
+}
+
+/// `steps` are those of the numbers, of force and rate.
+fn rest(windows: &[Window], resting: &[bool], steps: [Vec3; 2]) -> Option<Rest> {
     let at_rest = || windows.iter().zip(resting).filter(|(_, r)| **r).map(|(w, _)| w);
     let moving = || windows.iter().zip(resting).filter(|(_, r)| !**r).map(|(w, _)| w);
     let count = at_rest().count();
     let first = longest_first(windows, resting)?;
     let high = |of: &dyn Fn(&Window) -> f64| quantile(at_rest().map(of), 0.95);
     let (accel_std, gyro_std) = (
-        [0, 1, 2].map(|i| high(&|w| w.force[i].1)),
-        [0, 1, 2].map(|i| high(&|w| w.rate[i].1)),
+        positive([0, 1, 2].map(|i| high(&|w| w.force[i].1)), steps[0]),
+        positive([0, 1, 2].map(|i| high(&|w| w.rate[i].1)), steps[1]),
     );
     // How many windows in motion limits of so many times these let pass.
-    let passing = |times: f64| {
-        let is_below = |of: &[(f64, f64); 3], limits: Vec3| (0..3).all(|i| of[i].1 <= times * limits[i]);
-        let pass = moving().filter(|w| is_below(&w.force, accel_std) && is_below(&w.rate, gyro_std));
-        pass.count() as f64
-    };
-    if !is_told(windows) && passing(TIMES[0]) > VALLEY * count as f64 {
+    let is_below = |of: &[(f64, f64); 3], limits: Vec3, times: f64| (0..3).all(|i| of[i].1 <= times * limits[i]);
+    let passes = |w: &Window, times: f64| is_below(&w.force, accel_std, times) && is_below(&w.rate, gyro_std, times);
+    let passing = |times: f64| moving().filter(|w| passes(w, times)).count() as f64;
+    // What is beside a window at rest is partly at rest: it says nothing of motion.
+    let is_beside = |k: usize| resting[k.saturating_sub(1)..(k + 2).min(resting.len())].contains(&true);
+    let away = (0..windows.len())
+        .filter(|k| !is_beside(*k) && passes(&windows[*k], TIMES[0]))
+        .count();
+    if !is_told(windows) && away as f64 > VALLEY * count as f64 {
         return None;
     }
     let is_tight = |times: &f64| passing(*times) <= LEAK * count as f64;

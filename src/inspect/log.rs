@@ -1,6 +1,8 @@
 //! A file with what was found in it.
 
-use super::clock::Clock;
+use super::beside::Unit;
+use super::clock::{Clock, Form};
+use super::day::read_times_of_day;
 use super::numbers::{Vec3, median};
 use super::signal::{Kind, Signal, is_derived, signals};
 use super::track::{Odometer, Track};
@@ -18,6 +20,8 @@ pub struct Log {
     pub instances: Option<Instances>,
     /// The quantities.
     pub signals: Vec<Signal>,
+    /// The inertial units beside the one that is used, in columns of their own.
+    pub others: Vec<Unit>,
 }
 
 /// Several instruments of one kind that write to one file in turn, each row with the number of its own.
@@ -86,6 +90,7 @@ impl Log {
     /// Looks at a table.
     #[must_use]
     pub fn of(mut table: Table) -> Self {
+        read_times_of_day(&mut table);
         let mut clock = Clock::of(&table);
         let instances = clock.as_ref().and_then(|clock| Instances::of(&table, clock));
         if let Some(Instances { column, numbers }) = &instances {
@@ -99,9 +104,10 @@ impl Log {
         let rate = clock.as_ref().map_or(f64::NAN, |c| c.rate);
         let signals = signals(&table, rate);
         let mut log = Self {
+            instances,
+            others: Unit::beside(&mut table, &signals, rate),
             table,
             clock,
-            instances,
             signals,
         };
         log.settle_velocity();
@@ -138,6 +144,20 @@ impl Log {
             "`{file}` holds {} instruments in turn, with the numbers {all} in `{column}`. Only the rows of number {first} are looked at: `valid = {{ \
              column = \"{column}\", equals = {first} }}`",
             numbers.len()
+        ))
+    }
+
+    /// What is said of several recordings in the file.
+    pub(super) fn recordings(&self) -> Option<String> {
+        let Form::Recordings { second, each } = self.clock.as_ref()?.form else {
+            return None;
+        };
+        let numbers = &self.table.columns[second].values;
+        Some(format!(
+            "`{}` holds {} recordings, whose clocks begin anew with each `{}`: they are put one after the other, {each} s for each number",
+            self.name(),
+            numbers.chunk_by(|a, b| a == b).count(),
+            self.table.columns[second].name
         ))
     }
 
@@ -235,6 +255,19 @@ impl Log {
         }
     }
 
+    /// Whether rows that repeat these quantities are copies of a measurement. Several numbers do not stay the same to the last
+    /// digit; a single one does at rest or at a steady speed, and is measured all the same, unless its new values usually last
+    /// for more than a row.
+    pub(super) fn repeats_are_copies(&self, signals: &[&Signal]) -> bool {
+        let column = |k: usize| &self.table.columns[k].values;
+        let moves = |k: &usize| column(*k).windows(2).any(|w| w[0] < w[1]);
+        let mut columns: Vec<usize> = signals.iter().flat_map(|s| s.columns.iter().map(|c| c.0)).filter(moves).collect();
+        columns.sort_unstable();
+        columns.dedup();
+        let [only] = columns[..] else { return true };
+        median(column(only).chunk_by(|a, b| a == b).map(|run| run.len() as f64)) > 1.0
+    }
+
     /// The share of rows in which a column of a signal is no number.
     pub(super) fn missing(&self, signal: &Signal) -> f64 {
         let rows = self.table.rows();
@@ -255,6 +288,13 @@ impl Log {
         let signal = self.signals.iter().find(|s| s.columns.iter().any(|c| c.0 == column));
         if self.instances.as_ref().is_some_and(|i| i.column == column) {
             return Some("tells the instruments of this file apart".to_owned());
+        }
+        if self
+            .others
+            .iter()
+            .any(|unit| unit.force.contains(&column) || unit.rate.contains(&column))
+        {
+            return Some("another inertial unit in this file".to_owned());
         }
         if let Some(signal) = signal.filter(|_| self.is_estimate()) {
             let said = format!(

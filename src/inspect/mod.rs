@@ -11,7 +11,9 @@
 //!
 //! Memory   all of the files, eight bytes for each cell
 
+mod beside;
 mod clock;
+mod day;
 mod design;
 mod field;
 mod imu;
@@ -21,6 +23,7 @@ mod page;
 mod pair;
 mod signal;
 mod stance;
+mod standing;
 #[cfg(test)]
 mod tests;
 mod track;
@@ -30,12 +33,14 @@ mod words;
 mod yaw;
 
 pub use clock::{Clock, Form, Origin};
+pub use day::Day;
 pub use field::Field;
 pub use imu::{Imu, Rest};
 pub use log::{Instances, Log, Repeats};
 pub use pair::Pair;
 pub use signal::{Kind, Signal};
 pub use stance::Stances;
+pub use standing::Standing;
 use track::Odometer;
 pub use track::Track;
 pub use water::Water;
@@ -51,6 +56,8 @@ use std::path::{Path, PathBuf};
 /// Names of files that are looked at in a folder end in one of these.
 const ENDINGS: [&str; 7] = [".csv", ".csv.gz", ".txt", ".txt.gz", ".pos", ".pos.gz", ".mat"];
 
+/// Nobody runs faster for long \[m/s\].
+const RUNNING: f64 = 10.0;
 /// Receivers at rest report less \[m/s\].
 const SLOW: f64 = 0.2;
 
@@ -123,21 +130,23 @@ impl Inspection {
     /// # Errors
     /// Files that cannot be read, all of them.
     pub fn of(paths: &[PathBuf]) -> Result<Self, Diagnostics> {
-        let (mut logs, mut d) = (Vec::new(), Diagnostics::new());
+        let (mut tables, mut d) = (Vec::new(), Diagnostics::new());
         for path in paths {
             match Table::read_all(path) {
-                Ok(tables) => logs.extend(tables.into_iter().map(Log::of)),
+                Ok(read) => tables.extend(read),
                 Err(SourceError::Data(error)) => d.push(error.as_ref().into()),
                 // The only thing that is declared is the file.
                 Err(SourceError::Declared(errors)) => d.extend(errors.iter().map(|error| Diagnostic::error(error.to_string()))),
             }
         }
-        d.unless_errors(Self::look(logs))
+        clock::agree(&mut tables);
+        d.unless_errors(Self::look(tables.into_iter().map(Log::of).collect()))
     }
 
     /// Looks at logs.
     #[must_use]
     pub fn look(mut logs: Vec<Log>) -> Self {
+        day::give_days(&mut logs);
         bring_to_gps(&mut logs);
         let apart = logs.iter().position(has_velocity_alone);
         let (position, reference) = tracks(&logs, apart);
@@ -156,7 +165,11 @@ impl Inspection {
             (None, Some(wheels)) => wheels.stands(t),
             (None, None) => None,
         };
-        let imu = units(&logs).first().and_then(|k| Some((*k, Imu::of(&logs[*k], &stands)?)));
+        let mut imu = units(&logs).first().and_then(|k| Some((*k, Imu::of(&logs[*k], &stands)?)));
+        // What swings now and then and is faster than a runner is no foot.
+        if let Some((_, imu)) = imu.as_mut().filter(|_| reported.is_some_and(|track| track.top_speed() > RUNNING)) {
+            imu.stances = None;
+        }
         let pair = imu.as_ref().zip(best).and_then(|((k, imu), (_, track))| {
             let log = &logs[*k];
             let (force, rate) = (log.values(SpecificForce)?, log.values(AngularRate)?);
@@ -273,6 +286,13 @@ impl Inspection {
                 ));
             }
         }
+        let is_unit = |log: &&Log| log.clock.is_some() && log.has(SpecificForce) && log.has(AngularRate);
+        for log in self.logs.iter().filter(is_unit).filter(|_| self.imu.is_none()) {
+            all.push(format!(
+                "a second of the inertial unit in `{}` with four samples and no gap: without one nothing tells which axis points up",
+                log.name()
+            ));
+        }
         let has = |kind| self.logs.iter().any(|log| log.has(kind));
         let is_inertial = has(SpecificForce) && has(AngularRate);
         if !(is_inertial || has(Euler) || has(Kind::Speed)) {
@@ -286,6 +306,18 @@ impl Inspection {
                 "positions: without them a filter gives the attitude only"
             };
             all.push(what.to_owned());
+        }
+        let is_flat = |log: &Log| log.signal(Geodetic).is_some_and(|s| s.columns.len() < 3);
+        if let Some((k, _)) = self
+            .position
+            .as_ref()
+            .filter(|(k, _)| self.imu.is_some() && is_flat(&self.logs[*k]))
+        {
+            all.push(format!(
+                "the height of the positions in `{}`: no column beside latitude and longitude is called so. If one is, name it `height_m`; \
+                 without it the origin is at 0 m, and no barometer is used",
+                self.logs[*k].name()
+            ));
         }
         all
     }

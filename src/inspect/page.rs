@@ -19,7 +19,8 @@ impl Inspection {
         let mut sections = vec![
             self.logs
                 .iter()
-                .filter_map(Log::several)
+                .flat_map(|log| [log.several(), log.side_by_side(), log.of_day(), log.recordings()])
+                .flatten()
                 .fold(Section::new("Files", [all(file, files())]), Section::note),
             Section::new("Arrays", [all(arrays, Table::new(["file", "array", "shape"].map(Column::text)))]),
             Section::new("Quantities", [all(quantities, columns())]),
@@ -231,7 +232,10 @@ impl Inspection {
             let moved = format!("{:.2} s was added to the stamps of the unit: there the turns agree", clock.shift);
             t.row(["clocks apart", &moved]);
         }
-        if pair.correlation.abs() < 0.5 {
+        if let Some(lag) = pair.by_force.filter(|_| pair.correlation.abs() <= 0.8) {
+            let late = format!("{lag:.2} s, by the length of the force, alike in every third; positions may be late by another time");
+            t.row(["velocity or course is late by", &late]);
+        } else if pair.correlation.abs() < 0.5 {
             t.row(["velocity or course is late by", "not decided: the turns do not agree"]);
         } else {
             t.row([
@@ -310,7 +314,9 @@ fn file(t: &mut Table, log: &Log) {
     };
     let time = match c.form {
         Form::Even => "evenly spaced".to_owned(),
+        Form::Calendar if c.day.is_some() => format!("{} time of day", stamp_names(log, c)),
         Form::Calendar => format!("{} calendar", stamp_names(log, c)),
+        Form::Counter => format!("{} counts rows", stamp_names(log, c)),
         _ => format!("{} {}", stamp_names(log, c), c.unit),
     };
     t.row([

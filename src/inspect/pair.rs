@@ -28,6 +28,9 @@ pub struct Pair {
     pub forward: Option<(f64, f64)>,
     /// The correlation of the force, less gravity, with how the climb changes.
     pub climb: f64,
+    /// How late the velocity is by the length of the force, which the accelerations of the track tell whatever the attitude \[s\];
+    /// where every third of the log tells the same.
+    pub by_force: Option<f64>,
 }
 
 impl Pair {
@@ -92,6 +95,7 @@ impl Pair {
             lags: lags.flatten(),
             forward: forward(&intervals, &forces, gravity, up, lag),
             climb: climb(track, &forces, norm(gravity)),
+            by_force: by_force(t, force, norm(gravity), track),
         })
     }
 }
@@ -165,6 +169,51 @@ fn climb(track: &Track, forces: &Integral, gravity: f64) -> f64 {
         (faster.is_finite() && to - from < 3.0).then_some((faster, force))
     });
     line(&pairs.collect::<Vec<_>>()).1
+}
+
+/// The offset at which the length of the force agrees best with that of the accelerations of the track, gravity included.
+fn by_force(t: &[f64], force: &[Vec3], gravity: f64, track: &Track) -> Option<f64> {
+    /// Accelerations change from one such time to the next [s].
+    const LEAST: f64 = 0.4;
+    /// A force that has other reasons, such as vibration, agrees less.
+    const CERTAIN: f64 = 0.9;
+    /// Thirds of the log that tell the same differ by no more [s].
+    const ALIKE: f64 = 2.5 * STEP;
+    if !track.is_reported {
+        return None;
+    }
+    let lengths: Vec<Vec3> = force.iter().map(|f| [norm(*f), 0.0, 0.0]).collect();
+    let lengths = Integral::of(t, &lengths);
+    let stride = ((LEAST * track.rate()).round() as usize).max(1);
+    let longest = 1.5 * stride as f64 / track.rate();
+    let steps: Vec<(f64, f64, f64)> = (stride..track.t.len())
+        .filter_map(|k| {
+            let (from, to) = (track.t[k - stride], track.t[k]);
+            let (a, b) = (track.velocity[k - stride], track.velocity[k]);
+            let mut needed = [0, 1, 2].map(|i| (b[i] - a[i]) / (to - from));
+            needed[2] -= gravity;
+            let length = norm(needed);
+            (to - from < longest && length.is_finite()).then_some((from, to, length))
+        })
+        .collect();
+    let late = |steps: &[(f64, f64, f64)]| {
+        let at = |lag: f64| {
+            let pairs: Vec<(f64, f64)> = steps
+                .iter()
+                .filter_map(|(from, to, length)| Some((*length, lengths.mean(from - lag, to - lag)?[0])))
+                .collect();
+            (pairs.len() >= ENOUGH).then(|| line(&pairs).1)
+        };
+        let reach = (REACH / STEP).round() as i32;
+        let tried = (-reach..=reach).map(|k| STEP * f64::from(k));
+        let tried = tried.filter_map(|lag| Some((lag, at(lag).filter(|c| c.is_finite())?)));
+        let best = tried.max_by(|a, b| a.1.total_cmp(&b.1));
+        best.filter(|(_, correlation)| *correlation > CERTAIN).map(|(lag, _)| lag)
+    };
+    let lag = late(&steps)?;
+    let third = (steps.len() / 3).max(1);
+    let is_alike = |part: &[(f64, f64, f64)]| late(part).is_some_and(|other| (other - lag).abs() < ALIKE);
+    steps.chunks_exact(third).take(3).all(is_alike).then_some(lag)
 }
 
 /// The offset at which the turns agree best: lag, slope, correlation.
@@ -306,6 +355,31 @@ mod tests {
             ..Track::default()
         };
         assert_eq!(apart(&t, &rate, [0.0, 0.0, 9.8], &track), None);
+    }
+
+    #[test]
+    fn a_nose_that_does_not_follow_the_way_leaves_the_length_of_the_force() {
+        let (t, force, _, mut track) = winding(0.3, 0.0, 1.0);
+        // Fixes four times a second, and a force as long as before, along an axis that points anywhere.
+        let stamps: Vec<f64> = (8..1180).map(|k| 0.25 * f64::from(k)).collect();
+        let speed = |t: f64| 8.0 + 3.0 * (0.11 * t).sin();
+        let course = |t: f64| 1.5 * (1.0 - (0.2 * t).cos()) + 0.1 / 0.53 * (1.0 - (0.53 * t).cos());
+        let at = |s: &f64| [speed(s - 0.3) * course(s - 0.3).cos(), speed(s - 0.3) * course(s - 0.3).sin(), 0.0];
+        track.velocity = stamps.iter().map(at).collect();
+        (track.t, track.is_reported) = (stamps, true);
+        let lag = |force: &[Vec3], track: &Track| by_force(&t, force, 9.8, track);
+        let turned: Vec<Vec3> = force.iter().map(|f| [0.0, norm(*f), 0.0]).collect();
+        // A step of 20 ms, and half of a sample.
+        assert!((lag(&turned, &track).unwrap() - 0.3).abs() < 0.026, "{:?}", lag(&turned, &track));
+        // Shaken by much more than it is accelerated, and clocks that drift apart by 0.3 s from the first third to the last.
+        let shaken: Vec<Vec3> = turned
+            .iter()
+            .zip(&t)
+            .map(|(f, t)| [0.0, f[1] + 3.0 * (1.7 * t).sin(), 0.0])
+            .collect();
+        assert_eq!(lag(&shaken, &track), None);
+        track.t.iter_mut().for_each(|t| *t *= 1.0015);
+        assert_eq!(lag(&turned, &track), None);
     }
 
     #[test]

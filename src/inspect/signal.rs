@@ -2,7 +2,7 @@
 
 use super::numbers::{Vec3, median, norm, quantile};
 use super::turn;
-use super::words::{Words, contains, is_called};
+use super::words::{Words, contains, is_called, is_height};
 use crate::source::table::Table;
 
 /// A quantity that a filter can use.
@@ -388,9 +388,14 @@ impl Finder<'_> {
             Some(kind) => self.add(kind, plain),
             None => {}
         }
-        if let Some(found) = self.found.last_mut().filter(|s| s.columns[0].0 == x) {
+        if let Some(found) = self.found.last_mut().filter(|s| s.columns.iter().any(|c| c.0 == x)) {
             if let Some(gauss) = gauss {
                 found.unit = gauss.to_owned();
+            }
+            match found.kind {
+                Kind::Local => found.why = "by name: x, y, z as east, north, up".to_owned(),
+                Kind::BodyVelocity => found.why = "by name: x, y, z as forward, right, down".to_owned(),
+                _ => {}
             }
             found.increment = matches!(
                 (found.kind, unit),
@@ -516,9 +521,16 @@ impl Finder<'_> {
         all > 0.0 && with > WITH * all
     }
 
+    /// A height whose name also says above what; of two the one above the ellipsoid, as latitudes and longitudes are of it.
+    fn height(&self) -> Option<usize> {
+        let is_in_metres = |k: &usize| matches!(self.words[*k].unit, None | Some("m"));
+        let all = (0..self.words.len()).filter(|k| is_in_metres(k) && is_height(&self.words[*k].stem));
+        all.min_by_key(|k| ["msl", "sea"].iter().any(|datum| self.words[*k].stem.contains(datum)))
+    }
+
     fn scalars(&mut self) {
         if let (Some(lat), Some(lon)) = (self.one(&["lat", "latitude"]), self.one(&["lon", "lng", "long", "longitude"])) {
-            let height = self.one(&["h", "alt", "height", "altitude", "ellheight"]);
+            let height = self.one(&["h", "alt", "height", "altitude"]).or_else(|| self.height());
             let columns = [Some(lat), Some(lon), height].into_iter().flatten();
             self.add(Kind::Geodetic, columns.map(|k| (k, false)).collect());
         }
@@ -559,6 +571,9 @@ impl Finder<'_> {
         let x = (0..self.words.len()).find(|k| is_fix(&self.words[*k]) && self.words[*k].before("x").is_some());
         if let Some((x, y)) = x.and_then(|x| Some((x, self.sibling(x, "x", "y")?))) {
             self.add(Kind::Local, vec![(y, false), (x, false), (depth, false)]);
+            if let Some(found) = self.found.last_mut().filter(|s| s.kind == Kind::Local) {
+                found.why = "by name: x, y as east, north".to_owned();
+            }
         }
     }
 

@@ -1,6 +1,6 @@
 //! A foot by its inertial unit: it stands for a moment, swings, and stands again.
 
-use super::numbers::{Vec3, median, moments, norm};
+use super::numbers::{Vec3, median, moments, norm, quantile};
 
 /// A foot that stands turns slower [rad/s], and its force is that of gravity to so much [m/s²].
 const SLOW: f64 = 0.6;
@@ -11,6 +11,8 @@ const SWING: f64 = 2.5;
 const STRIDE: core::ops::Range<f64> = 0.5..2.5;
 /// Fewer strides are no walk.
 const ENOUGH: usize = 10;
+/// 1σ of the bias of the gyros with which a design of a foot begins [rad/s].
+const BIAS: f64 = 0.0087;
 /// Of all pauses between two swings so many are stances of a walk.
 const REGULAR: f64 = 0.6;
 
@@ -27,7 +29,10 @@ pub struct Stances {
     pub accel_std: f64,
     /// The same of the angular rate \[rad/s\].
     pub gyro_std: f64,
-    /// Twice the median of the mean rate there, less the bias, the largest of the axes \[rad/s\].
+    /// 95 % of the mean rates there differ from the bias by less, the largest of the axes \[rad/s\]: noise, and how the foot rolls.
+    pub rolling: f64,
+    /// What the mean rate of a stance stays below for a filter that does not know the bias yet, or not well: the bias, and three
+    /// times `rolling` together with the 1σ of the bias \[rad/s\].
     pub mean_rate: f64,
 }
 
@@ -35,8 +40,16 @@ impl Stances {
     /// The middle of a stance that is looked at \[s\].
     pub(super) const WINDOW: f64 = 0.15;
 
-    /// Of samples of a unit; `None` where they are not those of a foot that walks.
-    pub(super) fn of(t: &[f64], force: &[Vec3], rate: &[Vec3], gravity: f64, bias: Vec3) -> Option<Self> {
+    /// Whether its mean rates are the bias of the gyros. Those of a foot that rolls are not, and they do not average out: it rolls
+    /// the same way in every stride.
+    pub(super) fn tell_bias(&self) -> bool {
+        // 95 % of biases are within twice their 1σ.
+        self.rolling < 2.0 * BIAS
+    }
+
+    /// Of samples of a unit and the bias of its gyros, if a rest tells it; `None` where they are not those of a foot that walks.
+    pub(super) fn of(t: &[f64], force: &[Vec3], rate: &[Vec3], gravity: f64, known: Option<Vec3>) -> Option<Self> {
+        let bias = known.unwrap_or_default();
         let turning = |k: usize| norm([0, 1, 2].map(|i| rate[k][i] - bias[i]));
         let stands = |k: usize| turning(k) < SLOW && (norm(force[k]) - gravity).abs() < STILL;
         // Runs of standing samples, and whether a swing lies before each.
@@ -62,17 +75,28 @@ impl Stances {
             return None;
         }
         let middles: Vec<(usize, usize)> = strides.iter().map(|[a, _]| middle(t, *a)).collect();
-        let typical = |v: &[Vec3], of: &dyn Fn((f64, f64), usize) -> f64| {
-            let axis = |i: usize| median(middles.iter().map(|(a, b)| of(moments(v[*a..*b].iter().map(|v| v[i])), i)));
+        let typical = |v: &[Vec3]| {
+            let axis = |i: usize| median(middles.iter().map(|(a, b)| moments(v[*a..*b].iter().map(|v| v[i])).1));
             2.0 * [0, 1, 2].map(axis).into_iter().fold(0.0, f64::max)
         };
+        let means: Vec<Vec3> = middles
+            .iter()
+            .map(|(a, b)| [0, 1, 2].map(|i| moments(rate[*a..*b].iter().map(|w| w[i])).0))
+            .collect();
+        // Without a rest the bias is what the stances have in common.
+        let bias = known.unwrap_or_else(|| [0, 1, 2].map(|i| median(means.iter().map(|m| m[i]))));
+        let off = |i: usize| quantile(means.iter().map(|m| (m[i] - bias[i]).abs()), 0.95);
+        let rolling = [0, 1, 2].map(off).into_iter().fold(0.0, f64::max);
+        let largest = bias.into_iter().map(f64::abs).fold(0.0, f64::max);
         Some(Self {
             count: strides.len() + 1,
             period: median(strides.iter().map(|[a, b]| t[b.0] - t[a.0])),
             duration: median(strides.iter().map(|[a, _]| t[a.1] - t[a.0])),
-            accel_std: typical(force, &|m, _| m.1),
-            gyro_std: typical(rate, &|m, _| m.1),
-            mean_rate: typical(rate, &|m, i| (m.0 - bias[i]).abs()),
+            accel_std: typical(force),
+            gyro_std: typical(rate),
+            rolling,
+            // What turns faster than that was not taken for a stance here either.
+            mean_rate: largest + (3.0 * rolling.hypot(BIAS)).min(SLOW),
         })
     }
 }
@@ -104,11 +128,29 @@ mod tests {
     #[test]
     fn the_stances_of_a_walk_are_found_and_pauses_of_a_hand_are_not() {
         let (t, force, rate) = foot(0.5);
-        let s = Stances::of(&t, &force, &rate, 9.81, [0.0; 3]).unwrap();
+        let s = Stances::of(&t, &force, &rate, 9.81, Some([0.0; 3])).unwrap();
         // 1.1 s each; a swing is slow at its beginning and end for a few samples.
         assert!((s.period - 1.1).abs() < 0.01 && (0.5..0.56).contains(&s.duration), "{s:?}");
         assert!(s.count > 50 && s.accel_std < 0.03 && s.gyro_std < 0.03, "{s:?}");
         let (t, force, rate) = foot(4.0);
-        assert_eq!(Stances::of(&t, &force, &rate, 9.81, [0.0; 3]), None);
+        assert_eq!(Stances::of(&t, &force, &rate, 9.81, Some([0.0; 3])), None);
+    }
+
+    #[test]
+    fn stances_tell_the_bias_unless_the_foot_rolls() {
+        let (t, force, rate) = foot(0.5);
+        // 2 deg/s of bias and a scatter of 0.01 rad/s · sin from sample to sample, of which a mean of 0.15 s has little.
+        let biased: Vec<Vec3> = rate.iter().map(|w| [w[0] + 0.035, w[1], w[2]]).collect();
+        for known in [None, Some([0.035, 0.0, 0.0])] {
+            let s = Stances::of(&t, &force, &biased, 9.81, known).unwrap();
+            // 2 deg/s, and three times 0.5 deg/s.
+            assert!(s.tell_bias() && s.rolling < 0.005, "{s:?}");
+            assert!((0.061..0.066).contains(&s.mean_rate), "{s:?}");
+        }
+        // 6 deg/s forwards in every stance: a rest before the walk tells that this is no bias.
+        let rolling: Vec<Vec3> = rate.iter().map(|w| [w[0], w[1] + 0.1, w[2]]).collect();
+        let s = Stances::of(&t, &force, &rolling, 9.81, Some([0.0; 3])).unwrap();
+        assert!(!s.tell_bias() && (0.09..0.13).contains(&s.rolling), "{s:?}");
+        assert!((0.27..0.4).contains(&s.mean_rate), "{s:?}");
     }
 }

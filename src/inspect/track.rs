@@ -190,6 +190,23 @@ impl Track {
         if fast.is_nan() && self.t.len() > 1 { mean() } else { fast }
     }
 
+    /// How long a velocity lasts, by that between fixes and the next ones: the time in which it is like itself to 1/e \[s\].
+    pub(super) fn lasting(&self) -> Option<f64> {
+        let usual = 1.0 / self.rate();
+        let next = (1..self.t.len()).filter(|k| self.t[*k] - self.t[*k - 1] < 1.5 * usual);
+        let sums = next.fold([0.0; 3], |[product, before, after], k| {
+            let (a, b) = (self.velocity[k - 1], self.velocity[k]);
+            let dot = |u: Vec3, v: Vec3| u[0] * v[0] + u[1] * v[1];
+            if [a[0], a[1], b[0], b[1]].iter().all(|v| v.is_finite()) {
+                [product + dot(a, b), before + dot(a, a), after + dot(b, b)]
+            } else {
+                [product, before, after]
+            }
+        });
+        let alike = sums[0] / (sums[1] * sums[2]).sqrt();
+        (0.0..1.0).contains(&alike).then(|| -usual / alike.ln())
+    }
+
     /// Fixes a second.
     #[must_use]
     pub fn rate(&self) -> f64 {

@@ -126,9 +126,76 @@ pub(super) fn contains(stem: &str, words: &[&str]) -> bool {
     stem.split('_').any(|w| words.contains(&w))
 }
 
+/// Whether a stem is a height, and says nothing but of which instrument and above what: `altitude_ellipsoid`, `althae`, `hmsl`.
+pub(super) fn is_height(stem: &str) -> bool {
+    const HEIGHT: [&str; 10] = ["altitude", "alt", "height", "hgt", "elevation", "elev", "hae", "amsl", "msl", "h"];
+    const OF: [&str; 13] = [
+        "gps",
+        "gnss",
+        "above",
+        "over",
+        "mean",
+        "sea",
+        "level",
+        "ellipsoidal",
+        "ellipsoid",
+        "ellips",
+        "ell",
+        "wgs84",
+        "wgs",
+    ];
+    // Names of loggers join words with or without a sign between them.
+    fn is_made(rest: &str, has_height: bool) -> bool {
+        let after = |words: &[&str], has_height| {
+            words
+                .iter()
+                .any(|w| rest.strip_prefix(w).is_some_and(|rest| is_made(rest, has_height)))
+        };
+        if rest.is_empty() {
+            return has_height;
+        }
+        after(&HEIGHT, true) || after(&OF, has_height)
+    }
+    is_made(&stem.replace('_', ""), false)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn heights_say_above_what_they_are() {
+        for name in [
+            "AltHAE",
+            "HAE",
+            "Alt_HAE",
+            "AltMSL",
+            "hMSL",
+            "GPSAlt",
+            "AltGPS",
+            "AltWGS84",
+            "AltEllipsoid",
+            "HeightEll",
+            "ellheight",
+            "altitude_ellipsoid_m",
+            "height_above_mean_sea_level (m)",
+        ] {
+            assert!(is_height(&Words::of(name).stem), "{name}");
+        }
+        for name in [
+            "gps",
+            "sea_level",
+            "geoid_height",
+            "hdop",
+            "hacc",
+            "alt_sigma",
+            "half",
+            "level",
+            "sat_elevation",
+        ] {
+            assert!(!is_height(&Words::of(name).stem), "{name}");
+        }
+    }
 
     #[test]
     fn names_are_taken_apart_as_loggers_write_them() {

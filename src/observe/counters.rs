@@ -3,7 +3,7 @@
 use super::{Heard, RunEvent, RunObserver};
 use fusion_core::memory::Memory;
 use fusion_core::runner::{Discard, Event, Halt};
-use fusion_core::state::{Belief, Kind};
+use fusion_core::state::{Belief, Kind, StateRole};
 
 /// Failures that are told with their reason.
 const REASONS: usize = 10;
@@ -42,6 +42,8 @@ fn least_known(filter: &Heard, belief: &Belief) -> Option<(String, f64)> {
         .layout
         .blocks()
         .iter()
+        // The pose of a ship is unknown until its own sensor has spoken, which measures all of it at once.
+        .filter(|b| b.role != StateRole::Nuisance)
         .filter(|b| matches!(b.kind, Kind::Attitude | Kind::Angle) || b.unit == "rad");
     let known = angles.map(|b| (b.name.clone(), belief.covariance.sigmas(b).fold(0.0, f64::max)));
     known.max_by(|a, b| a.1.total_cmp(&b.1))

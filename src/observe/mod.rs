@@ -12,6 +12,7 @@
 //! where somebody looks at it; its error is computed once, where there is a reference. The first observer
 //! that cannot go on stops the run.
 
+mod bank;
 mod consumers;
 mod counters;
 mod event;
@@ -25,6 +26,7 @@ mod statistics;
 mod timing;
 mod wait;
 
+pub use bank::{Change, Hypotheses};
 pub use consumers::{ConsumerCounts, Consumers};
 pub use counters::Counters;
 pub use event::{RunEvent, RunObserver};

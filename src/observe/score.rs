@@ -29,9 +29,10 @@ impl FilterScore {
         }
     }
 
-    /// The score.
+    /// The score of a filter that was aligned at that time \[s\], if ever.
     #[must_use]
-    pub fn finish(self) -> Score {
+    pub fn finish(mut self, aligned: Option<f64>) -> Score {
+        self.scorer.align(aligned);
         Score {
             blocks: self.blocks.finish(),
             ..self.scorer.finish()
@@ -105,7 +106,7 @@ mod tests {
             mode: Mode::Track,
             power: &[],
             weight: 1.0,
-            rivals: 0.0,
+            rivals: fusion_core::filter::Rivals::NONE,
             jacobian: None,
         };
         // By 10 · 9/25 m = 3.6 m, of 3 m; with a weight of one half by 10 · 9/41 m. 1e-15: rounding.

@@ -57,6 +57,14 @@ pub struct Innovations {
     /// Autocorrelation at lag 1 of the innovations in units of their σ, from −1 to 1: of a filter whose models are
     /// right it is 0, within 2/√count. 0 where none is counted.
     pub lag_1: Vec<f64>,
+    /// Mean per residual row; 0 where none is counted.
+    pub mean: Vec<f64>,
+    /// How many of its own 1σ the mean is away from 0, of innovations in units of their σ; the 1σ knows of the
+    /// correlation of neighbours. 0 where none is counted.
+    pub mean_sigmas: Vec<f64>,
+    /// How many measurements that are independent of each other tell as much as all of these; a mean that is not 0
+    /// counts as an error that lasts.
+    pub independent: Vec<f64>,
 }
 
 /// What became of a sensor's measurements.
@@ -127,7 +135,7 @@ impl Memory for Statistics {
     }
 }
 
-fusion_core::memory!(Follower { statistics, nis, power, squares, pairs, streak, page; from });
+fusion_core::memory!(Follower { statistics, nis, power, rows, streak, page; from });
 fusion_core::memory!(Page { sum, since });
 fusion_core::memory!(SensorStatistics {
     accepted,
@@ -155,7 +163,13 @@ fusion_core::memory!(RejectionStreak {
     measurements,
     seconds
 });
-fusion_core::memory!(Innovations { count, max, max_time; axis, unit, rms, lag_1 });
+fusion_core::memory!(Innovations { count, max, max_time; axis, unit, rms, lag_1, mean, mean_sigmas, independent });
+fusion_core::memory!(Row {
+    sum,
+    squares,
+    pairs,
+    scaled
+});
 fusion_core::memory!(Pairs { latest, own, products });
 
 impl RunObserver for Statistics {
@@ -182,10 +196,8 @@ struct Follower {
     nis: Series,
     /// Of each residual row, what the gate would have refused.
     power: Box<[Quantiles]>,
-    /// Sums of the squared innovations, per residual row.
-    squares: Vec<f64>,
-    /// The same with the next ones.
-    pairs: Box<[Pairs]>,
+    /// What is followed of each residual row.
+    rows: Box<[Row]>,
     /// Innovations count from here on.
     from: Option<Time>,
     /// The first of the measurements that are being rejected, and how many they are.
@@ -223,6 +235,43 @@ impl Page {
     }
 }
 
+/// What is followed of the innovations of a residual row.
+#[derive(Clone, Debug)]
+struct Row {
+    sum: f64,
+    squares: f64,
+    pairs: Pairs,
+    /// In units of their σ.
+    scaled: Series,
+}
+
+impl Default for Row {
+    fn default() -> Self {
+        Self {
+            sum: 0.0,
+            squares: 0.0,
+            pairs: Pairs::default(),
+            scaled: Series::coarse(),
+        }
+    }
+}
+
+impl Row {
+    /// Adds an innovation.
+    fn add(&mut self, r: f64) {
+        self.sum += r;
+        self.squares += r * r;
+    }
+
+    /// The same in units of its σ, where it has one.
+    fn add_scaled(&mut self, u: f64) {
+        if u.is_finite() {
+            self.pairs.add(u);
+            self.scaled.push(u);
+        }
+    }
+}
+
 /// Sums of the products of a residual row, in units of its σ, with itself and with the next one.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pairs {
@@ -233,9 +282,6 @@ struct Pairs {
 
 impl Pairs {
     fn add(&mut self, u: f64) {
-        if !u.is_finite() {
-            return;
-        }
         self.own += u * u;
         self.products += u * self.latest;
         self.latest = u;
@@ -262,14 +308,14 @@ impl Follower {
                     max: vec![0.0; m],
                     max_time: vec![0.0; m],
                     lag_1: vec![0.0; m],
+                    ..Innovations::default()
                 },
                 disturbed: may_be.then(Disturbed::default),
                 ..SensorStatistics::default()
             },
             nis: Series::default(),
             power: vec![Quantiles::default(); m].into(),
-            squares: vec![0.0; m],
-            pairs: vec![Pairs::default(); m].into(),
+            rows: vec![Row::default(); m].into(),
             from,
             streak: None,
             page: Page::default(),
@@ -327,15 +373,18 @@ impl Follower {
             self.nis.push(update.nis);
             self.statistics.innovations.count += 1;
             let Innovations { max, max_time, .. } = &mut self.statistics.innovations;
-            let largest = max.iter_mut().zip(max_time);
-            for ((r, square), (max, at)) in update.residual.iter().zip(&mut self.squares).zip(largest) {
-                *square += r * r;
+            for (row, r) in self.rows.iter_mut().zip(update.residual) {
+                row.add(*r);
+            }
+            let scaled = update.residual.iter().zip(update.innovation_sigma).map(|(r, sigma)| r / sigma);
+            for (row, u) in self.rows.iter_mut().zip(scaled) {
+                row.add_scaled(u);
+            }
+            for (r, (max, at)) in update.residual.iter().zip(max.iter_mut().zip(max_time)) {
                 if r.abs() > *max {
                     (*max, *at) = (r.abs(), time.seconds());
                 }
             }
-            let scaled = update.residual.iter().zip(update.innovation_sigma).map(|(r, sigma)| r / sigma);
-            self.pairs.iter_mut().zip(scaled).for_each(|(pairs, u)| pairs.add(u));
         }
     }
 
@@ -358,8 +407,11 @@ impl Follower {
         self.end_streak(end);
         let innovations = &mut self.statistics.innovations;
         let count = innovations.count.max(1) as f64;
-        innovations.rms = self.squares.iter().map(|s| (s / count).sqrt()).collect();
-        innovations.lag_1 = self.pairs.iter().map(Pairs::correlation).collect();
+        innovations.rms = self.rows.iter().map(|row| (row.squares / count).sqrt()).collect();
+        innovations.lag_1 = self.rows.iter().map(|row| row.pairs.correlation()).collect();
+        innovations.mean = self.rows.iter().map(|row| row.sum / count).collect();
+        innovations.mean_sigmas = self.rows.iter().map(|row| row.scaled.mean_sigmas()).collect();
+        innovations.independent = self.rows.iter().map(|row| row.scaled.independent_about_zero()).collect();
         self.statistics.gate_power = self.power.iter_mut().filter_map(median).collect();
         // Where every row is disturbed, none is left that a gate could tell it from.
         let judged = self.statistics.accepted + self.statistics.rejected + self.statistics.reacquired;
@@ -404,8 +456,7 @@ mod tests {
             },
             nis: Series::default(),
             power: Box::new([Quantiles::default()]),
-            squares: vec![0.0],
-            pairs: Box::new([Pairs::default()]),
+            rows: Box::new([Row::default()]),
             from: Some(at(2.0)),
             streak: None,
             page: Page::default(),
@@ -434,7 +485,7 @@ mod tests {
             mode,
             power: &[],
             weight: 1.0,
-            rivals: 0.0,
+            rivals: fusion_core::filter::Rivals::NONE,
             jacobian: None,
         }
     }
@@ -527,6 +578,32 @@ mod tests {
         assert_eq!(lag_1(&[2.0, -2.0, 2.0, -2.0]), -0.75);
         assert_eq!(lag_1(&[1.0, 1.0, -1.0, -1.0, 1.0]), 0.0);
         assert_eq!(lag_1(&[]), 0.0);
+    }
+
+    #[test]
+    fn a_mean_is_told_in_its_own_sigma_and_an_error_that_lasts_by_how_few_are_independent() {
+        let of = |residual: &dyn Fn(u32) -> f64| {
+            let mut f = follower();
+            for k in 0..400 {
+                let residual = [residual(k)];
+                let update = Update {
+                    innovation_sigma: &[0.5],
+                    ..update(Verdict::Accepted, &residual, Mode::Track)
+                };
+                f.judged(at(10.0 + f64::from(k)), false, &update);
+            }
+            f.finish(at(999.0)).innovations
+        };
+        // ±2 by turns, with and without a mean of 0.5: √400 = 20 of them, each with a 1σ of 2.
+        let turns = |k: u32| if k.is_multiple_of(2) { 2.0 } else { -2.0 };
+        let found = of(&turns);
+        assert_eq!((found.mean[0], found.mean_sigmas[0], found.independent[0]), (0.0, 0.0, 400.0));
+        let found = of(&|k| turns(k) + 0.5);
+        assert_eq!((found.mean[0], found.mean_sigmas[0]), (0.5, 5.0));
+        // Blocks of 20 that are alike: τ is 20.
+        let found = of(&|k| turns(k / 20));
+        assert!((10.0..40.0).contains(&found.independent[0]), "{found:?}");
+        assert!(found.mean_sigmas[0].abs() < 1e-9);
     }
 
     #[test]

@@ -65,10 +65,15 @@ impl Summary {
                 }
                 smoothed.into_iter().for_each(|score| errors(&mut t, "smoothed ", score));
                 if let Some(source) = &self.judged_by {
-                    t.row([
-                        "judged by",
-                        &format!("other rows of `{source}`: errors that last are in both, and not in these figures"),
-                    ]);
+                    let by = if self.judged_by_used_rows {
+                        format!(
+                            "rows of `{source}` that the filter uses: these figures say how closely it follows them, not how right it is \
+                             (`keep` of the sources divides them)"
+                        )
+                    } else {
+                        format!("other rows of `{source}`: errors that last are in both, and not in these figures")
+                    };
+                    t.row(["judged by", &by]);
                 }
             }
             Some(_) => t.row(["reference", "none of its epochs lies within the run"]),

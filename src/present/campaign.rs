@@ -129,7 +129,7 @@ pub fn health(campaigns: &[(&str, &Campaign)]) -> Section {
         .map(|(name, c)| (name, c.rows.iter().filter(|r| r.health.as_declared).count(), c.rows.len()));
     let notes = declared
         .filter(|(_, n, _)| *n > 0)
-        .map(|(name, n, all)| format!("{name}: degraded or lost within declared outages alone in {n} of {all} runs."));
+        .map(|(name, n, all)| format!("{name}: degraded or lost in declared outages alone, or just after them, in {n} of {all} runs."));
     Section {
         notes: notes.collect(),
         ..section

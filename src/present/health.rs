@@ -17,15 +17,21 @@ pub(super) fn line(health: &FilterHealth) -> String {
         .map(|s| format!("{s} for {:.1} s", health.spent.of(s)))
         .collect();
     let declared = if health.is_ill_as_declared() {
-        format!(" of {:.1} s, all within declared outages", health.spent.total())
+        format!(" of {:.1} s, all within declared outages or just after them", health.spent.total())
     } else if health.in_outages > 0.0 {
-        format!(", {:.1} s of it within declared outages", health.in_outages)
+        format!(", {:.1} s of it within declared outages or just after them", health.in_outages)
     } else {
         String::new()
     };
     match (health.is_good(), ill.is_empty()) {
         (true, true) => match health.transitions.iter().find(|t| !t.reasons.is_empty()) {
-            Some(told) => format!("good; from {:.1} s on: {}", told.time, named(&told.reasons)),
+            // Several reasons in turn are told as one stretch.
+            Some(told) => match health.spells().iter().rev().find(|s| !s.reasons.is_empty()) {
+                Some(spell) if spell.told_until < health.until => {
+                    format!("good; from {:.1} to {:.1} s: {}", told.time, spell.told_until, named(&told.reasons))
+                }
+                _ => format!("good; from {:.1} s on: {}", told.time, named(&told.reasons)),
+            },
             None => "good".to_owned(),
         },
         (_, true) => at_the_end(health),
@@ -47,13 +53,15 @@ fn at_the_end(health: &FilterHealth) -> String {
     }
 }
 
-/// When and why it first was worse than coasting; nothing where outages are declared and explain it.
+/// When and why it first was worse than coasting, but for what declared outages explain.
 pub(super) fn first_ill(health: &FilterHealth) -> Option<String> {
     if health.is_ill_as_declared() {
         return None;
     }
     let spells = health.spells();
-    let first = spells.iter().find(|s| s.state >= State::Degraded)?;
+    // Of more changes than are kept it may be none of these.
+    let undeclared = spells.iter().find(|s| s.is_ill_undeclared());
+    let first = undeclared.or_else(|| spells.iter().find(|s| s.state >= State::Degraded))?;
     Some(format!("{} from {:.1} s on: {}", first.state, first.from, named(&first.reasons)))
 }
 
@@ -132,11 +140,13 @@ fn spells(all: &[FilterHealth], most: usize) -> Section {
         for spell in spells.iter().take(SPELLS) {
             let times = [spell.from, spell.to - spell.from].map(Cell::Seconds);
             let reasons = first(&spell.reasons, most);
-            let is_late = spell.told > spell.from && !reasons.is_empty();
-            let because = if is_late {
-                format!("from {:.1} s on: {reasons}", spell.told)
-            } else {
-                reasons
+            let (is_late, is_over) = (spell.told > spell.from, spell.told_until < spell.to);
+            let because = match (is_late, is_over) {
+                _ if reasons.is_empty() => reasons,
+                (true, true) => format!("from {:.1} to {:.1} s: {reasons}", spell.told, spell.told_until),
+                (true, false) => format!("from {:.1} s on: {reasons}", spell.told),
+                (false, true) => format!("until {:.1} s: {reasons}", spell.told_until),
+                (false, false) => reasons,
             };
             let words = [Cell::text(spell.state.word()), Cell::text(because)];
             t.row([Cell::text(name(health))].into_iter().chain(times).chain(words));
@@ -176,6 +186,7 @@ mod tests {
                     time: 99.3,
                     state: State::Coasting,
                     reasons: vec![coasting],
+                    in_outages: 0.0,
                 }],
                 ..FilterHealth::default()
             })
@@ -189,7 +200,12 @@ mod tests {
 
     #[test]
     fn a_reason_that_came_later_than_a_state_is_told_with_its_time() {
-        let change = |time, state, reasons| Transition { time, state, reasons };
+        let change = |time, state, reasons| Transition {
+            time,
+            state,
+            reasons,
+            in_outages: 0.0,
+        };
         let silent = |state| NamedReason {
             reason: "silent",
             of: "vel".to_owned(),
@@ -227,5 +243,32 @@ mod tests {
         assert_eq!(named(&all), "`gnss` silent, `log` silent, and others measure what it does");
         all.extend(["a", "b", "c"].map(|of| reason("rejected", of, State::Degraded)));
         assert!(named(&all).ends_with("and 1 more") && first(&all, usize::MAX).ends_with("`c` rejected"));
+    }
+
+    #[test]
+    fn what_declared_outages_explain_is_not_the_first_to_be_told() {
+        let change = |time, state, in_outages| Transition {
+            time,
+            state,
+            in_outages,
+            ..Transition::default()
+        };
+        let mut health = FilterHealth {
+            until: 300.0,
+            in_outages: 39.2,
+            transitions: vec![
+                change(105.9, State::Degraded, 39.2),
+                change(145.1, State::Good, 0.0),
+                change(202.8, State::Degraded, 0.0),
+                change(247.0, State::Good, 0.0),
+            ],
+            ..FilterHealth::default()
+        };
+        (health.spent.degraded, health.spent.good) = (83.4, 200.0);
+        let first = |health: &FilterHealth| first_ill(health).unwrap();
+        assert!(first(&health).starts_with("degraded from 202.8 s on"), "{}", first(&health));
+        // A second of it is beyond the outage.
+        health.transitions[0].in_outages = 38.2;
+        assert!(first(&health).starts_with("degraded from 105.9 s on"), "{}", first(&health));
     }
 }

@@ -63,6 +63,20 @@ impl Summary {
             None => t.row(["started", "never"]),
         }
         t.row([Cell::text("epochs"), Cell::Count(self.epochs)]);
+        if let Some(bank) = &self.hypotheses {
+            let each = format!("{} at the end, {} at most", bank.count, bank.most);
+            t.row(["hypotheses", &each]);
+            t.row([Cell::text("probability of the one shown"), Cell::Ratio(bank.probability)]);
+            for change in &bank.changes {
+                let by = change
+                    .angle
+                    .map_or_else(String::new, |angle| format!(", {:.0}° away", angle.to_degrees()));
+                t.row(["another one shown", &format!("at {:.1} s{by}", change.time)]);
+            }
+            if bank.further_changes > 0 {
+                t.row(["and later", &format!("{} times more", bank.further_changes)]);
+            }
+        }
         // Less than a millisecond is rounding of times.
         if self.held_back > 1e-3 {
             let age = [
@@ -192,16 +206,25 @@ impl Summary {
     #[must_use]
     pub fn estimated(&self) -> Section {
         let mut t = Table::new([Column::text("parameter"), Column::number("value"), Column::number("1σ")]);
+        let mut notes = Vec::new();
         for state in &self.parameters {
-            for (axis, value, sigma) in axes(state) {
+            for (k, (axis, value, sigma)) in axes(state).into_iter().enumerate() {
                 let name = format!("{} {axis}", state.name);
-                t.row_in(
-                    Unit::of_si(state.unit),
-                    [Cell::text(name.trim_end()), Cell::Real(value), Cell::Real(sigma)],
-                );
+                // About an axis that is not estimated only the turns about the others change the angle.
+                let is_fixed = state.kind == Kind::Attitude && state.start_sigma.get(k) == Some(&0.0);
+                let sigma = if is_fixed { Cell::text("not estimated") } else { Cell::Real(sigma) };
+                if is_fixed {
+                    notes.push(format!(
+                        "`{name}` was declared with a 1σ of 0: what it has changed by follows from the turns about the other axes."
+                    ));
+                }
+                t.row_in(Unit::of_si(state.unit), [Cell::text(name.trim_end()), Cell::Real(value), sigma]);
             }
         }
-        Section::new("Estimated parameters at the end", [t])
+        Section {
+            notes,
+            ..Section::new("Estimated parameters at the end", [t])
+        }
     }
 
     /// What a reader must not overlook, a sentence each.
@@ -479,7 +502,8 @@ fn errors(score: &Score) -> Section {
 fn share(score: &Score) -> Option<String> {
     score.travelled.map(|t| {
         format!(
-            "The horizontal position error changed by up to {:.2} % of the {:.0} m travelled (from the origin), by {:.2} % for reciprocal lines, \
+            "From what it was at the first epoch, the horizontal position error changed by up to {:.2} % of the {:.0} m travelled (from the \
+             origin), by {:.2} % for reciprocal lines, \
              which cancel constant errors of scale and heading.",
             t.from_origin_percent, t.distance, t.reciprocal_percent
         )
@@ -731,5 +755,33 @@ mod tests {
             assert_eq!(form.matches("overconfident").count(), 2, "{form}");
             assert!(!form.contains("NaN") && form.contains("NEES position"), "{form}");
         }
+    }
+
+    #[test]
+    fn an_angle_that_is_not_estimated_has_no_sigma_though_the_others_change_it() {
+        let mounting = |start_sigma: Vec<f64>| FinalState {
+            name: "wheels.mounting".to_owned(),
+            kind: Kind::Attitude,
+            value: vec![0.99, 0.0, 0.1, 0.1],
+            sigma: vec![0.0, 1e-3, 1e-3],
+            start_sigma,
+            covariance: vec![0.0, 0.0, 0.0, 0.0, 1e-6, 0.0, 0.0, 0.0, 1e-6],
+            unit: "rad",
+        };
+        let shown = |start_sigma: Vec<f64>| {
+            let summary = Summary {
+                parameters: vec![mounting(start_sigma)],
+                ..Summary::default()
+            };
+            let section = summary.estimated();
+            let is_fixed = format!("{section:?}").matches("not estimated").count();
+            (is_fixed, section.notes.join(" "))
+        };
+        let (fixed, notes) = shown(vec![0.0, 0.1, 0.1]);
+        assert!(
+            fixed == 1 && notes.contains("`wheels.mounting roll` was declared with a 1σ of 0"),
+            "{notes}"
+        );
+        assert_eq!(shown(vec![0.1; 3]), (0, String::new()));
     }
 }

@@ -241,7 +241,7 @@ impl Share {
             quantities: self.quantities(r, run.summary.score.as_ref()),
             path: points(&r.path),
             true_path: points(&r.true_path),
-            withheld: run.summary.judged_by.clone(),
+            withheld: run.summary.judged_by.clone().filter(|_| !run.summary.judged_by_used_rows),
             smoothed,
             sensors: sensors.map(|s| self.sensor(s, run.summary, &shift)).collect(),
             inputs: r.inputs.iter().filter(|i| !i.trace.is_empty()).map(|i| self.input(i)).collect(),
@@ -288,7 +288,7 @@ impl Share {
         [
             self.quantity(&r.position, &shift, ("Position", "m"), NED, [false; 3]),
             self.quantity(&r.velocity, &none, ("Velocity", "m/s"), NED, [false; 3]),
-            self.quantity(&attitude, &none, ("Attitude", "deg"), RPY, [false, false, true]),
+            self.quantity(&attitude, &none, ("Attitude", "deg"), RPY, [true, false, true]),
         ]
     }
 
@@ -472,7 +472,7 @@ mod tests {
             mode: Mode::Track,
             power: &[],
             weight: 1.0,
-            rivals: 0.0,
+            rivals: fusion_core::filter::Rivals::NONE,
             jacobian: None,
         };
         recording.measurement("tilt", Time::default(), None, &update);

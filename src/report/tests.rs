@@ -126,7 +126,7 @@ fn update(verdict: Verdict, nis: f64, threshold: f64, mode: Mode) -> Update<'sta
         mode,
         power: &[],
         weight: 1.0,
-        rivals: 0.0,
+        rivals: fusion_core::filter::Rivals::NONE,
         jacobian: None,
     }
 }

@@ -2,14 +2,16 @@
 //! that are not asked for.
 
 use crate::assembly;
-use crate::config::{Diagnostic, Diagnostics, Document, Node};
-use crate::design::{Design, Draft, explain, truth};
+use crate::config::{Diagnostic, Diagnostics, Document, Node, Value};
+use crate::design::{Design, Draft, Named, SensorDesign, explain, truth};
 use crate::rows::FaultChain;
 use crate::run::{Options, data_dir, open_one};
 use crate::source::OpenContext;
 use crate::stress;
 use crate::world;
 use fusion_core::geometry::wgs84::Geodetic;
+use fusion_models::block::{Channel, InitialiserSpec, Taken};
+use fusion_models::units::{Axes, dim, range};
 use std::path::{Path, PathBuf};
 
 /// What is said of a data file that is not there.
@@ -50,13 +52,51 @@ pub fn build(document: Document) -> Result<Design, Diagnostics> {
 /// What may surprise in a design without being a mistake.
 #[must_use]
 pub fn surprises(design: &Design) -> Diagnostics {
+    let mut d = Diagnostics::new();
+    d.extend(design.initialisers.iter().filter_map(|start| counted_twice(design, start)));
     // A part of a library brings simulated instruments that a recorded log has no use for.
-    if design.simulation.is_none() {
-        return Diagnostics::new();
+    if design.simulation.is_some() {
+        d.extend(truth::shared(&design.document).iter().cloned());
+        d.extend(idle_preset(&design.document));
     }
-    let mut d = truth::shared(&design.document);
-    d.extend(idle_preset(&design.document));
     d
+}
+
+/// A first fix with a 1σ of its own, whose slow error a sensor of the same rows estimates.
+fn counted_twice(design: &Design, start: &Named<Box<dyn InitialiserSpec>>) -> Option<Diagnostic> {
+    /// By which factor a 1σ may be too small: a fifth, as the 1σ of a slow error is hardly known better.
+    const TOO_SMALL: f64 = 1.2;
+    let Taken::Position(sigma) = start.block.takes() else { return None };
+    let inputs = start.block.inputs();
+    let taken = inputs.first()?;
+    let reads = |sensor: &&Named<SensorDesign>| {
+        let reading = sensor.block.model.reading();
+        let is_taken = |channel: &Channel| taken.channels.iter().any(|c| c.name == channel.name);
+        sensor.block.common.source == taken.source && reading.channels().iter().any(is_taken)
+    };
+    let factor = |sensor: &Named<SensorDesign>| {
+        let bias = sensor
+            .node
+            .get("bias")
+            .filter(|bias| bias.get("estimate").is_some_and(|e| matches!(e.value(), Value::Boolean(true))))?;
+        let slow: Axes<dim::Length, range::NonNegative> = bias.get("sigma")?.read(&mut Diagnostics::new())?;
+        // A sensor of the horizontal alone does not tell the height.
+        let rows = sensor.block.model.noise().len();
+        let ratios = slow.si().into_iter().zip(sigma).take(rows).map(|(slow, sigma)| slow / sigma);
+        Some(1.0_f64.hypot(ratios.filter(|ratio| ratio.is_finite()).fold(0.0, f64::max)))
+    };
+    let found = design
+        .sensors
+        .iter()
+        .filter(reads)
+        .filter_map(|sensor| Some((&sensor.name, factor(sensor)?)));
+    let (name, factor) = found.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, factor)| *factor > TOO_SMALL)?;
+    let message = format!(
+        "the first fix has the slow error of `{name}` too, its `bias`, and counts as if it had not: the 1σ of the position will be too \
+         small, down to 1/{factor:.2} of the errors"
+    );
+    let help = "leave out `position_sigma`: then the next fixes tell the position, with the error that lasts";
+    Some(Diagnostic::warning(message).at(start.node.place_of("position_sigma")).help(help))
 }
 
 /// A preset of the simulated inertial unit beside figures that leave nothing of it, as those of an included part do.

@@ -20,7 +20,9 @@ use crate::config::{Diagnostic, Diagnostics, Node};
 use crate::design::{Design, Fault, Named, ReferenceSpec, SourceDesign};
 use crate::findings::findings;
 use crate::health::HealthRecord;
-use crate::observe::{Consumers, Counters, FilterScore, Filters, Finals, Heard, Hub, RunObserver, Smoother, Statistics, Timing};
+use crate::observe::{
+    Consumers, Counters, FilterScore, Filters, Finals, Heard, Hub, Hypotheses, RunObserver, Smoother, Statistics, Timing,
+};
 use crate::provenance::Provenance;
 use crate::rows::{Feed, outages as silences};
 use crate::score::{Comparison, Outage};
@@ -99,9 +101,8 @@ pub fn run(design: &Design, options: &Options, progress: &mut dyn FnMut(Progress
     Ok(Run::open(design, options)?.go(&mut [], progress)?.keep()?)
 }
 
-/// Runs `design` as [`run`] does, and shares with others what does not depend on the seed. What no row of a
-/// campaign tells is not followed: health, consumers, and parameters of filters inside stages.
-/// Runs `design` as [`run`] does, and shares with others what does not depend on the seed; `further` hear it.
+/// Runs `design` as [`run`] does, and shares with others what does not depend on the seed; `further` hear it. What no row of a
+/// campaign tells is not followed, and is empty in the summary: consumers, and parameters of filters inside stages.
 ///
 /// # Errors
 /// Those of [`run`].
@@ -193,6 +194,7 @@ impl<'a> Run<'a> {
         let mut consumers = Consumers::new(&self.assembly.runner);
         let mut statistics = Statistics::new(&filters, from, &self.data.rows.disturbable());
         let mut finals = Finals::new(&filters);
+        let mut hypotheses = Hypotheses::default();
         let scored = filters.iter().filter(|_| !reference.is_empty());
         let (outages, many) = (outages(self.design, &self.assembly), self.is_one_of_many);
         let mut health = HealthRecord::new(&filters, &self.assembly, &outages);
@@ -242,6 +244,9 @@ impl<'a> Run<'a> {
             hub.add(&mut finals);
         }
         hub.add(&mut health);
+        if self.design.filter.bank.is_some() {
+            hub.add(&mut hypotheses);
+        }
         scores.iter_mut().for_each(|score| hub.add(score));
         files.estimates.iter_mut().for_each(|file| hub.add(file));
         files.updates.iter_mut().for_each(|file| hub.add(file));
@@ -273,16 +278,21 @@ impl<'a> Run<'a> {
         if has_started {
             parameters.splice(..0, FinalState::of(&self.assembly.layout, last));
         }
-        let mut scores = scores.into_iter().map(FilterScore::finish);
+        let health = health.finish();
+        // Both are by the numbers of the filters, the outermost first.
+        let each: Vec<Option<f64>> = health.iter().map(|own| own.aligned).collect();
+        let aligned = each.first().copied().flatten();
+        let mut scores = scores.into_iter().zip(each).map(|(score, aligned)| score.finish(aligned));
         let score = scores.next();
         let inside = filters.iter().filter(|f| !f.is_outermost()).zip(scores);
+        let judge = crate::design::of_a_sensor(self.design);
         let mut summary = Summary {
             description: self.design.run.description.clone(),
             provenance: Provenance::of(self.design, self.options.seed),
             findings: Vec::new(),
             backend: self.design.filter.backend_name(),
             kernel: self.design.filter.kernel.unwrap_or_default().name(),
-            health: health.finish(),
+            health,
             started: counters.started,
             waited,
             start_angle: counters.start_angle,
@@ -290,15 +300,17 @@ impl<'a> Run<'a> {
             detectors: runner.tested().into_iter().map(Detector::from).collect(),
             held_back: if rewinds { 0.0 } else { runner.lag() },
             epochs: counters.epochs,
-            judged_by: crate::design::of_a_sensor(self.design).map(str::to_owned),
+            hypotheses: self.design.filter.bank.map(|_| hypotheses),
+            judged_by: judge.map(|(source, _)| source.to_owned()),
+            judged_by_used_rows: judge.is_some_and(|(_, is_used)| is_used),
             score,
             smoothed: planned.zip(smoothed).map(|(planned, estimates)| Smoothed {
                 lag: planned.lag(),
                 estimates,
-                score: smoothed_score.map(FilterScore::finish),
+                score: smoothed_score.map(|score| score.finish(aligned)),
             }),
             current: runner.rewinds().map(|rewinds| Current {
-                score: current_score.map(FilterScore::finish),
+                score: current_score.map(|score| score.finish(aligned)),
                 rewinds: rewinds.count,
                 rows_again: rewinds.rows,
                 most_rows_again: rewinds.most,
@@ -316,7 +328,7 @@ impl<'a> Run<'a> {
             faults: (counters.started).map_or_else(Vec::new, |from| fault_windows(self.design, from, last.time.seconds())),
             sources: self.data.rows.statistics(),
             parameters,
-            consumers: consumers.finish(),
+            consumers: if self.is_one_of_many { Vec::new() } else { consumers.finish() },
             unused_rows: counters.unused_rows,
             spikes: counters.spikes,
             failures: counters.failures,

@@ -2,7 +2,7 @@
 
 use crate::findings::Finding;
 use crate::health::FilterHealth;
-use crate::observe::{ConsumerCounts, SensorStatistics, Wait};
+use crate::observe::{ConsumerCounts, Hypotheses, SensorStatistics, Wait};
 use crate::provenance::Provenance;
 use crate::rows::SourceStatistics;
 use crate::score::Score;
@@ -139,8 +139,12 @@ pub struct Summary {
     pub held_back: f64,
     /// Estimates made.
     pub epochs: u64,
+    /// What became of the hypotheses of a bank; none without one.
+    pub hypotheses: Option<Hypotheses>,
     /// The source of a sensor whose other rows are the reference, where they are: the slow errors of both are the same.
     pub judged_by: Option<String>,
+    /// Whether the reference has rows that the filter uses: these errors then say how closely it follows them.
+    pub judged_by_used_rows: bool,
     /// Score against the reference.
     pub score: Option<Score>,
     /// The same of smoothed estimates, where they were asked for.

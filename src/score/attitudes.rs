@@ -24,6 +24,8 @@ pub(super) struct Attitudes {
     turns: Turns,
     /// Where it is: it is known in the end. Of more than 2^16 epochs every second, fourth, … counts.
     kept: Thinned<Kept>,
+    /// The mounting is the mean from this time on \[s\].
+    aligned: Option<f64>,
 }
 
 /// What is needed of an epoch to take the mounting out.
@@ -69,7 +71,7 @@ pub(super) struct Found {
     pub(super) steep: u64,
 }
 
-fusion_core::memory!(Attitudes { count, steep, sums, turns, kept; removes_mounting });
+fusion_core::memory!(Attitudes { count, steep, sums, turns, kept; removes_mounting, aligned });
 fusion_core::memory!(Kept {
     time,
     estimate,
@@ -133,6 +135,11 @@ impl Attitudes {
         }
     }
 
+    /// The filter says that it was not aligned before this time \[s\]: its attitudes until then tell of no mounting.
+    pub(super) const fn align(&mut self, time: Option<f64>) {
+        self.aligned = time;
+    }
+
     pub(super) fn finish(self) -> Found {
         let kept = self.kept.rows();
         if !self.removes_mounting {
@@ -141,7 +148,10 @@ impl Attitudes {
                 ..Found::of(self.sums, self.turns, self.count as f64, None)
             };
         }
-        let mounting = mean_rotation(kept.iter().map(|k| k.estimate.inverse() * k.truth));
+        let is_aligned = |k: &&Kept| self.aligned.is_none_or(|from| k.time.seconds() >= from);
+        // One that was aligned after the last epoch has no other mounting than that of all.
+        let aligned = kept.iter().position(|k| is_aligned(&k)).unwrap_or_default();
+        let mounting = mean_rotation(kept[aligned..].iter().map(|k| k.estimate.inverse() * k.truth));
         let mounting_deg: [f64; 3] = so3::to_rpy(&mounting).map(f64::to_degrees).into();
         let shown = rotation_of(mounting_deg);
         let (mut sums, mut turns, mut steep) = (Sums::default(), Turns::default(), 0);
@@ -274,6 +284,31 @@ mod tests {
             let steep = of(removes_mounting, 17).axes.unwrap();
             assert!(steep.rms[0].is_nan() && steep.rms[2].is_nan() && steep.rms[1] < 0.6, "{steep:?}");
         }
+    }
+
+    #[test]
+    fn a_mounting_is_of_the_time_since_the_filter_was_aligned() {
+        let mounting = so3::from_rpy(0.01, -0.02, 0.03);
+        let of = |aligned: Option<f64>| {
+            let mut attitudes = Attitudes::new(true);
+            for k in 0..20 {
+                let truth = so3::from_rpy(0.1, 0.2, f64::from(k));
+                let wrong = so3::from_rpy(0.0, 0.0, if k < 5 { 1.0 } else { 0.0 });
+                let a = AttitudeError {
+                    estimate: wrong * truth * mounting.inverse(),
+                    truth,
+                    body: Deviation::default(),
+                    rpy: Deviation::default(),
+                };
+                attitudes.add(Time::from_seconds(f64::from(k)), &a);
+            }
+            attitudes.align(aligned);
+            attitudes.finish().mounting.angle_to(&mounting)
+        };
+        // 1e-12: rounding of the mean.
+        assert!(of(Some(5.0)) < 1e-12);
+        // A quarter of one radian, whether it was never aligned or after the last epoch.
+        assert!(of(None) > 0.2 && of(Some(100.0)) > 0.2);
     }
 
     #[test]

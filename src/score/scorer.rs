@@ -254,6 +254,11 @@ impl Scorer {
         }
     }
 
+    /// Hears since when the filter was aligned by its own word \[s\]: a mean mounting is of its attitudes from then on.
+    pub const fn align(&mut self, time: Option<f64>) {
+        self.attitudes.align(time);
+    }
+
     /// Hears that a sensor's measurement, stamped `stamp` and valid at `time`, was used.
     pub fn used(&mut self, sensor: usize, stamp: Time, time: Time) {
         self.drifts.used(sensor, stamp, time);

@@ -63,7 +63,7 @@ impl Series {
     }
 
     /// One of which 2^12 values are kept: where several go beside another.
-    pub(super) const fn coarse() -> Self {
+    pub(crate) const fn coarse() -> Self {
         Self::keeping(1 << 12)
     }
 
@@ -126,8 +126,18 @@ impl Series {
 
     /// The same of values whose mean is known to be 0: one that is not is an error that lasts as long as the series.
     #[must_use]
-    pub(super) fn independent_about_zero(&self) -> f64 {
+    pub(crate) fn independent_about_zero(&self) -> f64 {
         self.independent_about(0.0, self.squares + self.count as f64 * self.centre * self.centre)
+    }
+
+    /// How many of its own 1σ the mean is away from 0; 0 without a value, or where all are equal.
+    #[must_use]
+    pub(crate) fn mean_sigmas(&self) -> f64 {
+        if self.squares <= 0.0 {
+            return 0.0;
+        }
+        let variance = self.squares / self.count as f64 / self.independent();
+        self.mean() / variance.sqrt()
     }
 
     /// With the mean, and the sum of the squares of the differences of all values from it.

@@ -18,6 +18,7 @@ pub mod testing;
 mod unread;
 
 pub use self::csv::CsvSpec;
+pub(crate) use self::decode::have_rows_in_common;
 pub use self::mat::MatSpec;
 pub use self::rtklib::RtklibSpec;
 pub use self::unread::Unread;

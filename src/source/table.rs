@@ -5,6 +5,8 @@
 //!
 //! Memory   all of the file, eight bytes for each cell
 
+mod head;
+
 use super::OpenContext;
 use super::csv::CsvSpec;
 use super::decode::{Origin, RawRows, Scale};
@@ -13,6 +15,7 @@ use super::mat::Undeclared;
 use super::rtklib::PosRows;
 use crate::rows::{DataError, SourceError};
 use fusion_models::block::BuildError;
+use head::{Head, Names};
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -42,8 +45,20 @@ pub struct Table {
     pub format: Format,
     /// What separates its fields.
     pub delimiter: String,
-    /// Whether its first line names the columns.
+    /// What its comments begin with, where it begins with some.
+    pub comment: Option<&'static str>,
+    /// Whether a line names the columns.
     pub header: bool,
+    /// Whether that line is the last comment before the first row.
+    pub is_commented: bool,
+    /// Names for the columns, where those of the file stand for several columns each.
+    pub names: Option<Vec<String>>,
+    /// Lines that are passed over: those after the one with the names, with `names` those at the beginning of the file.
+    pub skip: usize,
+    /// The column of the stamps, where more than one may be it.
+    pub stamp: Option<usize>,
+    /// A comment that tells samples per second, and how many.
+    pub told: Option<(String, f64)>,
     /// Its columns.
     pub columns: Vec<Column>,
     /// Samples per second, and the name of the number that says so; the first column then holds their nanoseconds.
@@ -61,10 +76,13 @@ pub struct Column {
     pub name: String,
     /// Its first cell as it is written.
     pub first: String,
-    /// What it is called where the name holds an index: `imu_acc_y` of `imu.acc(:,2)`.
+    /// What it is called where the name holds an index, as `imu_acc_y` of `imu.acc(:,2)`, where the line below has a unit, or
+    /// where the name is a number because the file has it twice.
     pub label: Option<String>,
     /// Whether it holds dates with the time of day.
     pub calendar: Option<Calendar>,
+    /// Whether it holds times of day, and no column has their dates: they are read as of [`SOME_DAY`].
+    pub is_time_of_day: bool,
     /// The numbers, of a calendar nanoseconds of GPS time; NaN where a cell is none.
     pub values: Vec<f64>,
 }
@@ -77,6 +95,9 @@ pub struct Calendar {
     /// The column of the date, where the cells hold the time of day alone.
     pub date: Option<usize>,
 }
+
+/// The day of times of day of which nobody tells the date.
+pub const SOME_DAY: &str = "2000-01-01";
 
 /// A second of GPS time as a date and time of day of UTC, such as `2025-07-08T19:34:18Z`.
 #[must_use]
@@ -166,29 +187,37 @@ impl Table {
             };
             return table.filled(rows);
         }
-        let mut best: Option<(&str, Vec<String>)> = None;
-        for delimiter in DELIMITERS {
-            let names = names(path, delimiter)?;
-            if best.as_ref().is_none_or(|(_, columns)| names.len() > columns.len()) {
-                best = Some((delimiter, names));
-            }
-        }
-        let by_blanks = names(path, BLANKS)?;
-        let best = best.filter(|(_, columns)| columns.len() > 1 || by_blanks.len() < 2);
-        let (delimiter, names) = best.unwrap_or((BLANKS, by_blanks));
-        // Not a number but a stamp: a time of day may stand beside its date.
-        let is_stamp = |name: &String| Scale::guessed(name).is_some() || names.iter().any(|day| Scale::guessed_of_day(day, name).is_some());
-        let is_date = |name: &String| names.iter().any(|time| Scale::guessed_of_day(name, time).is_some());
-        let header = !names
-            .iter()
-            .all(|name| name.parse::<f64>().is_ok() || is_stamp(name) || is_date(name));
-        let table = Self {
+        let head = Head::read(path)?;
+        let Names { given, skip, labels } = head.names();
+        let mut table = Self {
             path: path.to_owned(),
-            delimiter: delimiter.to_owned(),
-            header,
+            delimiter: head.delimiter.to_owned(),
+            comment: head.comment,
+            header: head.has_header() || head.is_commented,
+            is_commented: head.is_commented,
+            names: given,
+            skip,
+            told: head.rate(),
             ..Self::default()
         };
-        table.filled(spec(path, delimiter, header)?.raw(&OpenContext::default())?)
+        let rows = table.spec()?.raw(&OpenContext::default())?;
+        table = table.filled(rows)?;
+        for (column, label) in table.columns.iter_mut().zip(labels) {
+            column.label = Some(label);
+        }
+        table.number_twins();
+        Ok(table)
+    }
+
+    /// Calls columns by their numbers that the file calls alike.
+    fn number_twins(&mut self) {
+        let names: Vec<String> = self.columns.iter().map(|c| c.name.clone()).collect();
+        for (k, column) in self.columns.iter_mut().enumerate() {
+            if names.iter().filter(|name| **name == names[k]).count() > 1 {
+                column.name = (k + 1).to_string();
+                column.label.get_or_insert(names[k].clone());
+            }
+        }
     }
 
     /// With all rows.
@@ -219,6 +248,7 @@ impl Table {
             let cell = row.cell(k);
             let number = match &column.calendar {
                 None => cell.number(),
+                Some(_) if column.is_time_of_day => Scale::guessed_of_day(SOME_DAY, &cell.shown()).map(|(_, count)| count as f64),
                 Some(calendar) => instant(calendar, row, k).map(|count| count as f64),
             };
             column.values.push(number.unwrap_or(f64::NAN));
@@ -235,7 +265,9 @@ impl Table {
                 days.filter_map(|(k, day)| Some((Scale::guessed_of_day(day, text)?.0, Some(k))))
                     .next()
             };
-            let found = whole.or_else(apart);
+            let alone = || Scale::guessed_of_day(SOME_DAY, text).map(|(scale, _)| (scale, None));
+            column.is_time_of_day = whole.is_none() && apart().is_none() && alone().is_some();
+            let found = whole.or_else(apart).or_else(alone);
             column.calendar = found.map(|(scale, date)| Calendar { scale: scale.name(), date });
         }
     }
@@ -257,27 +289,33 @@ fn instant(calendar: &Calendar, row: &impl RawRows, column: usize) -> Option<i12
     Some(read?.1)
 }
 
-/// The first line, cell by cell.
-fn names(path: &Path, delimiter: &str) -> Result<Vec<String>, SourceError> {
-    let rows = spec(path, delimiter, true)?.raw(&OpenContext::default())?;
-    Ok(rows.columns().to_vec())
+/// Whether a field is no number but a stamp: a date with its time of day, one of both beside the other among these fields,
+/// or a time of day.
+fn is_stamp(field: &str, fields: &[String]) -> bool {
+    let is_of = |date: &str, time: &str| Scale::guessed_of_day(date, time).is_some();
+    Scale::guessed(field).is_some() || is_of(SOME_DAY, field) || fields.iter().any(|other| is_of(other, field) || is_of(field, other))
 }
 
-/// The declaration of a file of which nothing is known; the column of time is not looked at.
-fn spec(path: &Path, delimiter: &str, header: bool) -> Result<CsvSpec, SourceError> {
-    let unreadable = |why: String| SourceError::from(DataError::new(path.display().to_string(), why));
-    let Some(name) = path.to_str() else {
-        return Err(BuildError::at("path", "the name of this file is not UTF-8 text").into());
-    };
-    let mut declared = toml::Table::new();
-    declared.insert("path".to_owned(), name.into());
-    declared.insert("delimiter".to_owned(), delimiter.into());
-    declared.insert("header".to_owned(), header.into());
-    declared.insert(
-        "time".to_owned(),
-        toml::Table::from_iter([("column".to_owned(), "1".into())]).into(),
-    );
-    CsvSpec::deserialize(declared).map_err(|e| unreadable(e.to_string()))
+impl Table {
+    /// The declaration of a file of which nothing but its head is known; the column of time is not looked at.
+    fn spec(&self) -> Result<CsvSpec, SourceError> {
+        let path = &self.path;
+        let unreadable = |why: String| SourceError::from(DataError::new(path.display().to_string(), why));
+        let Some(name) = path.to_str() else {
+            return Err(BuildError::at("path", "the name of this file is not UTF-8 text").into());
+        };
+        let mut declared = toml::Table::new();
+        let mut declare = |key: &str, value: toml::Value| declared.insert(key.to_owned(), value);
+        declare("path", name.into());
+        declare("delimiter", self.delimiter.as_str().into());
+        let header = if self.is_commented { "comment".into() } else { self.header.into() };
+        declare("header", header);
+        self.comment.map(|comment| declare("comment", comment.into()));
+        self.names.clone().map(|names| declare("names", names.into()));
+        declare("skip", (self.skip as i64).into());
+        declare("time", toml::Table::from_iter([("column".to_owned(), "1".into())]).into());
+        CsvSpec::deserialize(declared).map_err(|e| unreadable(e.to_string()))
+    }
 }
 
 #[cfg(test)]

@@ -419,6 +419,18 @@ fn an_override_changes_the_run_and_comes_after_the_variants() {
 }
 
 #[test]
+fn a_run_takes_a_backend_as_compare_does() {
+    let w = Workspace::new("command-backend");
+    w.fusion(&["run", "design.toml", "--verbose", "--backend", "ekf+iterated"])
+        .success()
+        .stdout(has("additive_euler / iterated / joseph"));
+    let ran = w.fusion(&["run", "design.toml", "--backend", "iterrated"]);
+    ran.code(2).stderr(contains("did you mean `iterated`?"));
+    let ran = w.fusion(&["compare", "design.toml", "-n", "2", "--out", "results"]);
+    ran.code(2).stderr(contains("'-n <N>'"));
+}
+
+#[test]
 fn data_may_lie_elsewhere() {
     let w = Workspace::new("command-data");
     std::fs::create_dir(w.path("logs")).unwrap();
@@ -676,6 +688,14 @@ fn check_without_data_says_how_frames_are_judged() {
     let w = Workspace::new("command-frames");
     let plain = w.fusion(&["check", "design.toml"]).success();
     shows(plain, &["frames not judged: with `--data DIR`"]);
+    let declared = stdout(&w.fusion(&["check", "design.toml", "--set", "run.data_dir=logs"]).success());
+    assert!(
+        squeezed(&declared).join(" ").contains("logs` the recorded channels are compared"),
+        "{declared}"
+    );
+    std::fs::create_dir(w.path("elsewhere")).unwrap();
+    let missing = stdout(&w.fusion(&["check", "design.toml", "--data", "elsewhere"]).success());
+    assert!(squeezed(&missing).join(" ").contains("gnss.csv` is not there"), "{missing}");
     // A minute northwards without a turn: nothing to compare a velocity with but the position.
     let named = w.fusion(&["check", "design.toml", "--data", "."]).success();
     assert!(!stdout(&named).contains("with `--data DIR`"), "{}", stdout(&named));

@@ -1,7 +1,7 @@
 //! The navigators of a tracked vehicle under water: a published one as printed, hardened, and what they are
 //! compared with.
 
-use super::support::Workspace;
+use super::support::{Workspace, stderr};
 use fusion::config::Document;
 use fusion::core::filter::Step;
 use fusion::core::runner::{Event, Halt};
@@ -121,6 +121,77 @@ fn range_and_angles_tell_the_position_and_the_speed_of_sound() {
 }
 
 #[test]
+fn a_simulated_ship_is_where_its_table_says() {
+    let w = Workspace::new("ship_simulated");
+    w.fusion(&["new", "mine", "--from", "auv"]).success();
+    let run = ["run", "mine.toml", "--variant", "ship", "--out", "out"];
+    w.fusion(&run).success();
+    let summary: serde_json::Value = serde_json::from_str(&w.read("out/summary.json")).unwrap();
+    let blocks = summary["score"]["blocks"].as_array().unwrap();
+    let of = |name: &str| {
+        blocks.iter().find(|block| block["name"] == name).unwrap()["rms"][0]
+            .as_f64()
+            .unwrap()
+    };
+    // Fixes of 0.5 m and 0.3 deg five times a second, beside walks of 10 m and 20 deg in a second: each one is all that is known.
+    assert!((0.4..0.6).contains(&of("ship.position")), "{}", of("ship.position"));
+    assert!((0.2..0.4).contains(&of("ship.attitude").to_degrees()), "{}", of("ship.attitude"));
+    let horizontal = summary["score"]["horizontal_rms"].as_f64().unwrap();
+    // At 40 to 170 m the angles of ship and transceiver are 0.6 deg of the heading: 1.8 m of one fix.
+    assert!(horizontal < 1.5, "{horizontal}");
+    // Without a ship nothing is drawn in its place.
+    let text = w.read("mine.toml");
+    let line = text.lines().find(|line| line.starts_with("ship = { position")).unwrap();
+    w.write("mine.toml", text.replace(line, ""));
+    let refused = w.fusion(&run).failure();
+    let told = stderr(&refused);
+    assert!(
+        told.contains("the sensor `ship` measures the pose of a ship") && told.contains("add `ship = {"),
+        "{told}"
+    );
+}
+
+#[test]
+fn a_first_fix_does_not_count_the_slow_error_twice() {
+    let w = Workspace::new("first_fix_slow");
+    w.fusion(&["new", "mine", "--from", "drone"]).success();
+    let text = w.read("mine.toml");
+    let explicit = "position_sigma = [\"2 m\", \"2 m\", \"4 m\"]\n";
+    let fix = |sigma: &str| {
+        let fix = format!("[initial.fix]\ntype = \"first_fix\"\nsource = \"gnss\"\n{sigma}\n");
+        format!("{}\n{fix}", text.replace(explicit, ""))
+    };
+    let nees = |sigma: &str| {
+        w.write("mine.toml", fix(sigma));
+        let design = Design::read(Document::load(&w.path("mine.toml")).unwrap()).unwrap_or_else(|d| panic!("{d}"));
+        let campaign = fusion::campaign::monte_carlo(&design, &Options::default(), 16, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"));
+        campaign.pooled().nees[0].unwrap()
+    };
+    let (honest, place) = (nees("position_sigma = [\"1.5 m\", \"1.5 m\", \"3.2 m\"]"), nees(""));
+    // 1.3 m beside 1.5 m, and 3 m beside 3.2 m: 1 + 0.75, 1 + 0.88 of what it is. Sixteen runs of three axes: χ²/48 lies in
+    // 0.53 … 1.66 with 99.8 %.
+    assert!((0.53..1.66).contains(&place) && honest > 1.4 * place, "{honest} {place}");
+    w.write("mine.toml", fix("position_sigma = [\"1.5 m\", \"1.5 m\", \"3.2 m\"]"));
+    let told = |w: &Workspace| stderr(&w.fusion(&["check", "mine.toml"]).success());
+    assert!(
+        told(&w).contains("the first fix has the slow error of `gnss_position` too"),
+        "{}",
+        told(&w)
+    );
+    // A 1σ of twice and a half of it is another source.
+    for silent in ["", "position_sigma = [\"4 m\", \"4 m\", \"8 m\"]"] {
+        w.write("mine.toml", fix(silent));
+        assert!(!told(&w).contains("slow error"), "{}", told(&w));
+    }
+    // A place to begin at needs a sensor that tells the position.
+    let lonely = ["check", "mine.toml", "--set", "sensor.gnss_position.enabled=false"];
+    w.write("mine.toml", fix(""));
+    let refused = w.fusion(&lonely).failure();
+    let told = stderr(&refused);
+    assert!(told.contains("no sensor reads a position"), "{told}");
+}
+
+#[test]
 fn a_transceiver_on_a_ship_under_way_finds_a_transponder_that_stands() {
     use fusion::core::geometry::so3;
     use fusion::core::geometry::wgs84::Geodetic;
@@ -131,8 +202,8 @@ fn a_transceiver_on_a_ship_under_way_finds_a_transponder_that_stands() {
         r#"run = { origin = { latitude = "36.0983 deg", longitude = "129.4499 deg" } }
 filter.update = "iterated"
 process = { type = "hold", walk = "1 mm/sqrt(s)", position_sigma = "100 m" }
-sensor.ship = { type = "vessel_pose", source = "acoustics", noise = { sigma = [0.02, 0.02, 0.02, 0.001, 0.001, 0.001] } }
 sensor.usbl = { type = "usbl", source = "acoustics", vessel = "ship", transceiver = [4, -2, 3], mounting = [0, 0, "45 deg"], noise = { sigma = ["10 cm", "0.5 deg", "0.5 deg"] } }
+sensor.ship = { type = "vessel_pose", source = "acoustics", noise = { sigma = [0.02, 0.02, 0.02, 0.001, 0.001, 0.001] } }
 initial.start = { type = "explicit", position_sigma = "100 m" }
 [source.acoustics]
 type = "csv"

@@ -260,3 +260,45 @@ source = "truth"
     // All that is measured is without an error: 1 mm for the curvature of the Earth.
     assert!(position.max[0] < 1e-3, "{position:?}");
 }
+
+/// Rows of one file are divided by `keep`; those that the filter has used say nothing of it.
+#[test]
+fn rows_that_the_filter_uses_are_no_judges() {
+    let judge = "
+[source.judge]
+type = \"csv\"
+path = \"gnss.csv\"
+time = { column = \"t\" }
+channels.position = { latitude = \"lat\", longitude = \"lon\", height = \"h\", unit = \"deg\" }
+
+[reference]
+source = \"judge\"
+";
+    let at = workspace("judges", judge);
+    let summary = |used: &str, judging: &str| -> Summary {
+        let mut document = Document::load(&at.path("design.toml")).unwrap();
+        for (source, keep) in [("gnss", used), ("judge", judging)] {
+            if !keep.is_empty() {
+                document.set(&format!("source.{source}.keep={keep}")).unwrap();
+            }
+        }
+        let design = Design::read(document).unwrap_or_else(|d| panic!("{d}"));
+        let options = Options {
+            base: at.path(""),
+            ..Options::default()
+        };
+        run(&design, &options, &mut |_| {}).unwrap_or_else(|d| panic!("{d}"))
+    };
+    for (used, judging, is_used) in [
+        ("{ every = 5 }", "{ except_every = 5 }", false),
+        ("{ every = 1 }", "{ except_every = 5 }", true),
+        ("{ every = 4 }", "{ every = 4, offset = 2 }", false),
+        ("{ every = 4 }", "{ every = 6, offset = 2 }", true),
+        ("", "{ except_every = 2 }", true),
+        ("", "", true),
+    ] {
+        let summary = summary(used, judging);
+        assert_eq!(summary.judged_by.as_deref(), Some("gnss"), "{used} {judging}");
+        assert_eq!(summary.judged_by_used_rows, is_used, "{used} {judging}");
+    }
+}

@@ -12,7 +12,7 @@
 //!
 //! After Reid, *An algorithm for tracking multiple targets*, IEEE TAC 24 (1979).
 
-use super::estimator::{Estimator, FilterError, Observed, Update, Verdict};
+use super::estimator::{Estimator, FilterError, Observed, Rivals, Update, Verdict};
 use super::starts::{headings, is_angle};
 use super::step::Step;
 use crate::chart::{Body, Chart};
@@ -348,7 +348,7 @@ pub struct Bank {
     delta: Vec<f64>,
     /// Axes of attitudes and angles, and how far apart the hypotheses lie there.
     angles: Vec<usize>,
-    rivals: f64,
+    rivals: Rivals,
     /// A hypothesis on its way into another.
     tape: Vec<u8>,
     /// The largest NIS that counts of a sensor whose own gate decides, by the number of rows.
@@ -381,7 +381,7 @@ impl Bank {
             shown: 0,
             delta,
             angles,
-            rivals: 0.0,
+            rivals: Rivals::NONE,
             tape: Vec::new(),
             caps: Vec::new(),
         }
@@ -477,6 +477,11 @@ impl Bank {
         self.hypotheses.iter_mut().for_each(|h| h.weight -= best);
         let stays = self.successor().filter(|s| self.hypotheses[*s].weight >= -self.limits.switch.ln());
         self.shown = stays.unwrap_or(0);
+        self.rivals.changed = match (stays, self.successor()) {
+            (None, Some(before)) => Some(self.apart(0, before)),
+            (None, None) => Some(f64::NAN),
+            (Some(_), _) => None,
+        };
         let shown = &mut self.hypotheses[self.shown];
         if stays.is_none() && shown.report.may_be_false && shown.report.verdict == Verdict::Accepted {
             // The estimate jumps, to where this sensor was believed.
@@ -492,23 +497,28 @@ impl Bank {
     fn compare(&mut self) {
         let (mut squares, mut all) = (0.0, 0.0);
         for k in 0..self.hypotheses.len() {
-            let [shown, other] = [self.shown, k].map(|k| &self.hypotheses[k]);
-            let probability = other.weight.exp();
+            let probability = self.hypotheses[k].weight.exp();
             all += probability;
             if k != self.shown {
-                Body.difference(
-                    shown.estimator.layout(),
-                    &shown.estimator.belief().x,
-                    &other.estimator.belief().x,
-                    &mut self.delta,
-                );
-                // A number in radians does not know of full turns.
-                let apart = |axis: &usize| self.delta[*axis] - TAU * (self.delta[*axis] / TAU).round();
-                let largest = self.angles.iter().map(|axis| apart(axis).abs()).fold(0.0, f64::max);
-                squares += probability * largest * largest;
+                squares += probability * self.apart(self.shown, k).powi(2);
             }
         }
-        self.rivals = if all > 0.0 { (squares / all).sqrt() } else { 0.0 };
+        let shown = self.hypotheses[self.shown].weight.exp();
+        self.rivals.count = self.hypotheses.len();
+        (self.rivals.probability, self.rivals.apart) = if all > 0.0 {
+            (shown / all, (squares / all).sqrt())
+        } else {
+            (1.0, 0.0)
+        };
+    }
+
+    /// How far apart two hypotheses are, in the attitude or angle that differs most \[rad\].
+    fn apart(&mut self, a: usize, b: usize) -> f64 {
+        let [a, b] = [a, b].map(|k| &self.hypotheses[k].estimator);
+        Body.difference(a.layout(), &a.belief().x, &b.belief().x, &mut self.delta);
+        // A number in radians does not know of full turns.
+        let apart = |axis: &usize| self.delta[*axis] - TAU * (self.delta[*axis] / TAU).round();
+        self.angles.iter().map(|axis| apart(axis).abs()).fold(0.0, f64::max)
     }
 
     /// The most probable one that continues what was shown; of two ways on from a measurement the one
@@ -585,7 +595,9 @@ impl Memory for Bank {
         }
         self.hypotheses[..].remember(tape);
         self.shown.remember(tape);
-        self.rivals.remember(tape);
+        self.rivals.probability.remember(tape);
+        self.rivals.apart.remember(tape);
+        self.rivals.count = count;
         if self.shown >= count {
             self.shown = 0;
             tape.refuse("the hypothesis shown does not exist");
@@ -615,7 +627,7 @@ impl Estimator for Bank {
         let first = &mut self.hypotheses[0];
         (first.weight, first.is_successor) = (0.0, true);
         first.outcomes.fill(None);
-        self.rivals = 0.0;
+        self.rivals = Rivals::NONE;
         let starts = headings(&belief, first.estimator.layout(), self.limits.starts.min(self.limits.most));
         let Some(starts) = starts else {
             first.estimator.set_belief(belief);
@@ -674,7 +686,7 @@ impl Estimator for Bank {
         }
     }
 
-    fn rivals(&self) -> f64 {
+    fn rivals(&self) -> Rivals {
         self.rivals
     }
 

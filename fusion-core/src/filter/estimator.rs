@@ -75,9 +75,34 @@ pub struct Update<'a> {
     /// Robust weight; 1 is full weight.
     pub weight: f64,
     /// See [`Estimator::rivals`].
-    pub rivals: f64,
+    pub rivals: Rivals,
     /// H, over the axes of the belief, before the update; none where nothing was linearised.
     pub jacobian: Option<&'a Jacobian>,
+}
+
+/// Several beliefs of which each may be true, and the one that is shown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rivals {
+    /// How many there are, the one shown included.
+    pub count: usize,
+    /// How probable the one shown is.
+    pub probability: f64,
+    /// How far apart their attitudes and angles lie: RMS of the difference from the one shown, weighted by their
+    /// probabilities \[rad\].
+    pub apart: f64,
+    /// The latest update has brought another one to be shown than the one that goes on from what was: by how much the
+    /// attitude or angle that differs most has changed with it \[rad\].
+    pub changed: Option<f64>,
+}
+
+impl Rivals {
+    /// One belief alone.
+    pub const NONE: Self = Self {
+        count: 1,
+        probability: 1.0,
+        apart: 0.0,
+        changed: None,
+    };
 }
 
 /// A measurement ready for an estimator.
@@ -135,10 +160,9 @@ pub trait Estimator: Memory + core::fmt::Debug + Send {
         None
     }
 
-    /// How far apart the attitudes and angles lie that may be true, where several beliefs are carried: RMS of the
-    /// difference from the one shown, weighted by their probabilities \[rad\].
-    fn rivals(&self) -> f64 {
-        0.0
+    /// The beliefs that are carried, where they are several.
+    fn rivals(&self) -> Rivals {
+        Rivals::NONE
     }
 
     /// The state and the process's signals, as models see them.

@@ -1,7 +1,7 @@
 //! The Kalman filter on manifolds.
 
 use super::backend::Backend;
-use super::estimator::{Estimator, FilterError, Observed, Update, Verdict};
+use super::estimator::{Estimator, FilterError, Observed, Rivals, Update, Verdict};
 use super::fixes::Fixes;
 use super::own::OwnDynamics;
 use super::reacquire::Growing;
@@ -500,7 +500,7 @@ impl Filter {
             mode: answer.mode,
             power: &self.work.power[..m],
             weight,
-            rivals: 0.0,
+            rivals: Rivals::NONE,
             jacobian: self.jacobian(),
         }
     }

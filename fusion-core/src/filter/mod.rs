@@ -23,7 +23,7 @@ mod unscented;
 
 pub use backend::{Backend, ChartKind, UpdateKind};
 pub use bank::{Bank, BankLimits};
-pub use estimator::{Estimator, FilterError, Observed, Update, Verdict};
+pub use estimator::{Estimator, FilterError, Observed, Rivals, Update, Verdict};
 pub use iterated::Iterated;
 pub use kalman::{Filter, Parts};
 pub use lateness::Lateness;

@@ -29,6 +29,8 @@ pub(super) struct Blocks {
     /// When that was so, and the variance of each axis then.
     followed: Time,
     known: Vec<f64>,
+    /// By block: moved by many of the 1σ that it had, though no sensor contradicts the belief.
+    jumped: Vec<Held>,
 }
 
 impl Memory for Blocks {
@@ -36,6 +38,7 @@ impl Memory for Blocks {
         self.start.remember(tape);
         self.held.as_mut_slice().remember(tape);
         self.past.remember(tape);
+        self.jumped.as_mut_slice().remember(tape);
         self.followed.remember(tape);
         for numbers in [&mut self.initial, &mut self.variance, &mut self.left, &mut self.known] {
             tape.numbers(numbers);
@@ -56,6 +59,7 @@ impl Blocks {
             left: vec![0.0; layout.dim()],
             followed: Time::MIN,
             known: vec![0.0; layout.dim()],
+            jumped: vec![Held::default(); layout.blocks().len()],
             layout,
         }
     }
@@ -72,6 +76,12 @@ impl Blocks {
             }
         }
         self.held.fill(Held::default());
+        self.jumped.fill(Held::default());
+        self.forget(belief);
+    }
+
+    /// What parameters were before is forgotten: it was not known which of several beliefs is true.
+    pub(super) fn forget(&mut self, belief: &Belief) {
         self.past.start(belief);
         self.left.fill(0.0);
     }
@@ -128,6 +138,7 @@ impl Blocks {
     pub(super) fn follow(&mut self, belief: &Belief, limits: &Limits, is_contradicted: bool) {
         if !is_contradicted && self.left.iter().all(|left| *left == 0.0) {
             self.past.hear(belief);
+            self.look_back(belief, limits);
             return;
         }
         let elapsed = belief.time.seconds_since(self.followed);
@@ -152,6 +163,16 @@ impl Blocks {
         });
     }
 
+    /// Whether a parameter is far from where it was, though nothing contradicts the belief: then it was wrong, or is.
+    fn look_back(&mut self, belief: &Belief, limits: &Limits) {
+        let Self { past, jumped, .. } = self;
+        past.moved(belief, |block, moved| {
+            if moved.is_far(limits.jumped) {
+                jumped[block].hear(belief.time, true);
+            }
+        });
+    }
+
     /// Puts what is told at `now` into `reasons`.
     pub(super) fn tell(&self, now: Time, limits: &Limits, reasons: &mut Vec<Reason>) {
         let told = self.held.iter().enumerate().filter(|(_, held)| held.is_told(now, limits));
@@ -162,6 +183,8 @@ impl Blocks {
         let blocks = self.layout.blocks().iter().enumerate();
         let pulled = blocks.filter(|(_, b)| self.left[b.tangent_range()].iter().any(|left| *left > 0.0));
         reasons.extend(pulled.map(|(block, _)| Reason::Pulled { block }));
+        let jumped = self.jumped.iter().enumerate().filter(|(_, held)| held.is_told(now, limits));
+        reasons.extend(jumped.map(|(block, _)| Reason::Jumped { block }));
     }
 }
 

@@ -30,6 +30,8 @@ pub struct Limits {
     /// How far a parameter may have moved while sensors contradicted the estimate, in units of what
     /// its covariance explains.
     pub pulled: f64,
+    /// How far a parameter may move in a minute that no sensor contradicts, in units of the 1σ that it had.
+    pub jumped: f64,
     /// The least 1σ of the motion.
     pub floor: Floor,
     /// How long a reason is told after it has ceased to hold \[s\].
@@ -60,6 +62,7 @@ impl Limits {
     /// | 30 s unaided | a tunnel; 1 mg, a usual accelerometer bias, moves the position by 4 m |
     /// | 5 σ of calibration | one axis in 2 million of a correct declaration |
     /// | 5 σ of pull | the same; undisturbed recorded logs reach 6 once, in a bias that follows the temperature |
+    /// | 8 σ of a jump | undisturbed recorded logs reach 6 once, in the scale of a skidding wheel; half a turn is 25 |
     /// | floors | a hundredth of what the best sensors measure |
     pub const DEFAULT: Self = Self {
         aligned: 15.0 * core::f64::consts::PI / 180.0,
@@ -75,6 +78,7 @@ impl Limits {
         unaided: 30.0,
         calibration: 5.0,
         pulled: 5.0,
+        jumped: 8.0,
         floor: Floor {
             position: 1e-4,
             velocity: 1e-5,
@@ -89,6 +93,7 @@ impl Limits {
         Self {
             innovations: f64::INFINITY,
             innovations_lost: f64::INFINITY,
+            jumped: f64::INFINITY,
             floor: Floor {
                 position: 0.0,
                 velocity: 0.0,

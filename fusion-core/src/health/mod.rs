@@ -105,6 +105,12 @@ pub enum Reason {
         /// Number of the block in the layout.
         block: usize,
     },
+    /// A parameter moved within a minute by many of the 1σ that it had, though no sensor contradicted the estimate:
+    /// what it was, or is, is wrong.
+    Jumped {
+        /// Number of the block in the layout.
+        block: usize,
+    },
     /// The innovations of a sensor that are used are far larger than their covariance says.
     Innovations {
         /// The sensor's number.
@@ -166,6 +172,7 @@ impl Memory for Reason {
             Self::Ahead { stream } => (14, stream),
             Self::Unaided => (15, 0),
             Self::Undecided => (17, 0),
+            Self::Jumped { block } => (18, block),
         };
         kind.remember(tape);
         of.remember(tape);
@@ -190,6 +197,7 @@ impl Memory for Reason {
             14 => Self::Ahead { stream: of },
             15 => Self::Unaided,
             17 => Self::Undecided,
+            18 => Self::Jumped { block: of },
             12 | 16 => Self::Silent {
                 sensor: of,
                 replaced: kind == 16,

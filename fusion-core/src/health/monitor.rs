@@ -38,6 +38,8 @@ pub struct Monitor {
     phase: Phase,
     /// How far apart the attitudes lie that may be true \[rad\].
     rivals: f64,
+    /// Whether they lay too far apart at the latest belief that was looked at.
+    was_undecided: bool,
     /// The time of the latest judgement, and of the latest belief that was looked at.
     now: Time,
     scrutinised: Time,
@@ -66,6 +68,7 @@ impl Memory for Monitor {
         self.blocks.remember(tape);
         tape.choice(&mut self.phase, &[Phase::Waiting, Phase::Stopped, Phase::Aligning, Phase::Aligned]);
         self.rivals.remember(tape);
+        self.was_undecided.remember(tape);
         self.now.remember(tape);
         self.scrutinised.remember(tape);
         self.gap.remember(tape);
@@ -98,8 +101,8 @@ impl Monitor {
     ) -> Self {
         let sensors: Vec<_> = sensors.into_iter().map(|s| Evidence::new(s, &limits)).collect();
         let streams: Vec<_> = streams.into_iter().map(|s| (s, Pulse::default(), Held::default())).collect();
-        // Each reason once at most: six of a sensor, two of a block, seven of the filter.
-        let most = 6 * sensors.len() + streams.len() + 2 * layout.blocks().len() + 7;
+        // Each reason once at most: six of a sensor, three of a block, seven of the filter.
+        let most = 6 * sensors.len() + streams.len() + 3 * layout.blocks().len() + 7;
         Self {
             limits,
             sensors,
@@ -108,6 +111,7 @@ impl Monitor {
             blocks: Blocks::new(layout),
             phase: Phase::Waiting,
             rivals: 0.0,
+            was_undecided: false,
             now: Time::MIN,
             scrutinised: Time::MIN,
             gap: None,
@@ -141,7 +145,7 @@ impl Monitor {
     pub fn hear(&mut self, event: &Event<'_>) -> bool {
         let now = match event {
             Event::Started { belief, rivals } => {
-                self.rivals = *rivals;
+                self.rivals = rivals.apart;
                 self.start(belief)
             }
             // Estimates may be many: the rest of them changes nothing that matters so soon.
@@ -206,12 +210,18 @@ impl Monitor {
         self.unsound.hear(belief.time, !belief.is_sound());
         self.blocks.hear(belief, &self.limits);
         self.aid.hear(belief);
-        self.blocks.follow(belief, &self.limits, self.contradicted);
+        let is_undecided = self.rivals > allowed;
+        if is_undecided || self.was_undecided {
+            self.blocks.forget(belief);
+        } else {
+            self.blocks.follow(belief, &self.limits, self.contradicted);
+        }
+        self.was_undecided = is_undecided;
         belief.time
     }
 
     fn updated(&mut self, sensor: usize, time: Time, update: &Update<'_>) {
-        self.rivals = update.rivals;
+        self.rivals = update.rivals.apart;
         let Some(evidence) = self.sensors.get_mut(sensor) else { return };
         evidence.hear(time, update, &self.limits, &self.aid);
         if matches!(update.verdict, Verdict::Accepted | Verdict::Reacquired) {

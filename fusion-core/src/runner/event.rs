@@ -1,6 +1,6 @@
 //! What the runner tells: typed events, to observers that are independent of each other.
 
-use crate::filter::{FilterError, Step, Update};
+use crate::filter::{FilterError, Rivals, Step, Update};
 use crate::health::Health;
 use crate::runner::StreamId;
 use crate::state::Belief;
@@ -75,7 +75,7 @@ pub enum Event<'a> {
         /// The initial belief.
         belief: &'a Belief,
         /// See [`Estimator::rivals`](crate::filter::Estimator::rivals).
-        rivals: f64,
+        rivals: Rivals,
     },
     /// The estimate of an epoch: after every measurement that is valid at that time was used.
     ///

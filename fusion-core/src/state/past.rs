@@ -63,6 +63,11 @@ pub(crate) struct Moved {
 }
 
 impl Moved {
+    /// Whether it has moved by more than `sigmas` of all that it might have been off.
+    pub(crate) fn is_far(&self, sigmas: f64) -> bool {
+        self.distance * self.distance > sigmas * sigmas * self.unlearnt
+    }
+
     /// Whether it has moved by more than `sigmas` of what the covariances explain.
     pub(crate) fn is_beyond(&self, sigmas: f64) -> bool {
         let expected = (self.unlearnt - self.variance).max(0.0);

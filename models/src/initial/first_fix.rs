@@ -4,9 +4,12 @@
 //! earlier in the file have found. What that attitude leaves open of the lever arm goes into the 1σ: per
 //! axis the variance of C_nb [l ×] P_att [l ×]ᵀ C_nbᵀ, at most |l|². Where no attitude is known, |l|² and
 //! no shift. The velocity is that of the antenna: a body that turns at the start is not meant.
+//!
+//! With a 1σ the fix is information of its own. An error that lasts is in the fixes after it too, so that it would count
+//! twice: with the 1σ σ_b of that error and σ of the start, the 1σ of the position is too small by √(1 + σ_b²/σ²).
 
 use super::{known_attitude, write_position, write_velocity};
-use crate::block::{Build, BuildError, InitialiserSpec, Listen};
+use crate::block::{Build, BuildError, InitialiserSpec, Listen, Taken};
 use crate::units::{Axes, Length, Vec3Of, dim, range};
 use crate::vocabulary::{channel, state};
 use fusion_core::geometry::{so3, wgs84::Geodetic};
@@ -26,8 +29,10 @@ use std::num::NonZeroUsize;
 pub struct FirstFixSpec {
     /// A stream with a `position` channel, or with `horizontal_position` where the `height` is given.
     source: String,
-    /// 1σ north, east, down of the initial position.
-    position_sigma: Axes<dim::Length, range::NonNegative>,
+    /// 1σ north, east, down of the initial position, where its errors are not those of the fixes that a sensor takes later.
+    /// Left out, the fix is a place to begin at (100 m), and the next fixes tell the position: so where their sensor has a
+    /// slow error, `bias`, which the first fix has too.
+    position_sigma: Option<Axes<dim::Length, range::NonNegative>>,
     /// Takes the `velocity` channel too, with this 1σ; without it another initialiser must give the
     /// velocity.
     velocity_sigma: Option<Axes<dim::Speed, range::NonNegative>>,
@@ -42,6 +47,9 @@ pub struct FirstFixSpec {
     #[serde(default = "one")]
     median_of: NonZeroUsize,
 }
+
+/// 1σ of a place to begin at \[m\]: tens of times the errors of any fix, so that nothing of it is left after the next one.
+const PLACE: f64 = 100.0;
 
 const fn one() -> NonZeroUsize {
     NonZeroUsize::MIN
@@ -87,10 +95,18 @@ impl InitialiserSpec for FirstFixSpec {
         blocks
     }
 
+    fn takes(&self) -> Taken {
+        self.position_sigma.map_or(Taken::Place, |sigma| Taken::Position(sigma.si()))
+    }
+
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Initialiser>, BuildError> {
+        if self.position_sigma.is_none() && self.median_of != one() {
+            let help = "add `position_sigma`, the 1σ of the median";
+            return Err(BuildError::at("median_of", "a median is for naught where the next fix tells the position").help(help));
+        }
         Ok(Box::new(FirstFix {
             origin: b.origin,
-            position_sigma: self.position_sigma.si(),
+            position_sigma: self.position_sigma.map_or([PLACE; 3], Axes::si),
             velocity_sigma: self.velocity_sigma.map(Axes::si),
             lever_arm: self.lever_arm.si().into(),
             height: self.height.map(Length::si),
@@ -245,6 +261,25 @@ mod tests {
         let place = Place::read(&belief.x[block.storage_range()]);
         let variance = belief.covariance.marginal::<3>(block).diagonal();
         (place.difference(&origin), variance.map(f64::sqrt))
+    }
+
+    #[test]
+    fn without_a_sigma_it_is_a_place_to_begin_at() {
+        let spec = |text: &str| toml::from_str::<FirstFixSpec>(&format!("source = 'gnss'\n{text}")).unwrap();
+        assert_eq!(spec("").takes(), Taken::Place);
+        assert_eq!(spec("position_sigma = [1, 2, 3]").takes(), Taken::Position([1.0, 2.0, 3.0]));
+        let mut layout = LayoutBuilder::new();
+        let mut b = Build {
+            name: "fix",
+            layout: &mut layout,
+            origin: None,
+            gravity: crate::earth::Gravity::default(),
+        };
+        assert!(spec("").build(&mut b).is_ok());
+        assert_eq!(
+            spec("median_of = 3").build(&mut b).map(|_| ()).map_err(|e| e.field),
+            Err("median_of".to_owned())
+        );
     }
 
     #[test]

@@ -30,7 +30,7 @@ use serde::Deserialize;
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct UsblSpec {
-    /// The sensor `vessel_pose`, declared before this one, of the vessel that carries the transceiver.
+    /// The sensor `vessel_pose` of the vessel that carries the transceiver.
     vessel: Option<String>,
     /// Where the transceiver's carrier stands, instead of `vessel`.
     position: Option<Place>,
@@ -76,7 +76,7 @@ impl UsblSpec {
                 let of = |part: &str| format!("{vessel}.{part}");
                 let missing = |e: BuildError| BuildError {
                     field: "vessel".to_owned(),
-                    help: Some("name a sensor of type `vessel_pose` that is declared earlier in the file".to_owned()),
+                    help: Some("name a sensor of type `vessel_pose` of this design".to_owned()),
                     ..e
                 };
                 let position = b.quantity(QuantityName::new(&of("position"))).map_err(missing)?;
@@ -103,6 +103,10 @@ impl SensorSpec for UsblSpec {
 
     fn axes(&self) -> &'static [&'static str] {
         &["range", "bearing", "depression"]
+    }
+
+    fn follows(&self) -> Option<&str> {
+        self.vessel.as_deref()
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {

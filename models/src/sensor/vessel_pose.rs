@@ -5,7 +5,8 @@
 //!            takes the place of what was known; other sensors read them, with the errors they are left with
 //! Predicted  h(x) = the two states
 //! Jacobian   I₆; the attitude about the vessel's axes, exact at r = 0
-//! Order      declared before the sensors that read it, it is used before them at a time that they share
+//! Order      it is used before the sensors that read it at a time that they share
+//! Simulated  its true pose is that of `[simulation.ship]`; the first 1σ only says that nothing is known yet
 //! Not here   how the vessel moves between two of its rows: give its pose at the time of the ping
 
 use super::attitude::unit;
@@ -26,7 +27,8 @@ const PLACE: usize = 3;
 /// 1σ before the first row: anywhere in reach of acoustics \[m\], any attitude \[rad\].
 const UNKNOWN: (f64, f64) = (1e4, 2.0);
 
-/// Pose of another vessel, whose position and attitude become states: `NAME.position`, `NAME.attitude`.
+/// Pose of another vessel, whose position and attitude become states: `NAME.position`, `NAME.attitude`. In a simulation it
+/// is the ship of `[simulation.ship]`.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct VesselPoseSpec {

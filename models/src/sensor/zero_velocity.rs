@@ -1,18 +1,22 @@
 //! Zero velocity: the vehicle stands still, as whatever times this measurement has found.
 //!
 //! Measured   z = 0, three rows \[m/s\]
-//! Predicted  h(x) = v_eb_n
-//! Jacobian   ∂h/∂δv = I₃
+//! Predicted  h(x) = C_nbᵀ v_eb_n, in body axes; v_eb_n where the process has no attitude
+//! Jacobian   ∂h/∂δv = C_nbᵀ, ∂h/∂δφ_b = [h ×]; I₃ without an attitude
+//! Heading    rest tells nothing of it. In body axes that is so in the linearised filter, too, where its chart is
+//!            `right_invariant` and Φ is `exact`: turning heading, velocity and path together changes neither h nor its
+//!            Jacobian. In other charts noise of the estimate is taken for information on a heading that is not known
 //! Valid      at the body origin, at rest; feed it by a detector of rest
-//! Source     Groves 2013, §15.3
+//! Source     Groves 2013, §15.3; body axes: Hartley et al. 2020, §III (contacts of a foot)
 
-use super::NED;
+use super::XYZ;
 use crate::block::{Build, BuildError, Reading, SensorSpec};
 use crate::units::{Dimension, Dimensional, dim};
 use crate::vocabulary::state;
+use fusion_core::geometry::so3::{rotation, skew};
 use fusion_core::linear::Jacobian;
 use fusion_core::model::{Measurement, Size, Undefined};
-use fusion_core::state::{Quantity, Velocity, View};
+use fusion_core::state::{Attitude, Quantity, Velocity, View};
 use nalgebra::Matrix3;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -39,12 +43,13 @@ impl SensorSpec for ZeroVelocitySpec {
     }
 
     fn axes(&self) -> &'static [&'static str] {
-        NED
+        XYZ
     }
 
     fn build(&self, b: &mut Build<'_>) -> Result<Box<dyn Measurement>, BuildError> {
         Ok(Box::new(ZeroVelocity {
             velocity: b.quantity(state::VELOCITY)?,
+            attitude: b.quantity(state::ATTITUDE).ok(),
         }))
     }
 }
@@ -53,6 +58,7 @@ impl SensorSpec for ZeroVelocitySpec {
 #[derive(Debug)]
 struct ZeroVelocity {
     velocity: Quantity<Velocity>,
+    attitude: Option<Quantity<Attitude>>,
 }
 
 impl Measurement for ZeroVelocity {
@@ -61,12 +67,50 @@ impl Measurement for ZeroVelocity {
     }
 
     fn predict(&self, at: &View<'_>, value: &mut [f64]) -> Result<(), Undefined> {
-        value.copy_from_slice(at.get(&self.velocity).as_slice());
+        let v_n = at.get(&self.velocity);
+        let v = match &self.attitude {
+            Some(attitude) => at.get(attitude).inverse_transform_vector(&v_n),
+            None => v_n,
+        };
+        value.copy_from_slice(v.as_slice());
         Ok(())
     }
 
-    fn jacobian(&self, _: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined> {
-        h.add(0, &self.velocity, &Matrix3::identity());
+    fn jacobian(&self, at: &View<'_>, h: &mut Jacobian) -> Result<(), Undefined> {
+        let Some(attitude) = &self.attitude else {
+            h.add(0, &self.velocity, &Matrix3::identity());
+            return Ok(());
+        };
+        let c_bn = rotation(&at.get(attitude)).transpose();
+        h.add(0, &self.velocity, &c_bn);
+        h.add(0, attitude, &skew(&(c_bn * at.get(&self.velocity))));
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fusion_core::geometry::so3::from_rpy;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn a_turn_of_heading_and_velocity_together_is_not_seen() {
+        let (v, q) = (Vector3::new(0.3, -0.2, 0.1), from_rpy(0.2, -0.4, 1.1));
+        let model = |turn: f64| {
+            let about_down = from_rpy(0.0, 0.0, turn);
+            ZeroVelocity {
+                velocity: Quantity::Fixed(about_down * v),
+                attitude: Some(Quantity::Fixed(about_down * q)),
+            }
+        };
+        let predict = |turn: f64| {
+            let mut z = [0.0; 3];
+            model(turn).predict(&View::new(&[], &[]), &mut z).unwrap();
+            Vector3::from(z)
+        };
+        // Rounding.
+        assert!((predict(2.0) - predict(0.0)).amax() < 1e-15);
+        assert!(predict(0.0).norm() > 0.3);
     }
 }

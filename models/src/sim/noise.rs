@@ -93,6 +93,11 @@ impl SensorError {
         })
     }
 
+    /// What lasts of the error of a residual row now: what is constant, and what varies slowly.
+    pub(super) fn lasting(&self, row: usize) -> f64 {
+        self.bias[row] + self.markov.as_ref().map_or(0.0, |m| m.state()[row])
+    }
+
     /// Spoils the true value `z` of `model` at `time`; times must not decrease.
     pub fn spoil(&mut self, model: &dyn Measurement, time: Time, z: &mut [f64]) {
         if let Some(markov) = &mut self.markov {

@@ -1,8 +1,9 @@
-//! A moored ship with an acoustic system: its GPS, its attitude reference, and the transceiver under it.
+//! A ship, moored or under way, and what it carries: GPS, attitude reference, acoustic system.
 //!
-//! Ship       its reference point runs round a circle about the mooring; roll, pitch and yaw are sines. The
-//!            phases are drawn. Axes of the ship forward-right-down
-//! Streams    `ship_gps`: position of the antenna. `ship_attitude`: attitude. `transceiver`: slant range r,
+//! Ship       its reference point goes along the mean heading at a steady speed, and runs round a circle about that
+//!            way; roll, pitch and yaw are sines. The phases are drawn. Axes of the ship forward-right-down
+//! Pose       what is true of the states of a sensor `vessel_pose`, which measures it with errors of its own
+//! Streams    where declared: `ship_gps`: position of the antenna. `ship_attitude`: attitude. `transceiver`: slant range r,
 //!            bearing β from the transceiver's x axis towards y, depression δ below its x-y plane
 //! Acoustic   s = C_usᵀ [C_snᵀ (p + C_nb l_t − p_s) − l_u], r = (1 + κ)|s|; κ, the error of the speed of
 //!            sound, is drawn once. What is measured is valid when the transponder replies; its row is
@@ -13,7 +14,7 @@
 //! Not here   multipath, refraction, and the way of the sound down to the transponder
 
 use super::random::Random;
-use crate::block::Channel;
+use crate::block::{BuildError, Channel};
 use crate::earth::LocalFrame;
 use crate::fault::Windows;
 use crate::process::strapdown::mechanisation::Nav;
@@ -28,14 +29,18 @@ use nalgebra::{UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// A moored ship that measures where a transponder on the body is.
+/// A ship near the vehicle, moored or under way. A sensor `vessel_pose` measures its pose; with `gps`, `attitude` and
+/// `usbl` it has instruments of its own.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ShipSpec {
-    /// Where its reference point is on the mean: north, east, down of the origin of the run.
+    /// Where its reference point is on the mean, under way at the start: north, east, down of the origin of the run.
     position: Vec3Of<dim::Length>,
     /// Its mean heading.
     heading: Quantity<dim::Angle>,
+    /// Its steady speed along the mean heading.
+    #[serde(default)]
+    speed: NonNegative<dim::Speed>,
     /// The circle that the reference point runs round, at its steady pace.
     watch_circle: Option<CircleSpec>,
     /// Its roll.
@@ -44,10 +49,10 @@ pub struct ShipSpec {
     pitch: Option<SineSpec>,
     /// Its yaw about the mean heading.
     yaw: Option<SineSpec>,
-    /// The GPS antenna in the axes of the ship, from the reference point.
-    antenna: Vec3Of<dim::Length>,
-    /// The transceiver in the axes of the ship, from the reference point.
-    transceiver: Vec3Of<dim::Length>,
+    /// The antenna of `gps` in the axes of the ship, from the reference point.
+    antenna: Option<Vec3Of<dim::Length>>,
+    /// The transceiver of `usbl` in the axes of the ship, from the reference point.
+    transceiver: Option<Vec3Of<dim::Length>>,
     /// Roll, pitch, yaw of the transceiver's axes in the ship: x_ship = C(mounting) x_transceiver.
     #[serde(default)]
     mounting: Option<Vec3Of<dim::Angle>>,
@@ -55,11 +60,42 @@ pub struct ShipSpec {
     #[serde(default)]
     transponder: Option<Vec3Of<dim::Length>>,
     /// The stream `ship_gps`.
-    pub(super) gps: ShipGpsSpec,
+    pub(super) gps: Option<ShipGpsSpec>,
     /// The stream `ship_attitude`.
-    pub(super) attitude: ShipAttitudeSpec,
+    pub(super) attitude: Option<ShipAttitudeSpec>,
     /// The stream `transceiver`.
-    pub(super) usbl: TransceiverSpec,
+    pub(super) usbl: Option<TransceiverSpec>,
+}
+
+impl ShipSpec {
+    /// Whether it has the instrument that makes a stream.
+    pub(super) const fn has(&self, stream: usize) -> bool {
+        match stream {
+            0 => self.gps.is_some(),
+            1 => self.attitude.is_some(),
+            _ => self.usbl.is_some(),
+        }
+    }
+
+    /// The streams of its instruments: their numbers in [`SHIP_STREAMS`], and their names.
+    pub fn streams(&self) -> impl Iterator<Item = (usize, &'static str)> {
+        SHIP_STREAMS.into_iter().enumerate().filter(|(i, _)| self.has(*i))
+    }
+
+    /// Refuses an instrument that is nowhere.
+    pub(super) fn check(&self) -> Result<(), BuildError> {
+        let places = [
+            ("antenna", "gps", self.antenna, self.has(0)),
+            ("transceiver", "usbl", self.transceiver, self.has(ACOUSTIC)),
+        ];
+        match places.into_iter().find(|(.., place, is_there)| *is_there && place.is_none()) {
+            None => Ok(()),
+            Some((key, of, ..)) => {
+                let help = format!("add `{key} = [\"… m\", \"… m\", \"… m\"]`, forward, right and down of the reference point of the ship");
+                Err(BuildError::at(format!("ship.{of}"), format!("`{of}` needs the place of its {key} on the ship")).help(help))
+            }
+        }
+    }
 }
 
 /// A circle at a steady pace.
@@ -174,8 +210,11 @@ impl UnheardSpec {
     }
 }
 
-/// The streams of a ship: name and channels.
+/// The streams of a ship with all its instruments; [`ship_channels`] has what is in them.
 pub const SHIP_STREAMS: [&str; 3] = ["ship_gps", "ship_attitude", "transceiver"];
+
+/// The acoustic system among them.
+pub(super) const ACOUSTIC: usize = 2;
 
 /// The channels of these streams.
 #[must_use]
@@ -237,13 +276,13 @@ impl Ship {
         }
         let [roll, pitch, yaw] = spec.mounting.map_or([0.0; 3], Vec3Of::si);
         let mut constant = random("attitude bias");
-        let bias = spec.attitude.bias_sigma.map_or([0.0; 3], Axes::si);
+        let bias = spec.attitude.and_then(|attitude| attitude.bias_sigma).map_or([0.0; 3], Axes::si);
         Self {
             circle,
             swing: [spec.roll, spec.pitch, spec.yaw].map(|s| Sine::new(s, &mut phases)),
             mounting: so3::from_rpy(roll, pitch, yaw),
             attitude_bias: Vector3::from(bias).map(|sigma| sigma * constant.normal()),
-            sound_speed_error: spec.usbl.sound_speed_sigma.si() * random("sound speed").normal(),
+            sound_speed_error: spec.usbl.as_ref().map_or(0.0, |usbl| usbl.sound_speed_sigma.si()) * random("sound speed").normal(),
             gps: random("gps"),
             attitude: random("attitude"),
             acoustic: random("acoustic"),
@@ -255,19 +294,22 @@ impl Ship {
     }
 
     /// Where the reference point is, and the attitude C_sn.
-    fn pose(&self, time: Time) -> (Geodetic, UnitQuaternion<f64>) {
+    pub(super) fn pose(&self, time: Time) -> (Geodetic, UnitQuaternion<f64>) {
         let t = time.seconds();
         let (sin, cos) = (self.circle.rate * t + self.circle.phase).sin_cos();
         let off = Vector3::new(cos, sin, 0.0) * self.circle.amplitude;
-        let place = self.frame.to_geodetic(&(Vector3::from(self.spec.position.si()) + off));
+        let heading = self.spec.heading.si();
+        let way = Vector3::new(heading.cos(), heading.sin(), 0.0) * (self.spec.speed.si() * t);
+        let place = self.frame.to_geodetic(&(Vector3::from(self.spec.position.si()) + way + off));
         let [roll, pitch, yaw] = self.swing.map(|s| s.at(t));
-        (place, so3::from_rpy(roll, pitch, self.spec.heading.si() + yaw))
+        (place, so3::from_rpy(roll, pitch, heading + yaw))
     }
 
-    /// How long after the measurement at `now` the next one comes \[ns\].
-    pub(super) fn interval(&mut self, now: Time) -> i64 {
-        let IntervalSpec { least, spread, most } = self.spec.usbl.interval;
-        let missed = self.spec.usbl.unheard.as_ref().map_or(0, |unheard| {
+    /// How long after the measurement at `now` the next one comes \[ns\]; `None` without an acoustic system.
+    pub(super) fn interval(&mut self, now: Time) -> Option<i64> {
+        let usbl = self.spec.usbl.as_ref()?;
+        let IntervalSpec { least, spread, most } = usbl.interval;
+        let missed = usbl.unheard.as_ref().map_or(0, |unheard| {
             let rate = unheard.rate(now);
             (0..unheard.longest).take_while(|_| self.hearing.unit() < rate).count()
         });
@@ -275,32 +317,34 @@ impl Ship {
             Some(most) => (most.si() - least.si()).max(0.0) * self.timing.unit(),
             None => spread.si() * self.timing.normal().abs(),
         };
-        nanos(least.si() * (1 + missed) as f64 + more).max(SHORTEST)
+        Some(nanos(least.si() * (1 + missed) as f64 + more).max(SHORTEST))
     }
 
-    /// The row of a stream that is valid at `time`, where the body is at `nav`, and its stamp.
-    pub(super) fn measure(&mut self, stream: usize, time: Time, nav: &Nav) -> (Time, Vec<f64>) {
+    /// The row of a stream that is valid at `time`, where the body is at `nav`, and its stamp; `None` without the
+    /// instrument.
+    pub(super) fn measure(&mut self, stream: usize, time: Time, nav: &Nav) -> Option<(Time, Vec<f64>)> {
         let (place, c_sn) = self.pose(time);
-        match stream {
+        let arm = |place: Option<Vec3Of<dim::Length>>| Vector3::from(place.map_or([0.0; 3], Vec3Of::si));
+        Some(match stream {
             0 => {
-                let white = Vector3::from(self.spec.gps.white.map_or([0.0; 3], Axes::si));
+                let white = Vector3::from(self.spec.gps?.white.map_or([0.0; 3], Axes::si));
                 let noise = white.map(|sigma| sigma * self.gps.normal());
-                let antenna = place.offset(&(c_sn * Vector3::from(self.spec.antenna.si()) + noise));
+                let antenna = place.offset(&(c_sn * arm(self.spec.antenna) + noise));
                 (time, vec![antenna.lat, antenna.lon, antenna.height])
             }
             1 => {
-                let white = Vector3::from(self.spec.attitude.white.map_or([0.0; 3], Axes::si));
+                let white = Vector3::from(self.spec.attitude?.white.map_or([0.0; 3], Axes::si));
                 let noise = white.map(|sigma| sigma * self.attitude.normal()) + self.attitude_bias;
                 let q = so3::canonical(&(c_sn * so3::exp(&noise)));
                 (time, vec![q.w, q.i, q.j, q.k])
             }
             _ => {
-                let transponder = nav.q_nb * Vector3::from(self.spec.transponder.map_or([0.0; 3], Vec3Of::si));
+                let transponder = nav.q_nb * arm(self.spec.transponder);
                 let away = nav.position.difference(&place) + transponder;
-                let from = c_sn.inverse() * away - Vector3::from(self.spec.transceiver.si());
+                let from = c_sn.inverse() * away - arm(self.spec.transceiver);
                 let s = self.mounting.inverse() * from;
                 let level = s.x.hypot(s.y);
-                let usbl = &self.spec.usbl;
+                let usbl = self.spec.usbl.as_ref()?;
                 let [bearing, depression] = usbl.angle_white.map_or([0.0; 2], Axes::si);
                 let mut noise = |sigma: f64| sigma * self.acoustic.normal();
                 let row = vec![
@@ -311,7 +355,7 @@ impl Ship {
                 let late = s.norm() / usbl.sound_speed.si() + usbl.processing.si();
                 (time.shifted(nanos(late)), row)
             }
-        }
+        })
     }
 }
 
@@ -344,9 +388,9 @@ mod tests {
         };
         for k in 0..200 {
             let time = Time::from_seconds(0.9 * f64::from(k));
-            let (_, gps) = ship.measure(0, time, &nav);
-            let (_, q) = ship.measure(1, time, &nav);
-            let (stamp, polar) = ship.measure(2, time, &nav);
+            let (_, gps) = ship.measure(0, time, &nav).unwrap();
+            let (_, q) = ship.measure(1, time, &nav).unwrap();
+            let (stamp, polar) = ship.measure(2, time, &nav).unwrap();
             let c_sn = so3::from_scalar_first(&nalgebra::Vector4::new(q[0], q[1], q[2], q[3]));
             let ((sb, cb), (sd, cd)) = (polar[1].sin_cos(), polar[2].sin_cos());
             let s = Vector3::new(cd * cb, cd * sb, sd) * polar[0];
@@ -364,7 +408,7 @@ mod tests {
         let draw = |usbl| {
             let mut ship = ship(usbl);
             (0..4000)
-                .map(|k| ship.interval(Time::from_seconds(f64::from(k))) as f64 * 1e-9)
+                .map(|k| ship.interval(Time::from_seconds(f64::from(k))).unwrap() as f64 * 1e-9)
                 .collect::<Vec<_>>()
         };
         let near_one = draw("interval = { least = 1, spread = 0.05 }");

@@ -38,7 +38,8 @@ pub struct SimulationSpec {
     pub odometry: Option<OdometryErrorSpec>,
     /// The instrument that measures how fast the tracks of the vehicle run: the stream `track_speeds`.
     pub track_speeds: Option<TrackSpeedsSpec>,
-    /// A moored ship with an acoustic system: the streams `ship_gps`, `ship_attitude` and `transceiver`.
+    /// A ship near the vehicle: what a sensor `vessel_pose` measures, and the streams `ship_gps`, `ship_attitude` and
+    /// `transceiver` of the instruments that it has.
     pub ship: Option<ShipSpec>,
     /// Rows per second of the `reference` stream: the truth; at most 1e9 rows in a run.
     #[serde(default = "reference_rate")]
@@ -220,7 +221,8 @@ impl SimulationSpec {
     #[must_use]
     pub fn mistakes(&self, input: &[Channel]) -> Vec<BuildError> {
         let rates = self.duration().and_then(|duration| self.check_rates(duration));
-        let all = [rates, self.check_unit(input), self.check_mission()];
+        let ship = self.ship.as_ref().map_or(Ok(()), ShipSpec::check);
+        let all = [rates, self.check_unit(input), self.check_mission(), ship];
         all.into_iter().filter_map(Result::err).collect()
     }
 
@@ -256,10 +258,9 @@ impl SimulationSpec {
         let tracks = self.track_speeds.iter().map(|tracks| ("track_speeds.rate".to_owned(), tracks.rate));
         let sensors = self.sensor.iter().map(|(name, s)| (format!("sensor.{name}.rate"), s.rate));
         let ship = self.ship.iter().flat_map(|ship| {
-            [
-                ("ship.gps.rate".to_owned(), ship.gps.rate),
-                ("ship.attitude.rate".to_owned(), ship.attitude.rate),
-            ]
+            let gps = ship.gps.map(|gps| ("ship.gps.rate".to_owned(), gps.rate));
+            gps.into_iter()
+                .chain(ship.attitude.map(|attitude| ("ship.attitude.rate".to_owned(), attitude.rate)))
         });
         let reference = ("reference_rate".to_owned(), self.reference_rate);
         let most = MOST_ROWS / duration.max(1.0);

@@ -8,6 +8,7 @@ pub use source::{DifferentiateSpec, ReferenceChannel, ReferencePart, ReferenceSo
 
 use super::Design;
 use crate::config::{Diagnostic, Diagnostics, Node};
+use crate::source::have_rows_in_common;
 
 use crate::score::trajectory::{Alignment, Pairs};
 use fusion_models::fault::Windows;
@@ -38,7 +39,7 @@ pub struct ReferenceSpec {
     /// How the trajectory as a whole is compared: absolute and relative errors (ATE, RPE).
     #[serde(default)]
     pub trajectory: Option<TrajectorySpec>,
-    /// Takes the mean rotation between the two bodies out of the attitude errors.
+    /// Takes the mean rotation between the two bodies, since the filter was aligned, out of the attitude errors.
     #[serde(default)]
     pub remove_mean_mounting: bool,
     /// Of one source: which of its channels count; all without it.
@@ -80,21 +81,29 @@ pub fn differences(first: &Design, other: &Design) -> Vec<String> {
         .collect()
 }
 
-/// The source of a sensor whose positions the reference reads too, if there is one: then other rows of one instrument judge
-/// the filter, and an error that lasts longer than from row to row is in both.
+/// The source of a sensor whose positions the reference reads too, if there is one, and whether some of the rows are the same.
+/// Other rows of one instrument judge the filter, but for an error that lasts longer than from row to row and is in both;
+/// the same rows judge nothing.
 #[must_use]
-pub fn of_a_sensor(design: &Design) -> Option<&str> {
+pub fn of_a_sensor(design: &Design) -> Option<(&str, bool)> {
+    let node = |name: &str| design.sources.iter().find(|s| s.name == name).map(|s| &s.node);
     let columns = |name: &str| {
-        let node = &design.sources.iter().find(|s| s.name == name)?.node;
+        let node = node(name)?;
         let channels = ["channels.position", "channels.horizontal_position"];
         let position = channels.iter().find_map(|channel| node.at(channel))?;
         let first = ["latitude", "north", "ecef", "utm"].iter().find_map(|key| position.get(key))?;
         Some((node.get("path")?.inline(), first.inline()))
     };
     let reference = design.reference.as_ref()?;
-    let judges: Vec<_> = reference.block.source.names().filter_map(columns).collect();
-    let mut used = design.sensors.iter().map(|sensor| sensor.block.common.source.as_str());
-    used.find(|source| columns(source).is_some_and(|own| judges.contains(&own)))
+    let judges: Vec<_> = reference.block.source.names().collect();
+    let alike = |used: &str, judge: &str| columns(used).is_some_and(|own| columns(judge) == Some(own));
+    let same_rows = |used: &str, judge: &str| node(used).zip(node(judge)).is_some_and(|(a, b)| have_rows_in_common(a, b));
+    let used = design.sensors.iter().map(|sensor| sensor.block.common.source.as_str());
+    let judged = used.flat_map(|used| judges.iter().map(move |judge| (used, *judge)));
+    let judged = judged.filter(|(used, judge)| alike(used, judge));
+    judged
+        .map(|(used, judge)| (used, same_rows(used, judge)))
+        .max_by_key(|(_, is_same)| *is_same)
 }
 
 impl ReferenceSpec {

@@ -3,6 +3,7 @@
 use super::*;
 use crate::config::Document;
 use crate::health::{FilterHealth, NamedReason, State, Transition};
+use crate::observe::RejectionStreak;
 use crate::score::Offset;
 use fusion_models::registry::{self, Role};
 
@@ -303,4 +304,227 @@ fn a_mounting_is_not_removed_where_the_reference_has_other_axes() {
             .contains("`remove_mean_mounting` would hide it")
     };
     assert!(of(89.8) && !of(3.3));
+}
+
+/// A magnetometer whose innovations tell as much as so few.
+fn repeating(nis: f64, independent: f64) -> (Instrument, SensorStatistics) {
+    let instrument = Instrument {
+        name: "compass".to_owned(),
+        measures: Some(Measures::Attitude),
+        ..instrument(None)
+    };
+    let mut s = SensorStatistics {
+        name: "compass".to_owned(),
+        ..sensor(nis)
+    };
+    s.innovations = crate::observe::Innovations {
+        count: 6000,
+        unit: vec!["T".to_owned()],
+        rms: vec![4e-6],
+        lag_1: vec![0.99],
+        mean: vec![0.0],
+        mean_sigmas: vec![0.0],
+        independent: vec![independent],
+        ..crate::observe::Innovations::default()
+    };
+    (instrument, s)
+}
+
+#[test]
+fn a_sensor_whose_measurements_repeat_each_other_comes_before_the_errors_that_it_explains() {
+    let found = |nis: f64, independent: f64, nees: Option<f64>| {
+        let (compass, s) = repeating(nis, independent);
+        let summary = Summary {
+            sensors: vec![sensor(0.9), s],
+            score: nees.map(|mean| Score {
+                nees_position: Some(consistency(mean)),
+                ..Score::default()
+            }),
+            ..Summary::default()
+        };
+        let found = judged(&[super::instrument(Some(Bias::Correlated)), compass], &summary).findings();
+        found.iter().map(ToString::to_string).collect::<Vec<_>>()
+    };
+    // 6000 that tell as much as 15, each 0.5 of what is expected: they count 200 times.
+    let all = found(1.5, 15.0, Some(11.0));
+    assert!(
+        all[0].contains("innovations of `compass` each repeat the one before") && all[0].contains("15 independent"),
+        "{all:?}"
+    );
+    // 4 µT √400.
+    assert!(all[0].ends_with("as much is 80 µT"), "{}", all[0]);
+    assert!(
+        all[1].contains("NEES position") && all[1].contains("what is said of `compass`"),
+        "{all:?}"
+    );
+    // Without a reference it is the first, too, and told once.
+    let all = found(1.5, 15.0, None);
+    assert!(
+        all[0].contains("`compass`") && all.iter().filter(|f| f.contains("`compass`")).count() == 1,
+        "{all:?}"
+    );
+    // Errors that are larger than it explains have another cause.
+    let all = found(1.5, 15.0, Some(900.0));
+    assert!(all[0].contains("NEES position"), "{all:?}");
+    // Where its noise is raised for it, nothing is said: 0.005/3 of 400.
+    let all = found(0.005, 15.0, None);
+    assert!(all.iter().all(|f| !f.contains("`compass`")), "{all:?}");
+    // Errors that are as expected judge.
+    assert!(found(1.5, 15.0, Some(3.0)).is_empty());
+}
+
+#[test]
+fn before_a_noise_is_lowered_an_error_that_is_constant_is_looked_for() {
+    let of = |sigmas: f64| {
+        let mut s = sensor(0.07);
+        s.innovations = crate::observe::Innovations {
+            count: 300,
+            axis: &["north", "east"],
+            unit: vec!["rad".to_owned(); 2],
+            lag_1: vec![0.0; 2],
+            mean: vec![0.0, 1_f64.to_radians()],
+            mean_sigmas: vec![1.0, sigmas],
+            ..crate::observe::Innovations::default()
+        };
+        found(instrument(Some(Bias::Fixed)), s, None).join("\n")
+    };
+    let mean = of(-5.0);
+    assert!(
+        mean.contains("their mean (east) is 1 deg, 5.0 times its own 1σ") && !mean.contains("larger than need be"),
+        "{mean}"
+    );
+    assert!(of(3.5).contains("larger than need be"), "{}", of(3.5));
+}
+
+#[test]
+fn a_bank_that_turns_to_another_heading_late_is_told() {
+    let of = |time: f64, angle: Option<f64>| {
+        let summary = Summary {
+            started: Some(100.0),
+            health: vec![FilterHealth {
+                until: 1100.0,
+                ..FilterHealth::default()
+            }],
+            hypotheses: Some(crate::observe::Hypotheses {
+                changes: vec![crate::observe::Change { time, angle }],
+                ..crate::observe::Hypotheses::default()
+            }),
+            ..Summary::default()
+        };
+        let found = judged(&[], &summary).findings();
+        found.iter().map(|f| f.evidence.clone()).collect::<Vec<_>>().join("\n")
+    };
+    assert_eq!(
+        of(360.0, Some(3.1)),
+        "at 360.0 s another heading is shown than until then, 178° away"
+    );
+    for (time, angle) in [(340.0, Some(3.1)), (360.0, Some(0.2)), (360.0, None)] {
+        assert_eq!(of(time, angle), "");
+    }
+}
+
+#[test]
+fn a_filter_that_was_lost_is_told_first_with_what_was_refused() {
+    let of = |in_outages: f64, measurements: u64| {
+        let change = |time: f64, state: State| Transition {
+            time,
+            state,
+            in_outages: if state == State::Lost { in_outages } else { 0.0 },
+            ..Transition::default()
+        };
+        let health = FilterHealth {
+            aligned: Some(0.0),
+            until: 1000.0,
+            transitions: vec![
+                change(0.0, State::Good),
+                change(660.0, State::Degraded),
+                change(700.0, State::Lost),
+                change(729.0, State::Good),
+            ],
+            ..FilterHealth::default()
+        };
+        let streak = RejectionStreak {
+            from: 661.0,
+            measurements,
+            seconds: 70.0,
+        };
+        let mut summary = Summary {
+            health: vec![health],
+            sensors: vec![SensorStatistics {
+                longest_rejection_streak: Some(streak),
+                ..sensor(0.3)
+            }],
+            ..Summary::default()
+        };
+        summary.sensors[0].innovations.count = 500;
+        summary.sensors[0].innovations.lag_1 = vec![0.0];
+        let all = judged(&[instrument(None)], &summary).findings();
+        all.iter().map(ToString::to_string).collect::<Vec<_>>()
+    };
+    let told = of(0.0, 16);
+    assert!(
+        told[0]
+            .starts_with("the filter was lost for 29.0 s, from 700.0 s on: 16 measurements of `gnss` were refused in a row, from 661.0 s"),
+        "{told:?}"
+    );
+    assert!(
+        !told.iter().any(|t| t.contains("larger than need be")),
+        "no smaller noise where good ones are refused: {told:?}"
+    );
+    let without = of(0.0, 1);
+    assert!(without[0].contains("it began at 660.0 s"), "{without:?}");
+    let declared = of(29.0, 16);
+    assert!(declared.iter().all(|t| !t.contains("lost")), "{declared:?}");
+    assert!(declared.iter().any(|t| t.contains("larger than need be")), "{declared:?}");
+}
+
+#[test]
+fn a_hardly_known_heading_names_another_chart_where_the_attitude_is_wrong() {
+    let of = |degrees: f64, nees: f64, is_invariant: bool, growth: &[String], instruments: &[Instrument]| {
+        let summary = Summary {
+            start_angle: Some(("attitude".to_owned(), degrees.to_radians())),
+            score: Some(Score {
+                nees_attitude: Some(consistency(nees)),
+                ..Score::default()
+            }),
+            ..Summary::default()
+        };
+        let judged = Judged {
+            is_invariant,
+            growth,
+            ..judged(instruments, &summary)
+        };
+        let all = judged.findings();
+        all.into_iter()
+            .find(|f| f.advice.contains("`filter.backend = "))
+            .map_or(String::new(), |f| f.advice)
+    };
+    let growth = ["`process.gyro.noise`".to_owned()];
+    assert!(of(20.0, 16.0, false, &growth, &[]).ends_with("`filter.backend = \"invariant\"` with `process.discretisation = \"exact\"`"));
+    assert!(of(20.0, 16.0, false, &[], &[]).ends_with("`filter.backend = \"invariant\"`"));
+    let compass = Instrument {
+        measures: Some(Measures::Attitude),
+        ..instrument(None)
+    };
+    assert!(of(20.0, 16.0, false, &growth, &[compass]).contains("`filter.backend = \"iekf\"`"));
+    for (degrees, nees, is_invariant) in [(5.0, 16.0, false), (20.0, 4.0, false), (20.0, 16.0, true)] {
+        assert_eq!(of(degrees, nees, is_invariant, &growth, &[]), "");
+    }
+}
+
+#[test]
+fn a_start_without_a_heading_tells_what_decides_between_ahead_and_astern() {
+    let of = |growth: &[String]| {
+        let summary = Summary {
+            start_angle: Some(("heading_offset".to_owned(), 1.8)),
+            ..Summary::default()
+        };
+        let judged = Judged {
+            growth,
+            ..judged(&[], &summary)
+        };
+        judged.findings()[0].advice.contains("a heading and its opposite")
+    };
+    assert!(of(&[]));
+    assert!(!of(&["`process.gyro.noise`".to_owned()]), "accelerations tell");
 }

@@ -107,6 +107,7 @@ fn a_parameter_far_from_its_initial_value_comes_before_noise_and_biases_of_other
                     time: 35.0,
                     state: State::Degraded,
                     reasons: vec![far],
+                    in_outages: 0.0,
                 }],
                 ..FilterHealth::default()
             }],

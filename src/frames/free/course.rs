@@ -14,6 +14,12 @@ const ASTRAY: f64 = 4.0;
 const STEADY: f64 = 0.3;
 /// Estimates are looked at no more often than this \[s\].
 const PERIOD: f64 = 1.0;
+/// How far an estimate moves is looked at from one part of a run to the next, of so many, the first of which still forgets the start.
+const STEPS: usize = 9;
+/// Parts that say how far, at least.
+const FEWEST: usize = 3;
+/// A part that takes less than so much of the variance says nothing of it.
+const TAKEN: f64 = 0.01;
 /// Innovations are summed up over parts of this length \[s\].
 const PART: f64 = 20.0;
 /// What a squared number of an innovation, in units of its σ, counts at most: an outlier says no more than that it is one.
@@ -40,6 +46,8 @@ struct Part {
     numbers: f64,
     /// Sum of the squares in units of σ.
     squares: f64,
+    /// Sum of the squares in units of the declared noise alone.
+    scatter: f64,
     /// −2 ln of their density, but for a constant.
     cost: f64,
 }
@@ -50,8 +58,11 @@ struct Part {
 pub(super) struct Estimate {
     pub(super) difference: Vec<f64>,
     pub(super) value: Vec<f64>,
+    /// The filter's own 1σ, which takes all innovations for independent.
+    pub(super) own: Vec<f64>,
+    /// 1σ, wider where the estimate moved more than its own says.
     pub(super) sigma: Vec<f64>,
-    /// Whether the 1σ has become so much smaller that something was learnt.
+    /// Whether its own 1σ has become so much smaller that something was learnt.
     pub(super) is_learnt: Vec<bool>,
     /// Whether it stays near its last value in the second half.
     pub(super) is_steady: Vec<bool>,
@@ -109,19 +120,37 @@ impl Course {
         part.measurements += 1.0;
         part.numbers += numbers;
         part.squares += squares;
+        let noise = update.noise.iter().step_by(update.residual.len() + 1);
+        let rows = update
+            .residual
+            .iter()
+            .zip(noise)
+            .filter(|(r, variance)| r.is_finite() && **variance > 0.0);
+        part.scatter += rows.map(|(r, variance)| (r * r / variance).min(MOST)).sum::<f64>();
         part.cost += squares + spread;
     }
 
     /// Whether the filter does not follow a sensor.
     pub(super) fn is_gross(&self, sensor: &str) -> bool {
+        let (numbers, squares) = self.sum(sensor, |part| part.squares);
+        squares > GROSS * numbers
+    }
+
+    /// How many times the scatter of its innovations the declared noise of a sensor is.
+    pub(super) fn oversized(&self, sensor: &str) -> Option<f64> {
+        let (numbers, scatter) = self.sum(sensor, |part| part.scatter);
+        (scatter > 0.0).then(|| (numbers / scatter).sqrt())
+    }
+
+    /// The numbers of a sensor, and what is summed up over its parts.
+    fn sum(&self, sensor: &str, what: impl Fn(&Part) -> f64) -> (f64, f64) {
         // The beams of a Doppler log are sensors of their own.
         let is_of = |name: &str| {
             name.strip_prefix(sensor)
                 .is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
         };
         let of = self.sensors.iter().filter(|(name, _)| is_of(name)).flat_map(|(_, parts)| parts);
-        let (numbers, squares) = of.fold((0.0, 0.0), |sum, part| (sum.0 + part.numbers, sum.1 + part.squares));
-        squares > GROSS * numbers
+        of.fold((0.0, 0.0), |sum, part| (sum.0 + part.numbers, sum.1 + what(part)))
     }
 
     pub(super) fn is_any_gross(&self) -> bool {
@@ -181,7 +210,13 @@ impl Course {
         let second = self.told.iter().filter(|(t, ..)| end.seconds_since(*t) <= half);
         let second: Vec<Vec<f64>> = second.map(|(_, x, _)| from(x, base)).collect();
         let is_steady = |k: usize| second.iter().all(|d| (d[k] - difference[k]).abs() <= STEADY * difference[k].abs());
-        let sigma = sigma[block.tangent_range()].to_vec();
+        let own = sigma[block.tangent_range()].to_vec();
+        let axis = block.tangent_range().start;
+        let path = |k: usize| -> Vec<(f64, f64)> {
+            let told = self.told.iter().map(|(_, x, sigma)| (from(x, base)[k], sigma[axis + k]));
+            told.collect()
+        };
+        let sigma = own.iter().enumerate().map(|(k, own)| own * excess(&path(k))).collect();
         let is_learnt = |(sigma, first): (&f64, &f64)| *sigma > 0.0 && *sigma < LEARNT * first;
         let away = way
             .iter()
@@ -193,13 +228,31 @@ impl Course {
             } else {
                 last[block.storage_range()].to_vec()
             },
-            is_learnt: sigma.iter().zip(&block.sigma).map(is_learnt).collect(),
+            is_learnt: own.iter().zip(&block.sigma).map(is_learnt).collect(),
             is_steady: (0..difference.len()).map(is_steady).collect(),
             away: away.fold(0.0, f64::max),
             difference,
+            own,
             sigma,
         })
     }
+}
+
+/// By how much an estimate of a constant moves more than its 1σ allows; 1 at least. `path` is the estimate with its 1σ, over time.
+///
+/// An estimate that has the variance P, and later P', has moved by N(0, P − P') in between, if the filter is right, whatever
+/// else it estimates. Errors that are correlated move it further: by the root of the mean square of that, over parts of the
+/// run longer than their correlation, its error is larger too.
+fn excess(path: &[(f64, f64)]) -> f64 {
+    let at = |part: usize| path[part * (path.len() - 1) / STEPS];
+    let step = |part: usize| {
+        let ((from, before), (to, after)) = (at(part), at(part + 1));
+        let (before, taken) = (before.powi(2), before.powi(2) - after.powi(2));
+        (taken > TAKEN * before).then(|| (to - from).powi(2) / taken)
+    };
+    let squares: Vec<f64> = (1..STEPS).filter_map(step).collect();
+    let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+    if squares.len() < FEWEST { 1.0 } else { mean.max(1.0).sqrt() }
 }
 
 /// A run beside the one of what is declared, which stops where it cannot be told any more.
@@ -284,6 +337,7 @@ mod tests {
             measurements: 20.0,
             numbers: 60.0,
             squares: 60.0,
+            scatter: 60.0,
             cost,
         };
         Course {
@@ -302,6 +356,43 @@ mod tests {
             trial.is_hopeless
         });
         parts.unwrap_or(100)
+    }
+
+    /// What is made of a constant, zero, that is measured once a second for 900 s with an error of 1σ 1, by a filter that takes
+    /// it for white: the estimate over its own 1σ, and over the wider one. `decay` is what is left of an error after a second.
+    fn errors(seed: u64, decay: f64) -> [f64; 2] {
+        let mut random = fusion_core::testing::Lcg::new(seed);
+        let (mut x, mut variance, mut error, mut path) = (0.0, 100.0_f64, 0.0, Vec::new());
+        for _ in 0..900 {
+            error = decay * error + (1.0 - decay * decay).sqrt() * random.normal();
+            let gain = variance / (variance + 1.0);
+            x += gain * (error - x);
+            variance *= 1.0 - gain;
+            path.push((x, variance.sqrt()));
+        }
+        let own = x / variance.sqrt();
+        [own, own / excess(&path)]
+    }
+
+    #[test]
+    fn the_true_value_is_within_three_sigma_where_errors_are_correlated() {
+        let beyond = |decay: f64, which: usize| {
+            let all = (1..=24).filter(|seed| errors(*seed, decay)[which].abs() > 3.0);
+            all.count()
+        };
+        // White noise, and errors that last for 10 s, of which 900 s hold 45.
+        assert_eq!([beyond(0.0, 0), beyond(0.0, 1)], [0, 0]);
+        let lasting = (-0.1_f64).exp();
+        assert!(beyond(lasting, 0) >= 8, "the filter's own: {}", beyond(lasting, 0));
+        // Of seven squares the wider 1σ is known to a quarter: Student's t of 7 degrees of freedom is beyond 3 once in 50 times, and
+        // three times of 24 once in 80.
+        assert!(beyond(lasting, 1) <= 2, "{}", beyond(lasting, 1));
+        // White noise widens nothing by much: of eight squares the mean is rarely above 2.
+        let widest = (1..=24)
+            .map(|seed| errors(seed, 0.0))
+            .map(|[own, wide]| own / wide)
+            .fold(1.0, f64::max);
+        assert!(widest < 2.0, "{widest}");
     }
 
     #[test]

@@ -74,6 +74,8 @@ pub(super) struct Tried<'a> {
     pub(super) prior: [f64; 3],
     /// The delay that its source declares of its rows \[s\].
     pub(super) delay: f64,
+    /// Other sensors that share it.
+    pub(super) shared_by: Vec<String>,
 }
 
 /// A value that a parameter starts from.
@@ -110,10 +112,37 @@ impl Tried<'_> {
     }
 
     /// What makes a state of it.
-    pub(super) fn assignment(&self, start: &Start) -> String {
+    pub(super) fn assignments(&self, start: &Start) -> Vec<String> {
         let (name, key, unit) = (&self.sensor.name, &self.key, self.sort.unit);
         let Start { initial, sigma, .. } = start;
-        format!("sensor.{name}.{key}={{ estimate = true, initial = {initial}, sigma = \"{sigma} {unit}\" }}")
+        let own = format!("sensor.{name}.{key}={{ estimate = true, initial = {initial}, sigma = \"{sigma} {unit}\" }}");
+        let others = self
+            .shared_by
+            .iter()
+            .map(|other| format!("sensor.{other}.{key}={{ shared = {:?} }}", self.name()));
+        [own].into_iter().chain(others).collect()
+    }
+
+    /// What another sensor that shares it has.
+    pub(super) fn shares(&self) -> String {
+        format!("{} = {{ shared = {:?} }}", self.key, self.name())
+    }
+
+    /// Whether it is that of a sensor which shares this one.
+    pub(super) fn is_shared_by(&self, other: &Self) -> bool {
+        self.key == other.key && self.shared_by.contains(&other.sensor.name)
+    }
+
+    /// A latency as one of all sensors of its source that are suspected, of which it is the first.
+    pub(super) fn receiver(&self, suspects: &[&Self]) -> Option<Self> {
+        let source = |tried: &Self| tried.sensor.node.get("source").and_then(Node::as_str).map(str::to_owned);
+        let is_alike = |other: &&&Self| other.sort.unit == "s" && other.declared == self.declared && source(other) == source(self);
+        let names: Vec<String> = suspects.iter().filter(is_alike).map(|other| other.sensor.name.clone()).collect();
+        let (first, others) = names.split_first()?;
+        (self.sort.unit == "s" && *first == self.sensor.name && !others.is_empty()).then(|| Self {
+            shared_by: others.to_vec(),
+            ..self.clone()
+        })
     }
 
     /// Whether another value is told where all are states; the sign of an arm is, in any case.
@@ -247,9 +276,10 @@ fn of_sensor<'a>(sensor: &'a Named<SensorDesign>, design: &Design) -> Vec<Tried<
         }
         let zero = || if has_axes { "[0, 0, 0]" } else { "0" }.to_owned();
         // A slow error of a length or a speed, as the bias of a range, is none that is fixed; what a stage makes has no arm but a
-        // declared one, and no latency.
+        // declared one, and no latency. The air that flows round a vehicle which pitches changes its pressure as an arm does.
+        let is_in_air = sensor.node.get("type").and_then(Node::as_str) == Some("barometer");
         let is_meant = match sort.unit {
-            "m" => key == "gauge" || key == ARM && (has_source || length(constant) >= SHORTEST),
+            "m" => key == "gauge" || key == ARM && (has_source && !is_in_air || length(constant) >= SHORTEST),
             "m/s" => key == "current",
             "s" => has_source,
             _ => true,
@@ -266,6 +296,7 @@ fn of_sensor<'a>(sensor: &'a Named<SensorDesign>, design: &Design) -> Vec<Tried<
             is_state,
             prior: node.filter(|_| is_state && key == ARM).map_or([0.0; 3], prior),
             delay,
+            shared_by: Vec::new(),
             key,
             sort,
         })

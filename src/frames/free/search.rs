@@ -3,7 +3,7 @@
 use super::course::{Course, Estimate, Gain, Limits, Trial};
 use super::parameter::{Other, SHORTEST, Start, Tried, of_design};
 use super::told::{self, Verdict};
-use crate::config::{Diagnostics, Document, Node};
+use crate::config::{Diagnostics, Document, Node, Value};
 use crate::design::{Design, Named, SensorDesign};
 use crate::frames::judge::{Comparison, Judged, Step};
 use crate::observe::RunObserver;
@@ -114,25 +114,31 @@ pub(in super::super) fn judge(
     if search.tried.is_empty() {
         return Ok(());
     }
-    let mut joint = Joint::default();
+    let (mut joint, mut last, mut causes) = (Joint::default(), None, Vec::new());
     for round in 0..=ROUNDS {
         search.begun("the filter as declared, and with all fixed parameters as states", 0, 1);
         let (base, states) = rayon::join(|| search.course(&[]), || search.joint());
         let Some(base) = base? else { break };
         joint = states?;
-        let Some(cause) = search.best(&base, &joint).filter(|_| round < ROUNDS) else {
-            break;
-        };
+        let cause = search.best(&base, &joint).filter(|_| round < ROUNDS);
+        last = Some(base);
+        let Some(cause) = cause else { break };
         if cause.sets.iter().any(|set| search.document.set(set).is_err()) {
             break;
         }
         if let What::Parameter(told, ..) = &cause.what {
             let name = told.name();
-            search.tried.retain(|tried| tried.name() != name);
+            search.tried.retain(|tried| tried.name() != name && !told.is_shared_by(tried));
         }
+        causes.push(cause);
+    }
+    let base = last.unwrap_or_default();
+    // Each as it is where all of them are states: alone it also took in what the later ones explain.
+    for cause in &mut causes {
+        cause.refine(&base);
         told::tell(design, &cause.what, found);
     }
-    search.list(&joint, found);
+    search.list(&joint, &base, found);
     Ok(())
 }
 
@@ -194,7 +200,7 @@ impl<'a> Search<'a> {
         let arms: Vec<(usize, &Tried<'_>)> = numbered().filter(|(_, tried)| tried.is_arm()).collect();
         let mut is_astray = false;
         for tried in [all, arms].into_iter().filter(|tried| !tried.is_empty()) {
-            let sets: Vec<String> = tried.iter().map(|(_, t)| t.assignment(&t.start())).collect();
+            let sets: Vec<String> = tried.iter().flat_map(|(_, t)| t.assignments(&t.start())).collect();
             let Some(course) = self.course(&sets)? else { continue };
             let estimates = tried.iter().filter_map(|(i, t)| Some((*i, course.estimate(&t.name(), None)?)));
             let estimates: Vec<(usize, Estimate)> = estimates.collect();
@@ -265,6 +271,14 @@ impl<'a> Search<'a> {
                 far.extend(tried.far_starts(0.0).into_iter().map(|start| (tried, start, Vec::new())));
             }
         }
+        // Sensors of one receiver are late alike: alone, each contradicts the other.
+        let suspects: Vec<&Tried<'_>> = tried.iter().filter(|(_, is_suspect, _)| *is_suspect).map(|(t, ..)| t).collect();
+        let receivers: Vec<Tried<'_>> = suspects.iter().filter_map(|first| first.receiver(&suspects)).collect();
+        let late = self.each(&receivers, Tried::told, |tried| self.alone(base, tried, tried.start(), None));
+        for (tried, late) in receivers.iter().zip(late) {
+            let late = late.filter(|(_, estimate, gain)| tried.differs(estimate) && gain.total >= LEAST && gain.share >= SHARE);
+            keep(late.map(|(start, estimate, gain)| Cause::of(tried, start, estimate, gain)), 0.0);
+        }
         // Where one sensor would be early, the clock of the process is late by what any of them says.
         if let Some((early, _)) = earlier.iter().find(|(tried, estimate)| tried.is_early(estimate)) {
             let clocks = self.each(
@@ -315,8 +329,7 @@ impl<'a> Search<'a> {
         let declared_before = declared;
         let mut declared = declared.filter(|d| !d.is_empty()).map(<[f64]>::to_vec);
         for time in 1.. {
-            let set = tried.assignment(&start);
-            let set = std::slice::from_ref(&set);
+            let set = &tried.assignments(&start)[..];
             let course = match declared_before {
                 None => self.course(set).ok()??,
                 Some(_) if tried.sort.unit == "s" => self.trial(base, SHARED, set)?,
@@ -354,7 +367,7 @@ impl<'a> Search<'a> {
     fn columns(&self) -> Vec<(Written, Vec<String>)> {
         let of = |sensor: &'a Named<SensorDesign>| {
             let is_scaled = self.tried.iter().any(|t| t.sensor.name == sensor.name && t.key == "scale");
-            let name = sensor.node.get("source").and_then(Node::as_str).filter(|_| !is_scaled);
+            let name = sensor.node.get("source").and_then(Node::as_str);
             let source = self.design.sources.iter().position(|s| Some(&s.name[..]) == name);
             let reading = sensor.block.model.reading();
             let channel = reading.channels().first().map(|c| c.name.to_string());
@@ -365,17 +378,37 @@ impl<'a> Search<'a> {
             let table = self.document.root().at(&path);
             let written = |key: &str| table.and_then(|t| t.get(key)).and_then(Node::as_str);
             let mut changes: Vec<(&'static str, Vec<(&str, String)>)> = Vec::new();
-            for key in ["column", "north", "east", "down", "up"] {
-                let other = written(key).map(|column| column.strip_prefix('-').map_or_else(|| format!("-{column}"), str::to_owned));
-                changes.extend(other.map(|other| ("a wrong sign", vec![(key, other)])));
+            // The sign of a scale is tried there.
+            for key in ["column", "north", "east", "down", "up"].into_iter().filter(|_| !is_scaled) {
+                let other = written(key).map(minus);
+                changes.extend(other.map(|other| ("a wrong sign", vec![(key, format!("{other:?}"))])));
             }
             for (a, b) in [("north", "east"), ("latitude", "longitude")] {
-                let exchanged = written(a).zip(written(b)).map(|(x, y)| vec![(a, y.to_owned()), (b, x.to_owned())]);
+                let exchanged = written(a)
+                    .zip(written(b))
+                    .map(|(x, y)| vec![(a, format!("{y:?}")), (b, format!("{x:?}"))]);
                 changes.extend(exchanged.map(|exchanged| ("exchanged columns", exchanged)));
             }
+            // No mounting mirrors what is ahead and what is to the right.
+            let columns = table.and_then(|t| t.get("columns")).and_then(|columns| match columns.value() {
+                Value::Array(items) => items.iter().map(Node::as_str).collect::<Option<Vec<&str>>>(),
+                _ => None,
+            });
+            if let Some([ahead, right, rest @ ..]) = columns.as_deref().filter(|_| channel == "body_velocity") {
+                let exchanged = [
+                    ("exchanged columns", [(*right).to_owned(), (*ahead).to_owned()]),
+                    ("exchanged columns, both with the other sign", [minus(right), minus(ahead)]),
+                    ("a wrong sign", [(*ahead).to_owned(), minus(right)]),
+                    ("a wrong sign", [minus(ahead), (*right).to_owned()]),
+                ];
+                changes.extend(exchanged.map(|(wrong, first)| {
+                    let all: Vec<String> = first.into_iter().chain(rest.iter().map(|&rest| rest.to_owned())).collect();
+                    (wrong, vec![("columns", format!("{all:?}"))])
+                }));
+            }
             let written = changes.into_iter().map(|(wrong, keys)| {
-                let sets: Vec<String> = keys.iter().map(|(key, column)| format!("{path}.{key}={column:?}")).collect();
-                let write: Vec<String> = keys.iter().map(|(key, column)| format!("{key} = {column:?}")).collect();
+                let sets: Vec<String> = keys.iter().map(|(key, written)| format!("{path}.{key}={written}")).collect();
+                let write: Vec<String> = keys.iter().map(|(key, written)| format!("{key} = {written}")).collect();
                 let written = Written {
                     source,
                     channel: channel.clone(),
@@ -400,7 +433,7 @@ impl<'a> Search<'a> {
     }
 
     /// Lists what nothing is told of.
-    fn list(&self, joint: &Joint, found: &mut Judged) {
+    fn list(&self, joint: &Joint, base: &Course, found: &mut Judged) {
         if joint.is_astray && joint.estimates.is_empty() && found.mistakes.is_empty() {
             found.comparisons.push(untried(
                 "not decided: as states they lead the filter astray, so something else is wrong",
@@ -414,21 +447,45 @@ impl<'a> Search<'a> {
         };
         let (listed, unknown): (Vec<_>, Vec<_>) = estimates.partition(is_listed);
         for (tried, estimate) in listed {
-            found.comparisons.push(tried.unsuspected(estimate, self.alone.get(&tried.name())));
-        }
-        let unknown: Vec<String> = unknown.into_iter().map(|(tried, _)| tried.name()).collect();
-        if !unknown.is_empty() {
             found
                 .comparisons
-                .push(untried(&format!("these data tell too little of {}", unknown.join(", "))));
+                .push(tried.unsuspected(estimate, self.alone.get(&tried.name()), base));
+        }
+        let mut unweighed: Vec<String> = unknown.iter().filter_map(|(tried, _)| tried.unweighed(base)).collect();
+        unweighed.dedup();
+        let unknown: Vec<String> = unknown.into_iter().map(|(tried, _)| tried.name()).collect();
+        if !unknown.is_empty() {
+            found.comparisons.push(untried(
+                &[vec![format!("these data tell too little of {}", unknown.join(", "))], unweighed]
+                    .concat()
+                    .join("; "),
+            ));
         }
     }
 }
 
+/// A column with the other sign.
+fn minus(column: &str) -> String {
+    column.strip_prefix('-').map_or_else(|| format!("-{column}"), str::to_owned)
+}
+
 impl<'a> Cause<'a> {
+    /// With the estimate that its state has in another run, where it is one that starts from what is declared, or from a
+    /// value that another estimate led to.
+    fn refine(&mut self, base: &Course) {
+        if let What::Parameter(tried, start, estimate) = &mut self.what
+            && matches!(start.is, Other::Nothing | Other::Value)
+        {
+            let declared: Vec<f64> = (0..estimate.value.len()).map(|k| estimate.declared(k)).collect();
+            if let Some(refined) = base.estimate(&tried.name(), Some(&declared)) {
+                *estimate = refined;
+            }
+        }
+    }
+
     fn of(tried: &Tried<'a>, start: Start, estimate: Estimate, gain: Gain) -> Self {
         Self {
-            sets: vec![tried.assignment(&start)],
+            sets: tried.assignments(&start),
             what: What::Parameter(Box::new(tried.clone()), start, estimate),
             gain,
         }

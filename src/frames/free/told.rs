@@ -1,6 +1,6 @@
 //! What is said of a parameter, and why nothing is.
 
-use super::course::Estimate;
+use super::course::{Course, Estimate};
 use super::parameter::{ARM, Other, SHORTEST, Start, Tried};
 use super::search::{What, Written};
 use crate::config::{Diagnostic, Diagnostics, Node};
@@ -17,6 +17,12 @@ const MIRRORED: f64 = 10.0;
 const CLAIMED: f64 = 3.0;
 /// An arm that is declared, and so many σ elsewhere, is another one.
 const CERTAIN: f64 = 6.0;
+/// So many of the 1σ that is shown, which is wider than the filter's own where the estimate moves more, are no chance.
+const SURE: f64 = 3.0;
+/// A 1σ so much wider than the filter's own is told as such.
+const WIDENED: f64 = 1.5;
+/// A noise so many times the scatter of its innovations leaves a sensor no weight.
+const OVERSIZED: f64 = 3.0;
 /// From so many σ on it is said why nothing is told.
 const NOTABLE: f64 = 3.0;
 /// An estimate that goes so many of its first σ away tells of something else: of an arm it is twice its length.
@@ -36,7 +42,7 @@ impl Tried<'_> {
     pub(super) fn verdict(&self, e: &Estimate, k: usize) -> Verdict {
         let declared = e.declared(k);
         if self.is_arm() && declared.abs() >= SHORTEST {
-            let is_far = e.value[k].abs() > MIRRORED * e.sigma[k] && e.value[k].abs() > declared.abs() / 2.0;
+            let is_far = e.value[k].abs() > MIRRORED * e.own[k] && e.value[k].abs() > declared.abs() / 2.0;
             let is_claimed = e.difference[k].abs() > CLAIMED * self.prior[k];
             if is_far && is_claimed && e.value[k] * declared < 0.0 && e.is_near() {
                 return Verdict::Mirrored;
@@ -52,7 +58,7 @@ impl Tried<'_> {
     /// Whether a latency is shorter than declared.
     pub(super) fn is_earlier(&self, e: &Estimate) -> bool {
         let by = e.difference[0];
-        self.sort.unit == "s" && e.is_learnt[0] && by < -self.sort.least && by < -self.sort.certain * e.sigma[0]
+        self.sort.unit == "s" && e.is_learnt[0] && by < -self.sort.least && by < -self.sort.certain * e.own[0]
     }
 
     /// Whether it is so much shorter that in all it would be negative: the clock of the process is late then.
@@ -77,18 +83,23 @@ impl Tried<'_> {
     /// Why a difference is not told.
     fn doubts(&self, e: &Estimate, k: usize) -> Option<String> {
         let (sort, by) = (self.sort, e.difference[k].abs());
-        let (times, certain) = (by / e.sigma[k], self.certain(e.declared(k)));
+        let (times, certain) = (by / e.own[k], self.certain(e.declared(k)));
+        let own = if e.is_widened() { " of the filter's own σ" } else { " σ" };
         if by < sort.least * sort.si {
             // Small, but certain: of a scale what it comes to, of others that it can be found.
             let matters = match sort.unit {
                 _ if times <= certain => String::new(),
                 "%" => format!(", but {:.0} m in 1 km", by * 1e3),
-                _ => format!(", but {times:.0} σ from it, so the filter would find it as a state"),
+                _ => format!(", but {times:.0}{own} from it, so the filter would find it as a state"),
             };
             return Some(format!("within {} {} of what is declared{matters}", sort.least, sort.unit));
         }
         if times < certain {
-            return Some(format!("{times:.1} σ from what is declared, {certain:.0} σ would be told"));
+            return Some(format!("{times:.1}{own} from what is declared, {certain:.0} would be told"));
+        }
+        let times = by / e.sigma[k];
+        if times < SURE {
+            return Some(format!("{times:.1} σ from what is declared, {SURE:.0} would be told"));
         }
         if self.is_arm() && !e.is_near() && (0..3).any(|k| e.declared(k).abs() >= SHORTEST) {
             return Some("it goes further than an arm of this vehicle".to_owned());
@@ -140,10 +151,20 @@ impl Estimate {
         self.away <= NEAR
     }
 
+    /// The largest factor by which a 1σ is wider than the filter's own.
+    fn widened(&self) -> f64 {
+        let factors = self.sigma.iter().zip(&self.own).map(|(sigma, own)| sigma / own);
+        factors.filter(|factor| factor.is_finite()).fold(1.0, f64::max)
+    }
+
+    fn is_widened(&self) -> bool {
+        self.widened() >= WIDENED
+    }
+
     /// The standard errors of an axis that something was learnt of.
     fn errors(&self, k: usize) -> f64 {
         if self.is_learnt[k] {
-            self.difference[k].abs() / self.sigma[k]
+            self.difference[k].abs() / self.own[k]
         } else {
             0.0
         }
@@ -166,21 +187,35 @@ impl Tried<'_> {
     /// An estimate in words.
     fn words(&self, e: &Estimate) -> String {
         let unit = self.sort.unit;
+        let widened = if e.is_widened() {
+            format!(", up to {:.1} times the filter's own: so far the estimate moves", e.widened())
+        } else {
+            String::new()
+        };
         format!(
-            "{} {unit}, 1σ {} {unit}",
+            "{} {unit}, 1σ {} {unit}{widened}",
             self.shown(&e.value, &e.sigma),
             self.shown(&e.sigma, &e.sigma)
         )
     }
 
+    /// Why the data can say little of a sensor, whatever its parameter: nothing of it is weighed.
+    pub(super) fn unweighed(&self, base: &Course) -> Option<String> {
+        let times = base.oversized(&self.sensor.name).filter(|times| *times > OVERSIZED)?;
+        let of = &self.sensor.name;
+        Some(format!(
+            "the noise of `{of}` is {times:.0} times the scatter of its innovations, so it hardly counts"
+        ))
+    }
+
     /// What is listed where nothing is told; `alone` is what the parameter became as the only state more.
-    pub(super) fn unsuspected(&self, e: &Estimate, alone: Option<&Estimate>) -> Comparison {
+    pub(super) fn unsuspected(&self, e: &Estimate, alone: Option<&Estimate>, base: &Course) -> Comparison {
         // Of the axis that is furthest away, why nothing is said.
         let furthest = (0..e.difference.len()).max_by(|a, b| e.errors(*a).total_cmp(&e.errors(*b)));
         let furthest = furthest.filter(|k| e.errors(*k) > NOTABLE && self.is_judged());
         let doubts = furthest.and_then(|k| self.doubts(e, k));
         let apart = alone.map(|alone| format!("the data do not tell it from others: alone it is {}", self.words(alone)));
-        let why = doubts.or(apart.filter(|_| furthest.is_some()));
+        let why = doubts.or_else(|| self.unweighed(base).or(apart).filter(|_| furthest.is_some()));
         let why = why.map_or_else(String::new, |why| format!("; no warning: {why}"));
         listed(self.name(), 0.0, self.words(e) + &why)
     }
@@ -310,8 +345,14 @@ fn other(design: &Design, tried: &Tried<'_>, e: &Estimate, words: &str) -> Diagn
         None => (sensor.node.place(), "is left out".to_owned()),
     };
     let becomes = if tried.is_rotation { "is turned further by" } else { "becomes" };
+    let alike: Vec<String> = tried.shared_by.iter().map(|other| format!("`{other}`")).collect();
+    let and = if alike.is_empty() {
+        String::new()
+    } else {
+        format!(", and of {} likewise", alike.join(" and "))
+    };
     let message = format!(
-        "`{key}` of `{}` {is}, and the data say otherwise: where it is estimated, it {becomes} {words}",
+        "`{key}` of `{}` {is}{and}, and the data say otherwise: where it is estimated, it {becomes} {words}",
         sensor.name
     );
     // A rotation is told as what turns the declared one.
@@ -355,6 +396,15 @@ fn other(design: &Design, tried: &Tried<'_>, e: &Estimate, words: &str) -> Diagn
             other.name
         ),
         None => help,
+    };
+    let help = if alike.is_empty() {
+        help
+    } else {
+        format!(
+            "{help}; one receiver has one clock, so in {} stands `{}`",
+            alike.join(" and "),
+            tried.shares()
+        )
     };
     Diagnostic::warning(message).at(place).help(help)
 }

@@ -25,6 +25,7 @@ impl Inspection {
             &format!("gyro_bias = {{ estimate = true, initial = {initial}, sigma = \"0.5 deg/s\", random_walk = \"1e-4 deg/s/sqrt(s)\" }}"),
             &format!("guessed: a micro-mechanical unit{found}"),
         );
+        self.apart(text);
         self.levelling(text, imu);
         text.table("initial.heading");
         if has_field {

@@ -10,7 +10,7 @@ mod toml;
 
 use self::toml::Text;
 use super::signal::Kind::{AngularRate, Euler, Geodetic, Local, SpecificForce, Speed, YawRate};
-use super::{Inspection, Log, Track};
+use super::{Clock, Form, Inspection, Log, Track};
 use crate::config::Diagnostic;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -19,6 +19,9 @@ use std::path::{Path, PathBuf};
 const INTEGRABLE: f64 = 20.0;
 /// Fixes that come faster are thinned; the others judge the filter \[Hz\].
 const WITHHELD: f64 = 1.9;
+
+/// Why a filter begins anew after a gap.
+const RECORDINGS: &str = "guessed: each recording is one of its own; they are 10 s apart or more";
 
 /// What drives the filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,13 +57,10 @@ impl Inspection {
     /// What is missing, in words.
     pub fn design(&self, folder: &Path) -> Result<String, Diagnostic> {
         self.written(folder).map(|(text, _)| text).ok_or_else(|| {
-            let what = Diagnostic::error("no design can be guessed from these files");
-            let lacks = self.missing().into_iter().map(|m| format!("missing: {m}"));
-            let on = "to go on, give the columns names that say quantity, axis and unit, such as `time_s`, `acc_x_mps2`, `gyro_z_dps`, \
-                      `lat_deg`, `vel_north_mps`; or declare them in the `[source]` tables of a design of `fusion new` (`fusion blocks \
-                      csv` lists what can be read)";
-            let on = self.driver().is_none().then(|| on.to_owned());
-            lacks.chain(on).fold(what, Diagnostic::and_help)
+            Diagnostic::error("no design can be guessed from these files").help(
+                "declare what the table `Missing` names, in a design of `fusion new`; or give the columns names that say quantity, axis and \
+                 unit, such as `acc_x_mps2`",
+            )
         })
     }
 
@@ -84,7 +84,7 @@ impl Inspection {
     fn driver(&self) -> Option<Driver> {
         let rate = self.imu.as_ref().map_or(0.0, |(k, _)| self.logs[*k].rate());
         let has = |kind| self.with(kind).is_some();
-        let turns = has(YawRate) || has(AngularRate);
+        let turns = has(YawRate) || (has(AngularRate) && self.imu.is_some());
         let is_placed = self.position.is_some();
         let is_inertial = is_placed && has(SpecificForce) && rate >= INTEGRABLE;
         // In the plane an odometer is worth more than a unit, unless a velocity over ground shows what the unit drifts.
@@ -120,6 +120,9 @@ impl Inspection {
         text.quoted("description", &format!("first design: {what}"));
         text.quoted("data_dir", &self.data_dir(folder).display().to_string());
         self.origin(text);
+        if driver == Driver::Odometer && self.has_recordings() {
+            text.line("restart_after = \"5 s\"", RECORDINGS);
+        }
         let is_fast = self.imu.as_ref().is_some_and(|(k, _)| self.logs[*k].rate() > 40.0);
         if is_fast {
             text.quoted("output_rate", "10 Hz");
@@ -138,6 +141,18 @@ impl Inspection {
                 "guessed: of the two tracks of the positions each is tried",
             );
         }
+    }
+
+    /// Where a process with an input begins anew: between recordings.
+    fn apart(&self, text: &mut Text) {
+        if self.has_recordings() {
+            text.line("input.longest_gap = \"5 s\"", RECORDINGS);
+        }
+    }
+
+    fn has_recordings(&self) -> bool {
+        let is_one = |clock: &Clock| matches!(clock.form, Form::Recordings { .. });
+        self.logs.iter().filter_map(|log| log.clock.as_ref()).any(is_one)
     }
 
     /// The folder that all files lie in, from `folder`.
@@ -277,15 +292,25 @@ impl Inspection {
             };
             sigma.push(format!("position = \"{:.3} m\"", (scatter * 1e3).ceil() * 1e-3));
         }
-        if log.has(super::Kind::VelocitySigma) && log.has(super::Kind::Velocity) {
+        let is_reported = log.has(super::Kind::VelocitySigma) && log.has(super::Kind::Velocity);
+        let has_scatter = !is_reported && self.reference_kinds(k).contains(&super::Kind::Velocity) && track.velocity_scatter.is_finite();
+        if is_reported {
             sigma.push("velocity = { from_source = true }".to_owned());
+        } else if has_scatter {
+            let scatter = track.velocity_scatter.max(1e-3);
+            sigma.push(format!("velocity = \"{:.3} m/s\"", (scatter * 1e3).ceil() * 1e-3));
         }
         let why = match (log.has(super::Kind::PositionSigma), is_withheld) {
             (true, _) => "as the file reports it",
             (false, true) => "that of the fixes which the filter uses",
             (false, false) => "the scatter of neighbouring positions",
         };
-        text.line(&format!("sigma = {{ {} }}", sigma.join(", ")), why);
+        let of_velocity = if has_scatter {
+            "; of velocities the scatter of neighbouring ones"
+        } else {
+            ""
+        };
+        text.line(&format!("sigma = {{ {} }}", sigma.join(", ")), &format!("{why}{of_velocity}"));
         if self.reference_kinds(k).iter().any(|s| matches!(s, super::Kind::Quaternion | Euler)) {
             text.line(
                 "remove_mean_mounting = true",

@@ -37,7 +37,7 @@ impl Inspection {
         text.table("initial.fix");
         text.line("type = \"first_fix\"\nsource = \"gnss\"", "");
         self.first_height(text);
-        text.line(&format!("position_sigma = \"{whole:.2} m\""), "of a fix");
+        self.first_sigma(text, 1.0, "of a fix");
         text.table("initial.heading");
         text.line("type = \"baseline\"\nsource = \"gnss\"", "");
         if !self.has_height() && !super::is_local(&self.logs[*k]) {
@@ -46,7 +46,7 @@ impl Inspection {
         text.line("min_distance = \"4 m\"", "guessed: several times the scatter of the fixes");
         text.line("max_age = \"15 s\"", "guessed: the vehicle turns meanwhile");
         text.line("sigma = \"15 deg\"", "guessed");
-        self.position_sensors(text, false);
+        self.position_sensors(text, false, None);
         text.table("sensor.odometer");
         text.line("type = \"odometer\"\nsource = \"odometry\"", "");
         text.line(

@@ -4,6 +4,9 @@ use super::toml::Text;
 use crate::inspect::Inspection;
 use crate::inspect::signal::Kind::{BodyVelocity, Depth, Euler};
 
+/// How a vehicle with a log of its velocity changes it \[m/s/√s\].
+const NOISE: f64 = 0.1;
+
 impl Inspection {
     pub(super) fn reckoning(&self, text: &mut Text) {
         let (Some((p, track)), Some(attitude)) = (&self.position, self.with(Euler)) else {
@@ -11,6 +14,12 @@ impl Inspection {
         };
         let whole = self.whole(&self.logs[*p], track).max(0.5);
         let speed = track.top_speed();
+        // Between fixes that are further apart than this a guess would decide what the filter knows.
+        const USUAL: f64 = 20.0;
+        let told = track
+            .lasting()
+            .filter(|_| track.rate() * USUAL <= 1.0 && self.with(BodyVelocity).is_none());
+        let (lasting, is_told) = (told.map_or(USUAL, |lasting| lasting.max(USUAL)), told.is_some());
         if self.logs[attitude].is_estimate() {
             text.comment(&format!(
                 "`{}` is by its name the estimate of another filter, which may have used the positions of this log too. Nothing else here",
@@ -21,6 +30,12 @@ impl Inspection {
         text.table("process");
         text.line("type = \"dead_reckoning\"\nsource = \"attitude_reference\"", "");
         text.line(&format!("position_sigma = \"{:.1} m\"", 2.0 * whole), "guessed: twice a fix");
+        // White noise that keeps a velocity of the 1σ σ and the correlation time T is √(2/T) σ: those of the velocity and the drift.
+        let wander = if self.with(BodyVelocity).is_some() {
+            NOISE
+        } else {
+            (2.0 / lasting).sqrt() * (0.5 * speed).hypot(core::f64::consts::SQRT_2 * 0.3 * speed)
+        };
         if self.with(BodyVelocity).is_some() {
             text.line(
                 &format!(
@@ -31,7 +46,7 @@ impl Inspection {
                 "guessed: by the usual top speed",
             );
             text.line(
-                "velocity_noise = \"0.1 m/s/sqrt(s)\"",
+                &format!("velocity_noise = \"{NOISE:.1} m/s/sqrt(s)\""),
                 "guessed: how a vehicle of this speed changes it",
             );
         } else {
@@ -39,7 +54,14 @@ impl Inspection {
                 &format!("velocity_sigma = [\"{:.2} m/s\", 0, 0]", 0.5 * speed),
                 "guessed: half the usual top speed, ahead only",
             );
-            text.line("velocity_time = \"20 s\"", "guessed: how long it keeps a speed; nobody measures it");
+            text.line(
+                &format!("velocity_time = \"{lasting:.0} s\""),
+                if is_told {
+                    "guessed: by how its velocity between fixes changes from one to the next"
+                } else {
+                    "guessed: how long a diver keeps a speed; the fixes come more often, and nothing else tells it"
+                },
+            );
             text.line("position_noise = \"5 cm/sqrt(s)\"", "guessed");
             // What rises otherwise than ahead is seen by a depth only.
             let has_depth = self.with(Depth).is_some();
@@ -49,7 +71,7 @@ impl Inspection {
                 "0".to_owned()
             };
             text.line(
-                &format!("drift = {{ estimate = true, initial = [0, 0, 0], sigma = [\"{0:.2} m/s\", \"{0:.2} m/s\", {vertical}], correlation_time = \"10 s\" }}", 0.3 * speed),
+                &format!("drift = {{ estimate = true, initial = [0, 0, 0], sigma = [\"{0:.2} m/s\", \"{0:.2} m/s\", {vertical}], correlation_time = \"{1:.0} s\" }}", 0.3 * speed, 0.5 * lasting),
                 "guessed: what is not ahead, and the current",
             );
         }
@@ -68,17 +90,18 @@ impl Inspection {
             &why,
         );
         // As the page counts gaps.
-        let longest = (3.5 / self.logs[attitude].rate()).max(5.0);
+        let longest = (3.5 / self.logs[attitude].rate()).max(0.2 * lasting).max(5.0);
         text.line(
             &format!("input.longest_interval = \"{longest:.1} s\""),
-            "guessed: three and a half of its usual intervals, 5 s at least; longer ones are gaps",
+            "guessed: three and a half of its usual intervals, a fifth of the time that a speed lasts, or 5 s; longer ones are gaps",
         );
+        self.apart(text);
         text.table("initial.fix");
         text.line("type = \"first_fix\"\nsource = \"gnss\"", "");
         self.first_height(text);
-        text.line(&format!("position_sigma = \"{whole:.2} m\""), "of a fix");
+        self.first_sigma(text, 1.0, "of a fix");
         text.section("aids");
-        self.position_sensors(text, false);
+        self.position_sensors(text, false, Some(wander));
         self.water(text, true);
         text.section("data");
         self.source(text, "attitude_reference", attitude, &[Euler], "");

@@ -63,13 +63,23 @@ impl Inspection {
         if self.is_slow(log, track) { white.hypot(1.5) } else { white }
     }
 
+    /// So many 1σ of a fix for the first one, which has none of its own where its slow error is a state.
+    pub(super) fn first_sigma(&self, text: &mut Text, times: f64, why: &str) {
+        let Some((k, track)) = &self.position else { return };
+        let log = &self.logs[*k];
+        if !self.is_slow(log, track) {
+            text.line(&format!("position_sigma = \"{:.2} m\"", times * self.whole(log, track)), why);
+        }
+    }
+
     /// Whether the error of a position is slow: single-point GNSS.
     fn is_slow(&self, log: &Log, track: &Track) -> bool {
         !is_local(log) && track.claimed.is_none_or(|c| c >= PRECISE)
     }
 
     /// The position and, if reported, the velocity, as sensors on `gnss`.
-    pub(super) fn position_sensors(&self, text: &mut Text, is_moving: bool) {
+    /// `wander` is how the velocity of the process changes in the plane \[m/s/√s\], where the design says so.
+    pub(super) fn position_sensors(&self, text: &mut Text, is_moving: bool, wander: Option<f64>) {
         let Some((k, track)) = &self.position else { return };
         let log = &self.logs[*k];
         let (white, why) = self.white(log, track);
@@ -93,18 +103,16 @@ impl Inspection {
             );
         }
         let lag = self.lag();
-        // Where fixes of the same receiver judge, its stamps are the time.
-        if let Some(lag) = lag.filter(|_| arm && self.reference.is_some()) {
-            let share = format!(
-                "time_offset = {{ estimate = true, initial = \"{:.2} s\", sigma = \"50 ms\" }}",
-                0.3 * lag.max(0.0)
-            );
+        // Where fixes of the same receiver judge a vehicle that turns as its course does, its stamps are the time.
+        if let Some(late) = self.late_position().filter(|_| arm) {
+            let share = format!("time_offset = {{ estimate = true, initial = \"{late:.2} s\", sigma = \"50 ms\" }}");
             text.line(&share, "guessed: positions are smoothed less than velocities, and are less late");
         } else if self.is_shifted() {
             let lag = lag.unwrap_or_default();
             text.line(
                 &format!("time_offset = {{ estimate = true, initial = \"{lag:.2} s\", sigma = \"0.2 s\" }}"),
-                "guessed: the clocks were brought together by velocities, which are late; what is found belongs to the `offset` of the unit",
+                "guessed: the clocks were brought together by velocities, which are late. Add what is found, with its sign, to `offset` in \
+                 [source.imu]; then write `time_offset = 0` here",
             );
         }
         if self.is_slow(log, track) {
@@ -119,10 +127,14 @@ impl Inspection {
         if let Some(apart) = track.apart {
             text.line(
                 &format!(
-                    "gate = {{ type = \"hypotheses\", reach = \"{apart:.0} m\", speed = \"{:.1} m/s\" }}",
-                    track.top_speed().max(0.5)
+                    "gate = {{ type = \"hypotheses\", reach = \"{apart:.0} m\", speed = \"{:.1} m/s\"{} }}",
+                    track.top_speed().max(0.5),
+                    wander.map_or_else(String::new, |wander| format!(", wander = \"{wander:.2} m/s/sqrt(s)\""))
                 ),
-                "guessed: two tracks in one file, which are so far apart; one of them is false",
+                wander.map_or(
+                    "guessed: two tracks in one file, which are so far apart; one of them is false",
+                    |_| "guessed: two tracks in one file, which are so far apart; one of them is false; `wander`: as the velocity of the process changes",
+                ),
             );
         } else if is_local(log) {
             text.line(
@@ -150,7 +162,14 @@ impl Inspection {
         text.line("lever_arm = { shared = \"gnss_position.lever_arm\" }", "");
         if let Some(lag) = lag {
             let offset = format!("time_offset = {{ estimate = true, initial = \"{lag:.2} s\", sigma = \"50 ms\" }}");
-            text.line(&offset, "guessed: rate of the course against the gyros");
+            let why = if self.is_late_by_force() {
+                "guessed: accelerations of the track against the length of the force, alike in every third of the log"
+            } else if self.drift().is_some() {
+                "guessed: rate of the course against the gyros, at the beginning: the `scale` in [source.imu] takes out how it changes"
+            } else {
+                "guessed: rate of the course against the gyros"
+            };
+            text.line(&offset, why);
         }
         let claimed = log.values(VelocitySigma).map(|s| median(s.iter().map(|s| 0.5 * (s[0] + s[1]))));
         // Neighbours share a part of their error, which their scatter does not show.
@@ -181,9 +200,23 @@ impl Inspection {
         }
     }
 
+    /// Whether only the length of the force tells how late velocities are.
+    fn is_late_by_force(&self) -> bool {
+        self.pair.is_some_and(|p| p.correlation.abs() <= 0.8 && p.by_force.is_some())
+    }
+
+    /// How late positions are taken to be, where a design says so \[s\].
+    pub(super) fn late_position(&self) -> Option<f64> {
+        let lag = self.lag().filter(|_| self.reference.is_some() || self.is_late_by_force());
+        lag.map(|lag| 0.3 * lag.max(0.0))
+    }
+
     /// How late velocities are, where that is known \[s\]; where the clock of the unit is scaled, what is left of it.
     pub(super) fn lag(&self) -> Option<f64> {
-        let pair = self.pair.filter(|p| p.correlation.abs() > 0.8)?;
+        let pair = self.pair?;
+        if pair.correlation.abs() <= 0.8 {
+            return pair.by_force;
+        }
         let clock = self.logs[self.imu.as_ref()?.0].clock.as_ref()?;
         Some(match (self.drift(), pair.lags) {
             (Some(scale), Some((first, _))) => {
@@ -238,7 +271,9 @@ impl Inspection {
         // Of three in a row with white errors, as of positions; a normal number is below 0.674 σ half of the time.
         let off = changed.windows(3).map(|p| (p[1] - 0.5 * (p[0] + p[2])).abs());
         let scatter = median(off) / 0.674 / 1.5_f64.sqrt();
-        let sigma = if scatter.is_finite() { scatter.max(3.0) } else { 10.0 };
+        // Against the heights of the track: wind and speed press, too, and not from row to row.
+        let moved = against_heights(log.stamps(), &pressures, track);
+        let sigma = if scatter.is_finite() { scatter.max(moved).max(3.0) } else { 10.0 };
         text.table("sensor.barometer");
         text.line("type = \"barometer\"\nsource = \"barometer\"", "");
         text.line(
@@ -250,7 +285,7 @@ impl Inspection {
         );
         text.line(
             &format!("noise = {{ sigma = \"{sigma:.1} Pa\" }}"),
-            "guessed: the scatter of neighbouring pressures; 3 Pa, a quarter of a metre, at least",
+            "guessed: the scatter of neighbouring pressures, or that against the heights of the positions over 5 s; 3 Pa at least",
         );
         self.source(text, "barometer", k, &[Pressure], "");
     }
@@ -305,7 +340,13 @@ impl Inspection {
             "hard_iron = { estimate = true, initial = [0, 0, 0], sigma = \"5 uT\" }",
             "guessed: a unit that is not calibrated in its vehicle",
         );
-        text.line("noise = { sigma = \"1 uT\" }", "guessed: currents, and iron that bends the field");
+        // Where in its interval a row was taken is not known.
+        let turned = self.imu.as_ref().map_or(0.0, |(_, imu)| imu.turning * 0.5 / self.logs[k].rate());
+        let sigma = (1e6 * field.strength * turned.min(1.0)).max(field.scatter * 1e6).max(1.0);
+        text.line(
+            &format!("noise = {{ sigma = \"{sigma:.1} uT\" }}"),
+            "guessed: how its length scatters, or how far fast turns move it in half an interval; 1 uT at least",
+        );
         self.source(text, "magnetometer", k, &[MagneticField], "");
     }
 
@@ -412,6 +453,34 @@ impl Inspection {
             self.source(text, "depth", k, &[Depth], "");
         }
     }
+}
+
+/// How pressures scatter against the heights of a track over five seconds, 1σ of one \[Pa\]; zero where that is not known.
+fn against_heights(t: &[f64], pressures: &[f64], track: &Track) -> f64 {
+    /// So long after one pressure the next is compared [s].
+    const AFTER: f64 = 5.0;
+    /// Heights within which the pressure of air is e times as much, at 15 °C (ISO 2533) [m].
+    const SCALE: f64 = 8435.0;
+    let height = |at: f64| {
+        let k = track.t.partition_point(|t| *t <= at).checked_sub(1)?;
+        let (from, to) = (track.t[k], *track.t.get(k + 1)?);
+        let share = (at - from) / (to - from);
+        let down = track.position[k][2] + share * (track.position[k + 1][2] - track.position[k][2]);
+        (to - from < 2.0).then_some(-down)
+    };
+    let mut from = 0;
+    let off = (0..t.len()).filter_map(|to| {
+        while t[to] - t[from] >= AFTER {
+            from += 1;
+        }
+        let (at, before) = (t[to], t[from.checked_sub(1)?]);
+        let climbed = height(at)? - height(before)?;
+        let expected = pressures[from - 1] * (-climbed / SCALE).exp();
+        (at - before < 1.5 * AFTER).then(|| (pressures[to] - expected).abs() / 2.0_f64.sqrt())
+    });
+    // A normal number is below 0.674 σ half of the time.
+    let scatter = median(off.collect::<Vec<_>>()) / 0.674;
+    if scatter.is_finite() { scatter } else { 0.0 }
 }
 
 /// The current as a state.

@@ -33,7 +33,8 @@ impl Inspection {
         if log.table.format == Format::Csv && log.table.delimiter != "," {
             text.quoted("delimiter", &log.table.delimiter);
         }
-        if !log.table.header {
+        self.text_of(text, log);
+        if log.table.format == Format::Csv && !log.table.header {
             text.line(
                 "header = false",
                 "guessed: the first line holds numbers only; columns are called 1, 2, …",
@@ -59,6 +60,26 @@ impl Inspection {
         }
     }
 
+    /// How the text is written: comments, and lines that are no rows.
+    fn text_of(&self, text: &mut Text, log: &Log) {
+        let table = &log.table;
+        if let Some(mark) = table.comment {
+            text.line(&format!("comment = {}", quoted(mark)), "the file begins with such lines");
+        }
+        if table.is_commented {
+            text.line("header = \"comment\"", "the last comment names the columns");
+        }
+        if let Some(names) = &table.names {
+            text.line(
+                &format!("names = {}", array(names)),
+                "a name of the file stands for several columns: that of the line below is added",
+            );
+        }
+        if table.skip > 0 {
+            text.line(&format!("skip = {}", table.skip), "the lines before the rows that are no rows");
+        }
+    }
+
     fn time(&self, text: &mut Text, name: &str, log: &Log, clock: &Clock) {
         let mut parts = Vec::new();
         let name_of = |column: usize| quoted(&log.table.columns[column].name);
@@ -69,11 +90,17 @@ impl Inspection {
             if let Some(calendar) = &log.table.columns[clock.column].calendar {
                 parts.extend(calendar.date.map(|date| format!("date = {}", name_of(date))));
                 parts.push(format!("calendar = \"{}\"", calendar.scale));
+                parts.extend(clock.day.as_ref().map(|day| format!("day = \"{}\"", day.date)));
+            } else if clock.form == Form::Counter {
+                parts.push(format!("rate = \"{} Hz\"", clock.rate));
             } else if clock.unit != "s" {
                 parts.push(format!("unit = \"{}\"", clock.unit));
             }
             if let Form::Sum { second, each } = clock.form {
                 parts.push(format!("plus = {{ column = {}, each = \"{each}\" }}", name_of(second)));
+            }
+            if let Form::Recordings { second, each } = clock.form {
+                parts.push(format!("plus = {{ column = {}, each = \"{each} s\" }}", name_of(second)));
             }
             if clock.form != Form::Calendar {
                 match clock.origin {
@@ -105,10 +132,19 @@ impl Inspection {
             return;
         }
         let mut why = match log.table.format {
-            Format::Csv | Format::Mat if clock.form == Form::Count => vec![format!("unit: {}", clock.why)],
-            Format::Csv | Format::Mat => vec![clock.why.clone()],
-            Format::Rtklib => Vec::new(),
+            Format::Csv | Format::Mat if matches!(clock.form, Form::Count | Form::Recordings { .. }) => {
+                vec![format!("unit: {}", clock.why)]
+            }
+            Format::Csv | Format::Mat if clock.day.is_none() => vec![clock.why.clone()],
+            _ => Vec::new(),
         };
+        why.extend(clock.why_day());
+        if let Form::Recordings { second, .. } = clock.form {
+            let number = &log.table.columns[second].name;
+            why.push(format!(
+                "guessed: the clock begins anew with each `{number}`, so they are put one after the other"
+            ));
+        }
         if clock.origin == Origin::Unix {
             why.push("counted since 1970, guessed: so it is of the time of the other files".to_owned());
         }
@@ -141,7 +177,7 @@ impl Inspection {
             text.line("bad_rows = \"skip\"", "some rows are cut off or lack numbers");
         }
         let repeated = signals.iter().map(|s| log.repeats(s).share).reduce(f64::min);
-        if let Some(repeated) = repeated.filter(|share| *share > REPEATED) {
+        if let Some(repeated) = repeated.filter(|share| *share > REPEATED && log.repeats_are_copies(signals)) {
             let why = format!("{:.0} % of the rows repeat the one before", 100.0 * repeated);
             text.line("repeats = \"drop\"", &why);
         }
@@ -201,12 +237,16 @@ impl Inspection {
             Kind::Speed | Kind::YawRate | Kind::Depth | Kind::Pressure => format!("column = {}{}", quoted(&names[0]), unit(&signal.unit)),
             Kind::Geodetic => {
                 let is_flat = matches!(source, "withheld" | "reference") && self.driver() == Some(super::Driver::Odometer);
+                let late = self
+                    .late_position()
+                    .filter(|_| source == "withheld")
+                    .map_or_else(String::new, latency);
                 let height = names
                     .get(2)
                     .filter(|_| !is_flat)
                     .map_or_else(String::new, |height| format!(", height = {}", quoted(height)));
                 format!(
-                    "latitude = {}, longitude = {}{height}, unit = \"{}\"",
+                    "latitude = {}, longitude = {}{height}, unit = \"{}\"{late}",
                     quoted(&names[0]),
                     quoted(&names[1]),
                     signal.unit

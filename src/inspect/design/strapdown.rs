@@ -18,14 +18,25 @@ impl Inspection {
         text.table("process");
         text.quoted("type", "strapdown");
         text.quoted("source", "imu");
-        self.noise(text, imu.rest.as_ref());
+        self.noise(text, imu);
+        self.apart(text);
         if imu.stances.is_some() {
-            agile(text);
+            on_foot(text);
+        } else if let Some((force, rate)) = imu.agile {
+            shaken(text, "scale and alignment of gyros that turn fast");
+            text.line(
+                &format!(
+                    "agility = {{ acceleration = \"{:.0} m/s^2\", angular_rate = \"{:.0} deg/s\" }}",
+                    2.0 * force,
+                    2.0 * rate.to_degrees()
+                ),
+                "guessed: twice what all but one of a thousand samples stay below; what changes faster is a spike",
+            );
         }
         self.start(text, imu);
         let is_car = self.is_road_vehicle();
         text.section("aids");
-        self.position_sensors(text, true);
+        self.position_sensors(text, true, None);
         self.barometer(text);
         self.compasses(text);
         if is_car {
@@ -54,8 +65,9 @@ impl Inspection {
         text.table("process");
         text.quoted("type", "strapdown");
         text.quoted("source", "imu");
-        self.noise(text, imu.rest.as_ref());
-        agile(text);
+        self.noise(text, imu);
+        self.apart(text);
+        on_foot(text);
         self.levelling(text, imu);
         if self.told() == Told::Field {
             by_field(text);
@@ -71,6 +83,7 @@ impl Inspection {
                 "heading_sigma = \"0.1 deg\"",
                 "by definition: no file tells north, so headings and the way count from where the unit's forward axis points at the start",
             );
+            text.comment("Nothing tells the heading later on: the way is relative to the start, and turns with the drift of the gyros.");
         }
         text.section("aids");
         self.compasses(text);
@@ -102,11 +115,15 @@ impl Inspection {
     }
 
     /// Noise and biases.
-    pub(super) fn noise(&self, text: &mut Text, rest: Option<&Rest>) {
+    fn noise(&self, text: &mut Text, imu: &Imu) {
+        let is_foot = imu.stances.is_some();
+        // A foot that rests is never quite still: what its unit reads there is no noise, and its mean no bias.
+        let rest = imu.rest.as_ref().filter(|_| !is_foot);
         let shaken = |of: fn(&Rest) -> f64, floor: f64| rest.map_or(floor, |r| (SHAKEN * of(r)).max(floor));
         let (force, rate) = (shaken(|r| r.accel_noise, FLOOR.0), shaken(|r| r.gyro_noise, FLOOR.1));
         let why = |measured: Option<f64>| match measured {
             Some(m) => format!("guessed: three times the {m:.1e} at rest, or the least that a shaken unit has"),
+            None if is_foot => "guessed: a foot that rests is never quite still; what a shaken unit has".to_owned(),
             None => "guessed: no rest in this log; what a shaken unit has".to_owned(),
         };
         text.line(
@@ -144,17 +161,13 @@ impl Inspection {
 
     /// The initialisers.
     fn start(&self, text: &mut Text, imu: &Imu) {
-        let Some((k, track)) = &self.position else { return };
+        let Some((_, track)) = &self.position else { return };
         self.levelling(text, imu);
         text.table("initial.fix");
         text.quoted("type", "first_fix");
         text.quoted("source", "gnss");
         self.first_height(text);
-        let sigma = self.whole(&self.logs[*k], track);
-        text.line(
-            &format!("position_sigma = \"{:.2} m\"", 1.5 * sigma),
-            "one and a half of the 1σ guessed below",
-        );
+        self.first_sigma(text, 1.5, "one and a half of the 1σ guessed below");
         let told = self.told();
         // A first fix takes its velocity only with its vertical.
         let takes_velocity = self.velocity.is_none() && !self.has_flat_velocity();
@@ -240,10 +253,14 @@ impl Inspection {
                     ),
                 );
                 text.line("tilt_sigma = \"1 deg\"", "guessed: 0.1 m/s² of accelerometer bias is 0.6 deg");
-                text.line(
-                    "gyro_bias_sigma = \"0.05 deg/s\"",
-                    "guessed: the mean at rest, less what motion changes",
-                );
+                if imu.stances.is_some() {
+                    text.line("gyro_bias_sigma = \"0.5 deg/s\"", "guessed: a foot that rests is never quite still");
+                } else {
+                    text.line(
+                        "gyro_bias_sigma = \"0.05 deg/s\"",
+                        "guessed: the mean at rest, less what motion changes",
+                    );
+                }
                 text.line(&format!("still = {}", still(r, "1 s")), &limits(r));
             }
             None => {
@@ -286,9 +303,36 @@ impl Inspection {
             "noise = { sigma = [\"0.1 m/s\", \"0.5 m/s\"] }",
             "guessed: slip, and a body on springs",
         );
+        let Some(standing) = imu.standing else { return };
+        let (longest, until) = standing.longest;
+        if !standing.is_useful() {
+            text.comment(&format!(
+                "No test of a standstill: the car moves as quietly as it stands, for {:.1} s up to {:.1} s.",
+                0.1 * longest as f64,
+                self.local(until)
+            ));
+            return;
+        }
         text.table("stage.standing");
-        text.line("type = \"stationarity\"\nsource = \"imu\"\nrate = \"1 Hz\"\npersist = 5", "");
-        text.line(&format!("still = {}", still(rest, "1 s")), &limits(rest));
+        text.line("type = \"stationarity\"\nsource = \"imu\"\nrate = \"1 Hz\"", "");
+        text.line(
+            &format!("persist = {}", standing.persist),
+            &match longest {
+                0 => "guessed: no test passes in motion".to_owned(),
+                _ => format!(
+                    "guessed: in motion {longest} tests pass in a row, the last at {:.1} s; twice that, 5 at least",
+                    self.local(until)
+                ),
+            },
+        );
+        text.line(
+            &format!("still = {}", limited(rest, standing.times, "1 s")),
+            &format!(
+                "guessed: {} × what 95 % of the windows at rest stay below; {:.0} % of the tests at rest hold",
+                standing.times,
+                100.0 * standing.share
+            ),
+        );
         text.line("max_mean_acceleration = \"0.2 m/s^2\"", "guessed: braking is no rest");
         // The test of rest reads a velocity with its vertical.
         if !self.has_flat_velocity() {
@@ -305,13 +349,26 @@ impl Inspection {
         text.line("type = \"zero_velocity\"\nsource = \"standing\"", "");
         text.line(
             "noise = { sigma = \"0.1 m/s\" }",
-            "guessed: soft, a creeping car passes the test now and then",
+            "guessed: soft, a car may creep more quietly than in this log",
         );
     }
 }
 
-/// A foot moves faster than a vehicle.
-fn agile(text: &mut Text) {
+/// The noise of a unit in fast motion, as in configs/parts/vehicle/foot.toml.
+fn shaken(text: &mut Text, why: &str) {
+    text.line(
+        "accelerometer.vibration = \"0.1 s\"",
+        "guessed: the noise is at least what the forces of so short a time scatter by",
+    );
+    text.line(
+        "gyro.scale_noise = \"0.1 %/sqrt(Hz)\"",
+        &format!("guessed: {why}; far more than their noise at rest"),
+    );
+}
+
+/// A foot moves faster than a vehicle, and shakes its unit at every step.
+fn on_foot(text: &mut Text) {
+    shaken(text, "scale and alignment of gyros in swings");
     text.line(
         "agility = { acceleration = \"200 m/s^2\", angular_rate = \"1000 deg/s\" }",
         "guessed: a foot that strikes the ground; what changes faster is a spike",
@@ -338,11 +395,25 @@ fn foot(text: &mut Text, s: &Stances) {
     );
     text.line(
         &format!("still = {}", standing(s)),
-        "guessed: twice the medians in the middle of the stances",
+        "guessed: twice the medians in the middle of the stances; `mean_rate`: the bias, and three times its 1σ together with the rolling",
     );
     text.table("sensor.standing");
     text.line("type = \"zero_velocity\"\nsource = \"standing\"", "");
     text.line("noise = { sigma = \"3 cm/s\" }", "guessed: a foot that rolls while it stands");
+    let rolling = s.rolling.to_degrees();
+    if !s.tell_bias() {
+        text.comment(&format!(
+            "No `zero_angular_rate`: in the middle of the stances the foot rolls by up to {rolling:.1} deg/s, which would be taken for a"
+        ));
+        text.comment("bias of the gyros.");
+        return;
+    }
+    text.table("sensor.resting_gyros");
+    text.line("type = \"zero_angular_rate\"\nsource = \"standing\"", "");
+    text.line(
+        &format!("noise = {{ sigma = \"{:.2} deg/s\" }}", rolling.max(0.3)),
+        &format!("guessed: 95 % of the mean rates of the stances are within {rolling:.2} deg/s of the bias; 0.3 deg/s at least"),
+    );
 }
 
 /// The limits of the test of a stance.
@@ -367,8 +438,13 @@ pub(super) fn limits(r: &Rest) -> String {
 
 /// The limits of the test of rest.
 pub(super) fn still(r: &Rest, window: &str) -> String {
+    limited(r, r.times, window)
+}
+
+/// Limits of so many times the deviations at rest.
+fn limited(r: &Rest, times: f64, window: &str) -> String {
     let list = |v: [f64; 3], unit: &str| {
-        let all = v.map(|x| format!("\"{:.5} {unit}\"", r.times * x));
+        let all = v.map(|x| format!("\"{:.5} {unit}\"", times * x));
         format!("[{}]", all.join(", "))
     };
     format!(

@@ -6,7 +6,7 @@ use crate::design::Design;
 use core::sync::atomic::{AtomicUsize, Ordering};
 
 /// A log of a file of this name, by its text.
-fn log(name: &str, text: &str) -> Log {
+pub(super) fn log(name: &str, text: &str) -> Log {
     // Tests run side by side, and files of one name would meet.
     static NEXT: AtomicUsize = AtomicUsize::new(0);
     let number = NEXT.fetch_add(1, Ordering::Relaxed);
@@ -21,7 +21,7 @@ fn log(name: &str, text: &str) -> Log {
 }
 
 /// A header, and rows that are made of their number.
-fn text(header: &str, rows: usize, row: &dyn Fn(usize) -> String) -> String {
+pub(super) fn text(header: &str, rows: usize, row: &dyn Fn(usize) -> String) -> String {
     (0..rows).fold(format!("{header}\n"), |text, k| text + &row(k) + "\n")
 }
 
@@ -45,6 +45,31 @@ fn a_latitude_beyond_a_quarter_turn_is_in_degrees() {
     // On the equator, too, where only the speed tells: 637 m/s in rad; and rad where they are that.
     assert_eq!(unit(&places("time_s,lat,lon,alt", 0.4, 1.5, 1e-4)).unwrap(), "deg");
     assert_eq!(unit(&places("time_s,lat,lon,alt", 0.4, 1.5, 1e-6)).unwrap(), "rad");
+}
+
+#[test]
+fn a_height_is_known_by_its_words_and_its_absence_is_said() {
+    let height = |header: &str| {
+        let log = places(header, 51.42, -2.67, 1e-4);
+        log.signal(Kind::Geodetic).unwrap().names(&log.table).get(2).cloned()
+    };
+    assert_eq!(height("time_s,Lat,Lon,AltHAE").unwrap(), "AltHAE");
+    assert_eq!(height("time_s,Lat,Lon,AltRate"), None);
+    // Of the two of a receiver the one above the ellipsoid, wherever it stands.
+    let row = |k: usize| format!("{k}.0,{:.7},-2.67,46.0,95.0", 51.42 + 1e-4 * k as f64);
+    for (header, ellipsoid) in [
+        ("time_s,lat,lon,hMSL,HeightEll", "HeightEll"),
+        ("time_s,lat,lon,AltWGS84,AltMSL", "AltWGS84"),
+    ] {
+        let both = log("gps.csv", &text(header, 60, &row));
+        assert_eq!(both.signal(Kind::Geodetic).unwrap().names(&both.table)[2], ellipsoid);
+    }
+    let said = |header: &str| {
+        let unit = warm(&|k| 2e4 * k as f64, &|_| 20.0);
+        let looked = Inspection::look(vec![unit, places(header, 51.42, -2.67, 1e-4)]);
+        looked.missing().iter().any(|missing| missing.contains("name it `height_m`"))
+    };
+    assert!(said("time_s,Lat,Lon,AltRate") && !said("time_s,Lat,Lon,AltHAE"));
 }
 
 #[test]

@@ -35,6 +35,7 @@ pub(super) use instant::{Origin, Scale, utc_text};
 pub(super) use one_or_many::OneOrMany;
 pub(super) use plan::Plan;
 pub(super) use raw::{Cell, Malformed, RawRows};
+pub(crate) use spec::have_rows_in_common;
 pub(super) use spec::{
     ChannelSpec, Condition, Epoch, Interval, Keep, Policy, Repeats, RowSpec, Stamp, Ties, TimeSpec, Timing, format_spec, one, time_spec,
 };

@@ -2,6 +2,7 @@
 
 use super::instant::{Order, Origin, Scale};
 use super::one_or_many::OneOrMany;
+use crate::config::{Diagnostics, Node};
 use core::fmt;
 use core::num::NonZeroU64;
 use fusion_models::units::{Duration, PerAxis, Positive, Vec3Of, dim};
@@ -351,6 +352,27 @@ impl Keep {
             (None, None) => true,
         }
     }
+}
+
+/// Whether rows that one table of a source keeps are kept by another one of the same file. What `valid` asks of them differs from
+/// file to file: where both do not ask the same, their rows are taken for others.
+pub(crate) fn have_rows_in_common(one: &Node, other: &Node) -> bool {
+    let written = |node: &Node, key: &str| node.get(key).map(Node::inline);
+    let keep = |node: &Node| node.get("keep").and_then(|keep| keep.read::<Keep>(&mut Diagnostics::new()));
+    if written(one, "valid") != written(other, "valid") {
+        return false;
+    }
+    let keeps = [one, other].map(keep);
+    let every = |keep: Keep| keep.every.or(keep.except_every).map_or(1, NonZeroU64::get);
+    // The pattern of both repeats itself after so many rows; 1e6 of them are a log.
+    let each = keeps.map(|keep| keep.map_or((1, 0), |keep| (every(keep), keep.offset)));
+    let period = each
+        .iter()
+        .fold(1, |all: u64, (every, _)| all.saturating_mul(*every))
+        .min(1_000_000);
+    let from = each.iter().map(|(_, offset)| *offset).max().unwrap_or(0);
+    let mut rows = from..from.saturating_add(period);
+    rows.any(|row| keeps.iter().flatten().all(|keep| keep.keeps(row)))
 }
 
 /// A condition on a column.

@@ -251,13 +251,13 @@ fn of_twelve_headings_the_true_one_survives() {
             bank.set_belief(start);
             assert_eq!(bank.count(), starts);
             // The declared 1σ, which a full turn cuts off.
-            assert_eq!(bank.rivals() > 1.0, starts > 1, "{}", bank.rivals());
+            assert_eq!(bank.rivals().apart > 1.0, starts > 1, "{}", bank.rivals().apart);
             for (k, z) in (1..).zip(&z) {
                 bank.predict(second(k), &Input::held(&[])).unwrap();
                 // Another start may be shown, but a fix without a gate was never refused.
                 assert_eq!(offer(&mut bank, &mut Open, &Fix(position), z), Verdict::Accepted);
             }
-            assert!(bank.rivals() < 0.02, "{}", bank.rivals());
+            assert!(bank.rivals().apart < 0.02, "{}", bank.rivals().apart);
             let error = attitude.read(&bank.belief().x).angle_to(&truth);
             *worst = worst.max(error.to_degrees());
         }
@@ -376,12 +376,26 @@ fn headings_that_are_possible_count_where_the_angle_is_a_number_in_radians() {
     let (offset, eighth) = (pointing().1, core::f64::consts::FRAC_PI_4);
     // Weights that are almost the same: the mean square of 0, 1, 1, 2, 2, 3, 3 and 4 eighths of a turn.
     let expected = eighth * (44.0_f64 / 8.0).sqrt();
-    assert!((bank.rivals() - expected).abs() < 0.01 * expected, "{}", bank.rivals());
+    assert!((bank.rivals().apart - expected).abs() < 0.01 * expected, "{}", bank.rivals().apart);
+    assert_eq!((bank.rivals().count, bank.rivals().changed), (8, None));
+    assert!((bank.rivals().probability - 0.125).abs() < 0.01, "{:?}", bank.rivals());
     // Another one is shown, and the other way round to some is shorter.
     tell(&mut bank, 0, &Direct(offset), -3.0 * eighth, 100.0);
     assert!((offset.read(&bank.belief().x) + 3.0 * eighth).abs() < 0.01);
     // The measurement says little: of the one that is furthest the weight falls by 5 %.
-    assert!((bank.rivals() - expected).abs() < 0.02 * expected, "{}", bank.rivals());
+    assert!((bank.rivals().apart - expected).abs() < 0.02 * expected, "{}", bank.rivals().apart);
+}
+
+#[test]
+fn another_heading_that_is_shown_is_told_once_with_how_far_away_it_is() {
+    let mut bank = all_round(|| vec![Box::new(Open)]);
+    let (offset, eighth) = (pointing().1, core::f64::consts::FRAC_PI_4);
+    // The one that fits is three eighths of a turn from the first; the measurement hardly moves them.
+    tell(&mut bank, 0, &Direct(offset), -3.0 * eighth, 100.0);
+    let changed = bank.rivals().changed.unwrap();
+    assert!((changed - 3.0 * eighth).abs() < 0.01, "{changed}");
+    tell(&mut bank, 0, &Direct(offset), -3.0 * eighth, 100.0);
+    assert_eq!(bank.rivals().changed, None);
 }
 
 /// z = sin of a state.
@@ -413,13 +427,13 @@ fn what_is_left_out_with_another_measurement_leaves_the_weights_as_they_are() {
         let first = if refuses { 1e3 } else { 0.0 };
         let is_used = tell(&mut bank, 0, &Direct(offset), first, 100.0) == Verdict::Accepted;
         assert_eq!(is_used, !refuses);
-        let before = (bank.count(), bank.rivals());
+        let before = (bank.count(), bank.rivals().apart);
         for _ in 0..20 {
             // Some know much better than others what to expect: S is from 1e-4 to 0.15.
             tell(&mut bank, 1, &Sine(offset), 0.3, 1e-4);
         }
         // 1e-9: rounding of logarithms.
-        let stays = bank.count() == before.0 && (bank.rivals() - before.1).abs() < 1e-9;
-        assert_eq!(stays, refuses, "{before:?} {} {}", bank.count(), bank.rivals());
+        let stays = bank.count() == before.0 && (bank.rivals().apart - before.1).abs() < 1e-9;
+        assert_eq!(stays, refuses, "{before:?} {} {}", bank.count(), bank.rivals().apart);
     }
 }

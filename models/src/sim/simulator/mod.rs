@@ -9,7 +9,8 @@
 //!          errors
 //! x_true   blocks named `position` (geodetic or local), `local_position`, `velocity`,
 //!          `attitude`, `heading`, `speed`, `yaw_rate` from the world; `gyro_bias`, `accel_bias`,
-//!          `gyro_scale`, `accel_scale` from the simulated unit; a log's `current` from the sea, where that has one;
+//!          `gyro_scale`, `accel_scale` from the simulated unit; a log's `current` from the sea, where that has one; the pose
+//!          of a vessel from the ship;
 //!          every other block at its declared
 //!          initial value, or, where that is not [given](Setup::given) as the true one, drawn about it; moved by its own
 //!          dynamics (`draw_parameters`)
@@ -32,14 +33,14 @@ use super::inverse::Sample;
 use super::noise::SensorError;
 use super::odometry::Odometry;
 use super::record::Record;
-use super::ship::{SHIP_STREAMS, Ship, ship_channels};
+use super::ship::{ACOUSTIC, SHIP_STREAMS, Ship, ship_channels};
 use super::spec::SimulationSpec;
 use super::tracks::TrackSpeeds;
 use super::world::{Truth, World};
 use crate::block::{BuildError, Channel, imu_channels};
 use crate::earth::Gravity;
 use crate::units::Dimension;
-use crate::vocabulary::channel;
+use crate::vocabulary::{channel, parameter};
 use clock::{Clocks, Source};
 use core::cmp::Reverse;
 use core::ops::Range;
@@ -142,8 +143,8 @@ pub struct Simulator {
     imu: Option<ImuError>,
     odometry: Option<(Odometry, usize)>,
     track_speeds: Option<(TrackSpeeds, usize)>,
-    /// And the first of its streams.
-    ship: Option<(Ship, usize)>,
+    /// And its streams, where it has the instrument.
+    ship: Option<(Ship, [Option<usize>; SHIP_STREAMS.len()])>,
     sensors: Vec<Sensor>,
     queue: BinaryHeap<Reverse<Row>>,
     spare: Vec<Vec<f64>>,
@@ -164,9 +165,6 @@ pub enum Next {
     /// have come.
     Control(Time),
 }
-
-/// The acoustic system among the streams of the ship.
-const ACOUSTIC: usize = 2;
 
 /// In place of a stream: a row that only marks when the world is steered, after all others of its stamp.
 const CONTROL: usize = usize::MAX;
@@ -200,6 +198,8 @@ struct Sensor {
     error: SensorError,
     delay: Delay,
     stream: usize,
+    /// Where the true state has its bias, to which the errors of the instrument that last add up.
+    bias: Option<Range<usize>>,
 }
 
 impl Simulator {
@@ -265,15 +265,18 @@ impl Simulator {
             (TrackSpeeds::new(unit, seed), streams.len() - 1)
         });
         let ship = spec.ship.as_ref().map(|ship| {
-            let first = streams.len();
-            clocks.add(Source::Ship(0), ship.gps.rate.si(), 0);
-            clocks.add(Source::Ship(1), ship.attitude.rate.si(), 0);
-            clocks.add(Source::Ship(ACOUSTIC), f64::INFINITY, 0);
-            streams.extend(SHIP_STREAMS.iter().enumerate().map(|(i, name)| SimulatedStream {
-                name: (*name).to_owned(),
-                channels: ship_channels(i),
-            }));
-            (Ship::new(ship, setup.origin, seed), first)
+            let rates = [ship.gps.map(|gps| gps.rate.si()), ship.attitude.map(|attitude| attitude.rate.si())];
+            let mut places = [None; SHIP_STREAMS.len()];
+            for (i, name) in ship.streams() {
+                // An acoustic system asks for ranges at drawn instants.
+                clocks.add(Source::Ship(i), rates.get(i).copied().flatten().unwrap_or(f64::INFINITY), 0);
+                places[i] = Some(streams.len());
+                streams.push(SimulatedStream {
+                    name: name.to_owned(),
+                    channels: ship_channels(i),
+                });
+            }
+            (Ship::new(ship, setup.origin, seed), places)
         });
         let duration = world.end().seconds();
         for sensor in setup.sensors {
@@ -283,6 +286,7 @@ impl Simulator {
             clocks.add(Source::Sensor(sensors.len()), simulated.rate.si(), nanos(simulated.start.si()));
             sensors.push(Sensor {
                 delay: Delay::new(&sensor, setup.layout, duration),
+                bias: own_bias(setup.layout, &sensor),
                 model: sensor.model,
                 error,
                 stream: streams.len(),
@@ -327,8 +331,8 @@ impl Simulator {
     /// been made yet.
     #[must_use]
     pub fn share(mut self, shared: &SharedCourse) -> Self {
-        // A ship asks for ranges at drawn instants.
-        if self.ship.is_none() {
+        // An acoustic system asks for ranges at drawn instants.
+        if self.ship.as_ref().is_none_or(|(_, streams)| streams[ACOUSTIC].is_none()) {
             self.free.share(shared, &self.clocks);
         }
         self
@@ -455,13 +459,14 @@ impl Simulator {
                 self.put(time, stream, data);
             }
             Source::Ship(i) => {
-                let Some((ship, first)) = &mut self.ship else { return };
-                let (stamp, data) = ship.measure(i, time, &self.free.truth().nav);
-                let stream = *first + i;
-                if i == ACOUSTIC {
+                let Some((ship, streams)) = &mut self.ship else { return };
+                let measured = ship.measure(i, time, &self.free.truth().nav);
+                let (Some((stamp, data)), Some(stream)) = (measured, streams[i]) else {
+                    return;
+                };
+                if let Some(interval) = (i == ACOUSTIC).then(|| ship.interval(time)).flatten() {
                     // Its clock has no rate: each interval begins where the one before has ended.
-                    let next = time.shifted(ship.interval(time)).nanos();
-                    self.clocks.restart(Source::Ship(ACOUSTIC), next);
+                    self.clocks.restart(Source::Ship(ACOUSTIC), time.shifted(interval).nanos());
                 }
                 self.put(stamp, stream, data);
             }
@@ -488,7 +493,12 @@ impl Simulator {
                 let (p, v, q) = (nav.position, nav.v_eb_n, so3::canonical(&nav.q_nb));
                 data.clear();
                 data.extend_from_slice(&[p.lat, p.lon, p.height, v.x, v.y, v.z, q.w, q.i, q.j, q.k]);
+                let from = data.len();
                 data.extend_from_slice(self.truth.state());
+                for sensor in &self.sensors {
+                    let own = sensor.bias.iter().cloned().flatten().enumerate();
+                    own.for_each(|(row, at)| data[from + at] += sensor.error.lasting(row));
+                }
                 if self.imu.is_none() {
                     self.truth.move_parameters(time);
                 }
@@ -528,6 +538,14 @@ impl Simulator {
         }
         self.readings = readings;
     }
+}
+
+/// The block of a sensor's own bias, where it is added to the rows of its residual.
+fn own_bias(layout: &Layout, sensor: &SimulatedSensor) -> Option<Range<usize>> {
+    let name = format!("{}.{}", sensor.name, parameter::BIAS);
+    let block = layout.blocks().iter().find(|b| b.name == name)?;
+    let is_of_rows = block.kind.storage() == sensor.rows.len() && sensor.rows.iter().all(|row| row.to_string() == block.unit);
+    is_of_rows.then(|| block.storage_range())
 }
 
 /// Where the blocks of a state stand in it, and where they stand in the true state.

@@ -383,6 +383,30 @@ fn parameters_stay_at_their_initial_values_or_are_drawn_about_them() {
 }
 
 #[test]
+fn the_true_bias_of_a_sensor_is_all_of_its_error_that_lasts() {
+    let truth = |error: &str| {
+        let imu = format!("imu = {{ rate = 10 }}\ndraw_parameters = true\nsensor.gnss = {{ rate = 1{error} }}");
+        let text = strapdown("one_sample", false) + GNSS + &simulation(&imu, "{ rest = { duration = 20 } }");
+        let (layout, _, mut simulator) = simulate(&text, 3).unwrap();
+        let bias = layout.slot::<Vector<3>>("gnss.bias").unwrap();
+        let (mut row, mut lasts) = (Vec::new(), Vec::new());
+        while simulator.next_row(&mut row).is_some() {
+            lasts.push(bias.read(simulator.reference_state()));
+        }
+        lasts
+    };
+    let (alone, both) = (truth(""), truth(", bias_sigma = 2"));
+    // The draw of the state is the same; what is added is one constant.
+    let added = both.last().unwrap() - alone.last().unwrap();
+    assert!(added.norm() > 0.1, "{added}");
+    let settled = alone.iter().zip(&both).skip(20);
+    // 1e-12: rounding.
+    settled.for_each(|(alone, both)| assert!((both - alone - added).norm() < 1e-12, "{added}"));
+    let slow = truth(", markov = { sigma = 2, correlation_time = 5 }");
+    assert!(slow.iter().zip(&alone).skip(20).any(|(slow, alone)| (slow - alone).norm() > 0.1));
+}
+
+#[test]
 fn a_moved_state_that_the_world_does_not_know_is_refused_with_the_name_that_was_meant() {
     #[derive(Debug)]
     struct Still;

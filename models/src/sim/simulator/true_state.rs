@@ -3,6 +3,7 @@
 use super::super::inverse::Sample;
 use super::super::random::Random;
 use super::super::sea::SeaSpec;
+use super::super::ship::Ship;
 use super::super::spec::SimulationSpec;
 use super::super::world::Truth;
 use super::Setup;
@@ -16,7 +17,8 @@ use fusion_core::geometry::so3;
 use fusion_core::geometry::wgs84::Geodetic;
 use fusion_core::model::{Input, Process, SignalBuffer};
 use fusion_core::state::{
-    Angle, Attitude, Block, Dynamics, Kind, Layout, LayoutError, Manifold, Position, Scalar, Slot, StateRole, Vector, Velocity, View,
+    Angle, Attitude, Block, Dynamics, Kind, Layout, LayoutError, Manifold, Position, QuantityName, Scalar, Slot, StateRole, Vector,
+    Velocity, View,
 };
 use nalgebra::Vector3;
 use std::sync::Arc;
@@ -35,6 +37,9 @@ pub(super) struct TrueState {
     /// What carries a boat, and where the state has its velocity.
     sea: Option<SeaSpec>,
     currents: Vec<Range<usize>>,
+    /// The ship, where the state has its pose.
+    ship: Option<Ship>,
+    poses: Vec<Pose>,
     parameters: Vec<Parameter>,
     /// Names of the blocks that are truly at their declared initial value.
     undrawn: Vec<String>,
@@ -149,6 +154,28 @@ struct Parameter {
     random: Random,
 }
 
+/// A part of the pose of another vessel, and where it stands in the state.
+#[derive(Debug)]
+enum Pose {
+    Position(Slot<Geodetic>),
+    Attitude(Slot<Attitude>),
+}
+
+impl Pose {
+    /// The part of a vessel's pose that a block is: `SENSOR.position` on the Earth, and `SENSOR.attitude` beside it.
+    fn of(layout: &Layout, block: &Block) -> Option<Self> {
+        let (vessel, part) = block.name.rsplit_once('.')?;
+        let place = layout.slot(QuantityName::<Geodetic>::new(&format!("{vessel}.{}", state::POSITION.as_str())));
+        match (place, part) {
+            (Ok(place), part) if part == state::POSITION.as_str() => Some(Self::Position(place)),
+            (Ok(_), part) if part == state::ATTITUDE.as_str() => {
+                layout.slot(QuantityName::<Attitude>::new(&block.name)).ok().map(Self::Attitude)
+            }
+            _ => None,
+        }
+    }
+}
+
 /// Whether the block is a current that a log measures against.
 fn is_current(block: &Block) -> bool {
     let name = block.name.rsplit_once('.').map(|(_, name)| name);
@@ -170,11 +197,24 @@ fn yaw_rate(truth: &Truth, gravity: Gravity) -> f64 {
     (so3::euler_rate_of_body(rpy.x, rpy.y) * w_nb_b).z
 }
 
+/// A vessel's pose as a state, and no vessel in the world: the first 1σ of such a state says that nothing is known yet,
+/// not where a ship may be.
+fn no_ship(block: &Block) -> BuildError {
+    let message = format!(
+        "the sensor `{}` measures the pose of a ship, and there is none in the simulated world",
+        block.owner
+    );
+    let help = "add `ship = { position = [\"20 m\", \"10 m\", \"-20 m\"], heading = \"60 deg\" }` under [simulation]: north, east and down \
+                of the origin of the run";
+    BuildError::new(message).help(help)
+}
+
 impl TrueState {
     pub(super) fn new(setup: &Setup<'_>, spec: &SimulationSpec, seed: u64) -> Result<Self, BuildError> {
         let layout = setup.layout;
         let mut x = layout.initial().to_vec();
         let (mut known, mut currents, mut parameters, mut undrawn) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let mut poses = Vec::new();
         let sea = spec.sea.as_ref().filter(|sea| sea.has_current());
         let is_of_others = |block: &str| {
             block
@@ -185,6 +225,11 @@ impl TrueState {
         for block in layout.blocks() {
             if let Some(k) = Known::of(layout, block)? {
                 known.push(k);
+            } else if let Some(pose) = Pose::of(layout, block).filter(|_| !is_of_others(&block.name)) {
+                if spec.ship.is_none() {
+                    return Err(no_ship(block));
+                }
+                poses.push(pose);
             } else if sea.is_some() && is_current(block) {
                 currents.push(block.storage_range());
             } else if spec.draw_parameters && !is_of_others(&block.name) {
@@ -227,6 +272,12 @@ impl TrueState {
             known,
             sea: sea.cloned(),
             currents,
+            ship: spec
+                .ship
+                .as_ref()
+                .filter(|_| !poses.is_empty())
+                .map(|ship| Ship::new(ship, setup.origin, seed)),
+            poses,
             parameters,
             undrawn,
             moved: Time::default(),
@@ -279,6 +330,15 @@ impl TrueState {
             let current = sea.current(truth.time.seconds()).velocity;
             for block in &self.currents {
                 x[block.clone()].copy_from_slice(current.as_slice());
+            }
+        }
+        if let Some(ship) = &self.ship {
+            let (place, attitude) = ship.pose(truth.time);
+            for pose in &self.poses {
+                match pose {
+                    Pose::Position(slot) => slot.write(&place, x),
+                    Pose::Attitude(slot) => slot.write(&attitude, x),
+                }
             }
         }
         self.sample.clear();

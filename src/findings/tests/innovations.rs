@@ -1,0 +1,177 @@
+//! What innovations tell.
+
+use super::*;
+
+#[test]
+fn small_innovations_with_large_errors_are_a_slow_error_of_the_sensor() {
+    let all = found(instrument(Some(Bias::Fixed)), sensor(0.07), Some(12.0));
+    assert_eq!(all.len(), 1, "{all:?}");
+    assert!(
+        all[0].starts_with("NEES position is 12") && all[0].contains("errors are 2"),
+        "{all:?}"
+    );
+    assert!(
+        all[0].contains("NIS of `gnss` is only 0.07") && all[0].contains("declare its `bias`"),
+        "{all:?}"
+    );
+    assert!(!all[0].contains("`noise`"), "no smaller noise where errors are large: {all:?}");
+    let has_state = found(instrument(Some(Bias::Correlated)), sensor(0.07), Some(12.0));
+    assert!(
+        has_state[0].ends_with("raise the `sigma` of `gnss.bias`") && !has_state[0].contains("random_walk"),
+        "{has_state:?}"
+    );
+    let walks = found(instrument(Some(Bias::Walk)), sensor(0.07), Some(12.0));
+    assert!(walks[0].ends_with("raise the `random_walk` of `gnss.bias`"), "{walks:?}");
+    let without = found(instrument(None), sensor(1.2), Some(12.0));
+    assert!(without[0].contains("raise its `noise`"), "{without:?}");
+    let deaf = found(instrument(None), sensor(0.07), Some(12.0));
+    assert!(
+        deaf[0].contains("another point (`lever_arm`)") && !deaf[0].contains("`noise`"),
+        "{deaf:?}"
+    );
+    let broken = found(instrument(None), sensor(9.0), Some(12.0));
+    assert!(
+        broken.len() == 2 && broken[0].starts_with("NIS of `gnss`") && broken[1].ends_with("begin with what is said of `gnss`"),
+        "{broken:?}"
+    );
+    let white = found(instrument(Some(Bias::Fixed)), sensor(3.0), Some(12.0));
+    assert!(white[0].contains("noise of the process is too small"), "{white:?}");
+}
+
+#[test]
+fn what_each_innovation_has_of_the_one_before_tells_noise_from_an_error_that_lasts() {
+    let of = |nis: f64, lag_1: f64, count: u64| {
+        let mut s = sensor(nis);
+        (s.innovations.lag_1, s.innovations.count) = (vec![0.0, lag_1, -0.9], count);
+        found(instrument(Some(Bias::Fixed)), s, None).join("\n")
+    };
+    let slow = of(0.07, 0.9, 300);
+    assert!(
+        slow.contains("0.07 of 3, lag-1 autocorrelation 0.90: its errors change slowly") && !slow.contains("`noise`"),
+        "{slow}"
+    );
+    let white = of(0.07, 0.1, 300);
+    assert!(
+        white.contains("its `noise`, or that of the process, is larger than need be; a constant error") && white.contains("look for one"),
+        "{white}"
+    );
+    for undecided in [of(0.07, 0.3, 300), of(0.07, 0.9, 20)] {
+        assert!(undecided.contains("or its errors change slowly"), "{undecided}");
+    }
+    let hidden = of(3.0, 0.7, 300);
+    assert!(
+        hidden.contains("autocorrelation 0.70") && hidden.contains("declare its `bias`"),
+        "{hidden}"
+    );
+    assert_eq!(of(3.0, 0.3, 300), "");
+    assert_eq!(of(3.0, 0.7, 20), "", "too few to tell");
+    let large = of(9.0, 0.7, 300);
+    assert!(large.contains("so it is no noise") && large.lines().count() == 1, "{large}");
+    // A reference tells more.
+    let mut s = sensor(3.0);
+    (s.innovations.lag_1, s.innovations.count) = (vec![0.9], 300);
+    assert!(found(instrument(Some(Bias::Fixed)), s, Some(3.0)).is_empty());
+}
+
+#[test]
+fn of_a_constraint_neither_bias_nor_smaller_noise_is_spoken() {
+    let constraint = Instrument {
+        is_constraint: true,
+        measures: Some(Measures::Velocity),
+        ..instrument(Some(Bias::Fixed))
+    };
+    assert!(found(constraint.clone(), sensor(0.07), None).is_empty());
+    let broken = found(constraint, sensor(9.0), None);
+    assert!(
+        broken.len() == 1 && broken[0].contains("does not keep this constraint"),
+        "{broken:?}"
+    );
+}
+
+#[test]
+fn where_a_vehicle_stands_still_the_growth_between_two_stops_is_too_small() {
+    let growth = ["`process.accelerometer.vibration`".to_owned(), "`process.gyro.noise`".to_owned()];
+    let of = |measures, limits: &[&str], growth: &[String], nis| {
+        let constraint = Instrument {
+            is_constraint: true,
+            measures,
+            limits: limits.iter().map(|l| (*l).to_owned()).collect(),
+            ..instrument(None)
+        };
+        let summary = Summary {
+            sensors: vec![sensor(nis)],
+            ..Summary::default()
+        };
+        let judged = Judged {
+            growth,
+            ..judged(std::slice::from_ref(&constraint), &summary)
+        };
+        judged.findings()[0].advice.clone()
+    };
+    let (velocity, still) = (Some(Measures::Velocity), ["`stage.rest.still`"]);
+    let told = of(velocity, &still, &growth, 9.0);
+    assert!(
+        told.contains("raise `process.accelerometer.vibration` or `process.gyro.noise` first"),
+        "{told}"
+    );
+    assert!(of(velocity, &still, &growth, 90.0).contains("then at `process.accelerometer.vibration`"));
+    for other in [
+        of(velocity, &[], &growth, 9.0),
+        of(None, &still, &growth, 9.0),
+        of(velocity, &still, &[], 9.0),
+    ] {
+        assert!(other.contains("does not keep this constraint"), "{other}");
+    }
+}
+
+#[test]
+fn a_gate_that_rejects_good_rows_comes_first() {
+    let refused = |caught| SensorStatistics {
+        rejected: 60,
+        disturbed: Some(Disturbed {
+            caught,
+            ..Disturbed::default()
+        }),
+        ..sensor(9.0)
+    };
+    let all = found(instrument(None), refused(0), None);
+    assert!(
+        all.len() == 2 && all[0].contains("rejected 60 of 360 measurements, 17 %"),
+        "{all:?}"
+    );
+    assert_eq!(
+        found(instrument(None), refused(60), None).len(),
+        1,
+        "disturbed rows are rejected rightly"
+    );
+}
+
+#[test]
+fn innovations_of_hundreds_are_no_matter_of_noise() {
+    // 600 of 3: fourteen times the 1σ.
+    let far = found(instrument(None), sensor(600.0), None);
+    let (axes, noise) = (far[0].find("axes, signs, units and `lever_arm`"), far[0].find("`noise`"));
+    assert!(axes.is_some() && axes < noise && far[0].contains("fusion check"), "{far:?}");
+    assert!(!far[0].contains("raise its `noise`"), "{far:?}");
+    // 60 of 3 may be outliers, or a noise of another receiver.
+    let near = found(instrument(None), sensor(60.0), None);
+    assert!(
+        !near[0].contains("hardly noise") && near[0].ends_with("then look at its `noise`"),
+        "{near:?}"
+    );
+}
+
+#[test]
+fn rows_that_follow_their_leader_are_no_rejections_of_a_gate() {
+    let follower = |rejected, with_leader| SensorStatistics {
+        rejected,
+        with_leader,
+        ..sensor(3.0)
+    };
+    let own = found(instrument(None), follower(60, 10), None);
+    assert!(
+        own.len() == 1 && own[0].contains("rejected 50 of 350 measurements, 14 %"),
+        "{own:?}"
+    );
+    assert!(found(instrument(None), follower(60, 50), None).is_empty());
+}

@@ -1,0 +1,101 @@
+//! What becomes of the hypotheses of a bank.
+
+use super::{RunEvent, RunObserver};
+use fusion_core::filter::Rivals;
+use fusion_core::memory::Memory;
+use fusion_core::runner::{Event, Halt};
+use fusion_core::time::Time;
+use serde::Serialize;
+
+/// Changes that are kept.
+const CHANGES: usize = 20;
+
+/// The hypotheses of the outermost filter through a run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Hypotheses {
+    /// How many there were at the end, the one shown included.
+    pub count: u64,
+    /// How many there were at most.
+    pub most: u64,
+    /// How probable the one shown was at the end.
+    pub probability: f64,
+    /// When another one was shown than the one that went on from what had been shown: the first twenty times.
+    pub changes: Vec<Change>,
+    /// How many more there were.
+    pub further_changes: u64,
+}
+
+/// Another hypothesis is shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Change {
+    /// When \[s\].
+    pub time: f64,
+    /// By how much the attitude or angle that differs most has changed with it \[rad\]; none where the former
+    /// hypothesis was no longer followed.
+    pub angle: Option<f64>,
+}
+
+fusion_core::memory!(Hypotheses {
+    count,
+    most,
+    probability,
+    changes,
+    further_changes
+});
+fusion_core::memory!(Change { time, angle });
+
+impl Hypotheses {
+    fn hear(&mut self, time: Time, rivals: &Rivals) {
+        self.count = rivals.count as u64;
+        self.most = self.most.max(self.count);
+        self.probability = rivals.probability;
+        let Some(angle) = rivals.changed else { return };
+        if self.changes.len() >= CHANGES {
+            self.further_changes += 1;
+            return;
+        }
+        self.changes.push(Change {
+            time: time.seconds(),
+            angle: Some(angle).filter(|angle| angle.is_finite()),
+        });
+    }
+}
+
+impl RunObserver for Hypotheses {
+    fn memory(&mut self) -> Option<&mut dyn Memory> {
+        Some(self)
+    }
+
+    fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
+        let RunEvent::Filter { filter, event } = event else { return Ok(()) };
+        match event {
+            Event::Started { belief, rivals } if filter.is_outermost() => self.hear(belief.time, rivals),
+            Event::Updated { update, time, .. } if filter.is_outermost() => self.hear(*time, &update.rivals),
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_changes_are_kept_and_the_others_counted() {
+        let mut found = Hypotheses::default();
+        for k in 0..30_u32 {
+            let rivals = Rivals {
+                count: if k == 3 { 5 } else { 2 },
+                probability: 0.75,
+                changed: (k >= 5).then_some(if k == 5 { f64::NAN } else { 0.5 }),
+                ..Rivals::NONE
+            };
+            found.hear(Time::from_seconds(f64::from(k)), &rivals);
+        }
+        assert_eq!((found.count, found.most, found.probability), (2, 5, 0.75));
+        assert_eq!((found.changes.len(), found.further_changes), (20, 5));
+        let change = |time, angle| Change { time, angle };
+        assert_eq!(found.changes[..2], [change(5.0, None), change(6.0, Some(0.5))]);
+    }
+}
