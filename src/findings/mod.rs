@@ -424,30 +424,34 @@ impl Judged<'_> {
         })
     }
 
-    /// A heading that was hardly known at the start, where the attitude is much worse than the filter says.
+    /// A heading that was hardly known at the start, where the attitude is much worse than the filter says, or where no sensor tells
+    /// it and these coordinates do nevertheless.
     fn uncertain_start(&self) -> Option<Finding> {
         let known = self.summary.start_angle.as_ref();
         let (name, sigma) = known.filter(|(_, sigma)| (UNCERTAIN..=POOR).contains(sigma))?;
-        let nees = self.nees(Measures::Attitude).filter(|c| is_large(c))?;
         let is_moved = self.summary.parameters.iter().all(|p| p.name != *name);
+        let is_inertial = !self.growth.is_empty();
+        // Course and place tell a heading, too; a height does not.
+        let is_level = |i: &&Instrument| !i.is_constraint && i.measures.is_some() && (i.axes[0] || i.axes[1]);
+        let is_told = self.instruments.iter().any(|i| is_level(&i));
+        let why = match self.nees(Measures::Attitude).filter(|c| is_large(c)) {
+            Some(nees) => format!("NEES attitude is {} of {}", short(nees.mean), nees.dof),
+            None if is_inertial && !is_told => "no sensor tells a heading".to_owned(),
+            None => return None,
+        };
         // What measures the heading is not straight in it: it is linearised again. Where nothing does, what else is measured must
         // not seem to tell it.
         let is_measured = |i: &Instrument| i.measures == Some(Measures::Attitude) && !i.is_constraint;
         let other = if self.instruments.iter().any(is_measured) {
             "`filter.backend = \"iekf\"`, which linearises again"
-        } else if self.growth.is_empty() {
-            "`filter.backend = \"invariant\"`"
-        } else {
+        } else if is_inertial {
             "`filter.backend = \"invariant\"` with `process.discretisation = \"exact\"`"
+        } else {
+            "`filter.backend = \"invariant\"`"
         };
         (self.linearises_once && !self.is_invariant && is_moved).then(|| Finding {
             about: name.clone(),
-            evidence: format!(
-                "the filter starts with a 1σ of {:.0}° of `{name}`, and NEES attitude is {} of {}",
-                sigma.to_degrees(),
-                short(nees.mean),
-                nees.dof
-            ),
+            evidence: format!("the filter starts with a 1σ of {:.0}° of `{name}`, and {why}", sigma.to_degrees()),
             advice: format!(
                 "linearised once, in these coordinates, such a heading may be taken for better known than it is: if nothing else is \
                  found wrong, try {other}"

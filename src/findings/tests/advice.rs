@@ -507,8 +507,24 @@ fn a_hardly_known_heading_names_another_chart_where_the_attitude_is_wrong() {
         ..instrument(None)
     };
     assert!(of(20.0, 16.0, false, &growth, &[compass]).contains("`filter.backend = \"iekf\"`"));
+    let receiver = [instrument(None)];
     for (degrees, nees, is_invariant) in [(5.0, 16.0, false), (20.0, 4.0, false), (20.0, 16.0, true)] {
-        assert_eq!(of(degrees, nees, is_invariant, &growth, &[]), "");
+        assert_eq!(of(degrees, nees, is_invariant, &growth, &receiver), "");
+    }
+    // Where a receiver is missing, and what stands still or tells a height is all, no NEES is needed.
+    let standing = Instrument {
+        is_constraint: true,
+        measures: Some(Measures::Velocity),
+        ..instrument(None)
+    };
+    let height = Instrument {
+        axes: [false, false, true],
+        ..instrument(None)
+    };
+    let blind = [standing, height];
+    assert!(of(20.0, 4.0, false, &growth, &blind).ends_with("`process.discretisation = \"exact\"`"));
+    for (degrees, is_invariant) in [(5.0, false), (20.0, true)] {
+        assert_eq!(of(degrees, 4.0, is_invariant, &growth, &blind), "");
     }
 }
 
