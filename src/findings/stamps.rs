@@ -191,11 +191,7 @@ impl Judged<'_> {
     pub(super) fn late_input(&self, offset: &Offset) -> Option<String> {
         let is_alike = |d: &Delay| d.state.is_some() && (d.seconds - offset.latency).abs() < ALIKE * offset.latency.abs();
         let (first, all) = (self.stamps.of_position.first()?, &self.stamps.of_position);
-        let (source, now) = self
-            .stamps
-            .input
-            .as_ref()
-            .filter(|_| offset.latency < 0.0 && all.iter().all(is_alike))?;
+        let (source, now) = self.stamps.input.as_ref().filter(|_| all.iter().all(is_alike))?;
         let state = first.state.as_deref().unwrap_or_default();
         Some(format!(
             "so is `{state}`, {:.3} s, and nothing is stamped before it is measured: the clock of the process input is late by as much. Write \
