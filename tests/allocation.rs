@@ -237,6 +237,7 @@ fn prediction_and_update_allocate_nothing_nor_do_those_of_a_copy() {
                         value,
                         noise: &noise,
                         quality: None,
+                        derivative_input: None,
                         lateness: None,
                     },
                     &mut Open,
@@ -333,6 +334,7 @@ fn a_bank_of_hypotheses_allocates_nothing() {
                     value,
                     noise: &[2.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 5.0],
                     quality: None,
+                    derivative_input: None,
                     lateness: None,
                 };
                 bank.update(&observed, &mut Open, &[], &Quadratic);

@@ -172,6 +172,7 @@ impl Composed {
             value: z,
             noise: &self.noise,
             quality: None,
+            derivative_input: None,
             lateness: None,
         };
         assert_eq!(self.filter.update(&observed, gate, &[], loss).verdict, Verdict::Accepted);

@@ -116,7 +116,7 @@
 //! for k in 1..=200_i32 {
 //!     filter.predict(Time::from_seconds(f64::from(k)), &Input::held(&[]))?;
 //!     let (value, noise) = ([2.0 * f64::from(k)], [1.0]);
-//!     let observed = Observed { sensor: 0, model: &fix, value: &value, noise: &noise, quality: None, lateness: None };
+//!     let observed = Observed { sensor: 0, model: &fix, value: &value, noise: &noise, quality: None, derivative_input: None, lateness: None };
 //!     let update = filter.update(&observed, &mut Open, &[], &Quadratic);
 //!     assert_eq!(update.verdict, Verdict::Accepted);
 //! }

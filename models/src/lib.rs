@@ -74,7 +74,7 @@
 //!     // Three metres north and one metre east a second.
 //!     let at = origin.offset(&Vector3::new(3.0 * seconds, seconds, 0.0));
 //!     let value = [at.lat, at.lon, at.height];
-//!     let observed = Observed { sensor: 0, model: fix.as_ref(), value: &value, noise: &noise, quality: None, lateness: None };
+//!     let observed = Observed { sensor: 0, model: fix.as_ref(), value: &value, noise: &noise, quality: None, derivative_input: None, lateness: None };
 //!     filter.update(&observed, &mut Open, &[], &Quadratic);
 //! }
 //! let velocity = filter.layout().block("velocity").ok_or("there is none")?;

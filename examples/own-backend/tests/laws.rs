@@ -57,6 +57,7 @@ fn run(parts: Parts) -> (Vec<f64>, Vec<f64>) {
                 value: &[0.63, 2.26, 50.0 + 0.1 * k as f64 / 100.0],
                 noise: &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 4.0],
                 quality: None,
+                derivative_input: None,
                 lateness: None,
             };
             assert_eq!(filter.update(&observed, &mut Open, &[], &Quadratic).verdict, Verdict::Accepted);

@@ -118,6 +118,9 @@ pub struct Observed<'a> {
     pub noise: &'a [f64],
     /// What the row says of its own quality, HDOP for one: for gates that judge by it.
     pub quality: Option<f64>,
+    /// The input under which derivatives are taken: its rates are free of the noise of the sample in force,
+    /// which is in the residual too. None: the sample in force.
+    pub derivative_input: Option<Input<'a>>,
     /// What is left of its time offset; none for a measurement that is valid when it is used.
     pub lateness: Option<Lateness<'a>>,
 }

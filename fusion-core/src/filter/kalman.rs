@@ -1,6 +1,7 @@
 //! The Kalman filter on manifolds.
 
 use super::backend::Backend;
+use super::earlier::Earlier;
 use super::estimator::{Estimator, FilterError, Observed, Rivals, Update, Verdict};
 use super::fixes::Fixes;
 use super::own::OwnDynamics;
@@ -72,6 +73,8 @@ pub struct Filter {
     pub(super) past: Past,
     /// Whether fixes agree with the estimate.
     fixes: Fixes,
+    /// The motion by which parameters are differentiated.
+    earlier: Earlier,
     pub(super) belief: Belief,
     pub(super) transition: Transition,
     signals: Signals,
@@ -83,10 +86,12 @@ pub struct Filter {
     steps: Option<Vec<Step>>,
 }
 
-/// The process's signals at the belief, evaluated when somebody reads them.
+/// The process's signals at the belief, evaluated when a model reads them.
 #[derive(Clone, Debug)]
 pub(super) struct Signals {
     pub(super) buffer: SignalBuffer,
+    /// The same under the input that derivatives are taken under.
+    pub(super) smooth: SignalBuffer,
     evaluated: Evaluated,
 }
 
@@ -102,6 +107,7 @@ impl Signals {
     fn new(layout: &Layout) -> Self {
         Self {
             buffer: SignalBuffer::new(layout),
+            smooth: SignalBuffer::new(layout),
             evaluated: Evaluated::Nothing,
         }
     }
@@ -155,6 +161,7 @@ impl Filter {
             growing: Growing::of(&layout),
             past,
             fixes: Fixes::of(&layout),
+            earlier: Earlier::of(&layout),
             signals: Signals::new(&layout),
             work,
             reset: BlockMatrix::identity(n),
@@ -345,6 +352,7 @@ impl Filter {
             observed,
             process: self.process.as_ref(),
             signals: &mut self.signals,
+            earlier: &self.earlier,
         };
         (problem, &mut self.work, self.rule.as_ref())
     }
@@ -519,6 +527,7 @@ impl Memory for Filter {
         self.belief.remember(tape);
         self.past.remember(tape);
         self.fixes.remember(tape);
+        self.earlier.remember(tape);
         if tape.is_reading() {
             self.signals.forget();
         }
@@ -584,6 +593,7 @@ impl Estimator for Filter {
         }
         self.past.start(&self.belief);
         self.fixes.start();
+        self.earlier.start(&self.belief.x);
         self.signals.forget();
     }
 
@@ -630,6 +640,13 @@ impl Estimator for Filter {
             }
         };
         let is_used = matches!(verdict, Verdict::Accepted | Verdict::Reacquired);
+        match verdict {
+            Verdict::Reacquired => self.earlier.start(&self.belief.x),
+            Verdict::Accepted if self.work.multiplies => {
+                self.earlier.corrected(&self.belief.x, &self.work.jacobian, &self.work.work);
+            }
+            _ => {}
+        }
         self.fixes.hear(self.belief.time, &self.work.jacobian, verdict == Verdict::Accepted);
         gate.settle(is_used);
         self.report(observed, verdict, nis, answer, weight)

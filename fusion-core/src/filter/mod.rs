@@ -7,6 +7,7 @@
 
 mod backend;
 mod bank;
+mod earlier;
 mod estimator;
 mod fixes;
 mod iterated;

@@ -115,6 +115,7 @@ mod tests {
                 value: &[value],
                 noise: &[4.0],
                 quality: None,
+                derivative_input: None,
                 lateness: None,
             };
             let update = filter.update(&observed, &mut Open, &[], &Quadratic);

@@ -1,13 +1,14 @@
 //! How a measurement is linearised and conditioned on: the update rules.
 
+use super::earlier::Earlier;
 use super::estimator::Observed;
 use super::kalman::Signals;
 use super::sigma::{SigmaPoints, Spread};
 use crate::chart::{Chart, Reset};
 use crate::covariance::{Covariance, Form, Workspace, axpy, cholesky, solve_lower};
 use crate::linear::{BlockMatrix, Jacobian};
-use crate::model::{LastInput, Process, Size, Undefined};
-use crate::state::Layout;
+use crate::model::{Input, LastInput, Process, Size, Undefined};
+use crate::state::{Block, Layout, StateRole};
 use core::fmt::Debug;
 
 /// How a measurement corrects the belief: two of the four steps of an update.
@@ -84,6 +85,7 @@ pub struct Problem<'a> {
     pub(super) input: &'a LastInput,
     pub(super) process: &'a dyn Process,
     pub(super) signals: &'a mut Signals,
+    pub(super) earlier: &'a Earlier,
 }
 
 impl Problem<'_> {
@@ -92,7 +94,7 @@ impl Problem<'_> {
     /// # Errors
     /// [`Undefined`] where the model has no value.
     pub fn linearise(&mut self, work: &mut Innovation) -> Result<(), Undefined> {
-        Self::linearise_with(self.layout, self.observed, (self.process, self.input), self.x, self.signals, work)
+        self.linearise_with(self.x, true, work)
     }
 
     /// The same at another state `x`.
@@ -101,7 +103,7 @@ impl Problem<'_> {
     /// [`Undefined`] where the model has no value there.
     pub fn linearise_at(&mut self, x: &[f64], work: &mut Innovation) -> Result<(), Undefined> {
         self.signals.forget();
-        let linearised = Self::linearise_with(self.layout, self.observed, (self.process, self.input), x, self.signals, work);
+        let linearised = self.linearise_with(x, false, work);
         self.signals.forget();
         linearised
     }
@@ -114,49 +116,102 @@ impl Problem<'_> {
         self.chart.correct(self.layout, x, delta, Reset::Full, by);
     }
 
-    /// h at another state `x`, without its Jacobian, into `value`; the time offset of the measurement is
-    /// left out.
+    /// h at another state `x`, without its Jacobian, into `value`, for differences between states: the time
+    /// offset of the measurement and the noise of the sample in force are left out.
     ///
     /// # Errors
     /// [`Undefined`] where the model has no value there.
     pub fn predict_at(&mut self, x: &[f64], value: &mut [f64]) -> Result<(), Undefined> {
         self.signals.forget();
-        if self.observed.model.reads_signals() {
-            self.signals.evaluate(self.process, x, self.input, false);
+        let (model, signals) = (self.observed.model, &mut *self.signals);
+        if let Some(smooth) = self.observed.derivative_input.filter(|_| model.reads_signals()) {
+            signals.smooth.evaluate(self.process, x, &smooth, false);
+            return model.predict(&signals.smooth.view(x), value);
         }
-        let predicted = self.observed.model.predict(&self.signals.buffer.view(x), value);
+        if model.reads_signals() {
+            signals.evaluate(self.process, x, self.input, false);
+        }
+        let predicted = model.predict(&signals.buffer.view(x), value);
         self.signals.forget();
         predicted
     }
 
-    fn linearise_with(
-        layout: &Layout,
-        o: &Observed<'_>,
-        (process, input): (&dyn Process, &LastInput),
-        x: &[f64],
-        signals: &mut Signals,
-        work: &mut Innovation,
-    ) -> Result<(), Undefined> {
-        let Size { value, residual: m } = o.model.size();
+    /// Residual and H at `x`, which is the estimate or, later, another state.
+    fn linearise_with(&mut self, x: &[f64], is_estimate: bool, work: &mut Innovation) -> Result<(), Undefined> {
+        let (o, process, input) = (self.observed, self.process, self.input);
+        let (model, Size { value, residual: m }) = (o.model, o.model.size());
         work.rows = m;
-        if o.model.reads_signals() {
-            signals.evaluate(process, x, input, false);
-        }
-        let view = signals.buffer.view(x);
         work.jacobian.reset(m);
-        o.model.predict(&view, &mut work.predicted[..value])?;
-        o.model.jacobian(&view, &mut work.jacobian)?;
-        if work.jacobian.needs_signals() {
-            signals.evaluate(process, x, input, true);
-            work.jacobian.chain(&signals.buffer.jacobian);
+        work.multiplies = false;
+        match o.derivative_input.filter(|_| model.reads_signals()) {
+            Some(smooth) => self.linearise_under(&smooth, x, is_estimate, work)?,
+            None => {
+                if model.reads_signals() {
+                    self.signals.evaluate(process, x, input, false);
+                }
+                let view = self.signals.buffer.view(x);
+                model.predict(&view, &mut work.predicted[..value])?;
+                model.jacobian(&view, &mut work.jacobian)?;
+                if work.jacobian.needs_signals() {
+                    self.signals.evaluate(process, x, input, true);
+                    work.jacobian.chain(&self.signals.buffer.jacobian);
+                }
+            }
         }
         if let Some(lateness) = &o.lateness {
-            lateness.account(o.model, process, layout, x, work);
+            lateness.account(model, process, self.layout, x, work);
         }
-        o.model
-            .residual(&o.value[..value], &work.predicted[..value], &mut work.residual[..m]);
+        model.residual(&o.value[..value], &work.predicted[..value], &mut work.residual[..m]);
         Ok(())
     }
+
+    /// Prediction and H at `x`, with derivatives under the input `smooth`.
+    ///
+    /// The model is h(x) under that input plus a constant: the change of the prediction at the estimate by the sample
+    /// in force. The noise of that sample is then in the residual, and not in H.
+    fn linearise_under(&mut self, smooth: &Input<'_>, x: &[f64], is_estimate: bool, work: &mut Innovation) -> Result<(), Undefined> {
+        let (o, process, signals) = (self.observed, self.process, &mut *self.signals);
+        let (model, Size { value, residual: m }) = (o.model, o.model.size());
+        let (predicted, change) = (&mut work.predicted[..value], &mut work.input_change[..m]);
+        signals.smooth.evaluate(process, x, smooth, false);
+        model.predict(&signals.smooth.view(x), predicted)?;
+        if is_estimate {
+            signals.evaluate(process, x, self.input, false);
+            let raw = &mut work.trial.value[..value];
+            model.predict(&signals.buffer.view(x), raw)?;
+            model.residual(raw, predicted, change);
+        }
+        model.perturb(predicted, change);
+        model.jacobian(&signals.smooth.view(x), &mut work.jacobian)?;
+        if !work.jacobian.needs_signals() {
+            return Ok(());
+        }
+        work.multiplies = has_parameter(self.layout, &work.jacobian);
+        if work.multiplies {
+            self.earlier.write(x, self.covariance, &mut work.moved);
+            signals.smooth.evaluate(process, &work.moved, smooth, false);
+            work.by_parameter.reset(m);
+            // Where h has no value there, the derivative now is all there is.
+            if model.jacobian(&signals.smooth.view(&work.moved), &mut work.by_parameter).is_ok() {
+                for block in parameters(self.layout) {
+                    work.jacobian.copy_columns(block.tangent_range(), &work.by_parameter);
+                }
+            }
+        }
+        signals.smooth.evaluate(process, x, smooth, true);
+        work.jacobian.chain(&signals.smooth.jacobian);
+        Ok(())
+    }
+}
+
+/// The blocks that are not moved by the process: calibrations and errors of sensors.
+fn parameters(layout: &Layout) -> impl Iterator<Item = &Block> {
+    layout.blocks().iter().filter(|b| b.role != StateRole::Kinematic)
+}
+
+/// Whether h itself, not a signal that it reads, has a parameter.
+fn has_parameter(layout: &Layout, h: &Jacobian) -> bool {
+    parameters(layout).any(|b| h.touches(&b.tangent_range()))
 }
 
 /// The squared norm of each column of L⁻¹ into `squares`; L lower, m×m, row by row. `column` is working
@@ -256,6 +311,12 @@ pub struct Innovation {
     pub(super) moved: Vec<f64>,
     pub(super) rate: Vec<f64>,
     pub(super) shift: Vec<f64>,
+    /// The change of the prediction at the estimate by the sample in force, compared with the input for derivatives.
+    pub(super) input_change: Vec<f64>,
+    /// Whether h reads a signal and has a parameter as well: their product may be of two that are uncertain.
+    pub(super) multiplies: bool,
+    /// H at an earlier motion: its columns of parameters.
+    pub(super) by_parameter: Jacobian,
     pub(super) whitened: Vec<f64>,
     pub(super) sigma: Vec<f64>,
     /// (S⁻¹)_ii.
@@ -283,6 +344,9 @@ impl Innovation {
             moved: vec![0.0; layout.storage()],
             rate: vec![0.0; n],
             shift: vec![0.0; m],
+            input_change: vec![0.0; m],
+            multiplies: false,
+            by_parameter: Jacobian::new(layout, m),
             whitened: vec![0.0; m],
             sigma: vec![0.0; m],
             unit_nis: vec![0.0; m],

@@ -12,6 +12,7 @@ use nalgebra::{DMatrix, Matrix1, SMatrix, SVector};
 use std::sync::Arc;
 
 mod bank;
+mod input_noise;
 mod late;
 mod reacquire;
 mod rules;
@@ -138,6 +139,7 @@ fn accept<'a>(f: &'a mut Filter, model: &'a dyn Measurement, value: &'a [f64], n
             value,
             noise,
             quality: None,
+            derivative_input: None,
             lateness: None,
         },
         &mut Open,
@@ -314,6 +316,7 @@ fn a_loss_divides_the_noise_by_its_weight() {
                 value: &[50.0],
                 noise: &[0.2],
                 quality: None,
+                derivative_input: None,
                 lateness: None,
             },
             &mut Open,
@@ -501,6 +504,7 @@ fn a_rejected_measurement_changes_nothing() {
             value: &[1e3],
             noise: &[0.1],
             quality: None,
+            derivative_input: None,
             lateness: None,
         },
         &mut gate,
@@ -538,6 +542,7 @@ fn a_measurement_that_is_no_number_never_reaches_its_gate() {
         value: &[f64::NAN],
         noise: &[0.1],
         quality: None,
+        derivative_input: None,
         lateness: None,
     };
     assert_eq!(f.update(&observed, &mut Unasked, &[], &Quadratic).verdict, Verdict::Unusable);

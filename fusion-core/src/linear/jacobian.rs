@@ -3,6 +3,7 @@
 use super::{BlockMatrix, padded};
 use crate::state::{Layout, Manifold, Quantity, Signal, Slot, Tangent};
 use core::fmt;
+use core::ops::Range;
 use nalgebra::SMatrix;
 
 /// The Jacobian of a measurement (or of the process's signals), written in blocks.
@@ -168,6 +169,16 @@ impl Jacobian {
         self.h[row * self.ld..row * self.ld + values.len()].copy_from_slice(values);
     }
 
+    /// Takes columns of another H, as far as they were written in this one.
+    pub(crate) fn copy_columns(&mut self, columns: Range<usize>, other: &Self) {
+        for &(start, end) in &self.columns {
+            let (from, to) = (start.max(columns.start), end.min(columns.end));
+            for row in (0..self.rows).map(|i| i * self.ld).filter(|_| from < to) {
+                self.h[row + from..row + to].copy_from_slice(&other.h[row + from..row + to]);
+            }
+        }
+    }
+
     /// Whether a signal's Jacobian is needed to complete this one.
     #[must_use]
     pub const fn needs_signals(&self) -> bool {
@@ -210,11 +221,16 @@ impl Jacobian {
         self.h[row * self.ld + col]
     }
 
+    /// Whether one of these columns of H was written.
+    #[must_use]
+    pub(crate) fn touches(&self, columns: &Range<usize>) -> bool {
+        self.columns.iter().any(|(start, end)| *start < columns.end && columns.start < *end)
+    }
+
     /// Whether a column of H is not zero.
     #[must_use]
     pub fn sees(&self, column: usize) -> bool {
-        let may = self.columns.iter().any(|(start, end)| (*start..*end).contains(&column));
-        may && (0..self.rows).any(|row| self.get(row, column) != 0.0)
+        self.touches(&(column..column + 1)) && (0..self.rows).any(|row| self.get(row, column) != 0.0)
     }
 
     /// One row of H, padded.

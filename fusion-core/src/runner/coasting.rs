@@ -130,6 +130,7 @@ impl Runner {
     /// Ends a gap that began at `since`: the row at hand covers `start` to `time`.
     pub(super) fn resume(&mut self, since: Time, start: Time, time: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
         let values = core::mem::take(&mut self.value);
+        self.expectation.forget();
         let coasted = self.coast_to(start, observer);
         if let Some(input) = &mut self.input {
             input.resume(start, time, &values);

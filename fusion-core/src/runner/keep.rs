@@ -37,6 +37,7 @@ impl Runner {
         self.quarantine.remember(tape);
         self.ahead_of_input.remember(tape);
         self.window.remember(tape);
+        self.expectation.remember(tape);
         self.rows.remember(tape);
         self.queue.remember(tape);
         self.waiting.remember(tape);

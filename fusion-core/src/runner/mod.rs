@@ -11,6 +11,7 @@
 mod ahead;
 mod coasting;
 mod event;
+mod expectation;
 mod guard;
 mod intake;
 mod keep;

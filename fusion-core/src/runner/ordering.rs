@@ -1,6 +1,7 @@
 //! The runner itself: what it is put together from, and the order of rows in time.
 
 use super::ahead::Ahead;
+use super::expectation::Expectation;
 use super::intake::Intake;
 use super::offset::Window;
 use super::parts::Emitted;
@@ -84,6 +85,9 @@ pub struct Runner {
     pub(super) waiting: VecDeque<Waiting>,
     /// The latest input, for sensors whose time offset is estimated.
     pub(super) window: Window,
+    /// The input as it was expected, for sensors that read signals of it, and whether there are such sensors.
+    pub(super) expectation: Expectation,
+    pub(super) reads_signals: bool,
     pub(super) emitted: Emitted,
     /// Rows that each stage has emitted so far.
     pub(super) emissions: Vec<u64>,
@@ -138,6 +142,8 @@ impl Runner {
             start_after: Time::MIN,
             waiting: VecDeque::with_capacity(64),
             window: Window::default(),
+            expectation: Expectation::default(),
+            reads_signals: false,
             emitted: Emitted::default(),
             emissions: Vec::new(),
             epoch: None,
@@ -205,6 +211,7 @@ impl Runner {
         if self.noise.len() < m * m {
             self.noise.resize(m * m, 0.0);
         }
+        self.reads_signals |= self.is_driven() && sensor.model.reads_signals();
         self.sensors.push(sensor);
         self.outcomes.push(None);
         self.rank_sensors();

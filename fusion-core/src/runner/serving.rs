@@ -145,6 +145,7 @@ impl Runner {
         if !self.started || sample.end <= self.estimator.belief().time {
             return Ok(());
         }
+        self.expect(sample);
         while let Some(&waiting) = self.waiting.front() {
             if waiting.time > sample.end {
                 break;
@@ -249,6 +250,7 @@ impl Runner {
         let quality = self.sensors[sensor].quality.map(|column| self.rows.get(row).values[column]);
         let assumed = self.assumed_offset(sensor, row, time, during.map(Sample::input));
         self.rows.release(row);
+        let is_coasting = self.input.as_ref().is_some_and(|input| input.is_coasting());
         let (s, now) = (&mut self.sensors[sensor], self.estimator.belief().time);
         let m = s.model.size().residual;
         let noise = &self.noise[..m * m];
@@ -273,6 +275,7 @@ impl Runner {
             value: &self.value,
             noise,
             quality,
+            derivative_input: if is_coasting { None } else { self.expectation.input() },
             lateness: s
                 .offset
                 .as_ref()

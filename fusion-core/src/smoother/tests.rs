@@ -101,6 +101,7 @@ fn told(restarts: &[i64]) -> (Arc<Layout>, Vec<Told>) {
                 value: &value,
                 noise: &noise,
                 quality: None,
+                derivative_input: None,
                 lateness: None,
             };
             if random.signed() > 0.0 {
@@ -332,6 +333,7 @@ fn it_gives_the_least_squares_solution_of_the_whole_log() {
                 value: &value,
                 noise: &[noise],
                 quality: None,
+                derivative_input: None,
                 lateness: None,
             };
             let verdict = f.update(&observed, &mut Believing(u32::MAX, 0), &[], &Quadratic).verdict;
@@ -372,6 +374,7 @@ fn a_random_walk_in_the_middle_of_a_log_has_the_variance_0_0499376() {
             value: &[0.0],
             noise: &[1.0],
             quality: None,
+            derivative_input: None,
             lateness: None,
         };
         f.update(&observed, &mut Believing(u32::MAX, 0), &[], &Quadratic);
@@ -461,6 +464,7 @@ fn what_corrections_say_of_the_instant_before_them_is_what_they_did_in_every_bac
                 value: value.as_slice(),
                 noise: noise.as_slice(),
                 quality: None,
+                derivative_input: None,
                 lateness: None,
             };
             f.update(&observed, &mut Believing(u32::MAX, 0), &[], &Quadratic);
@@ -546,6 +550,7 @@ fn a_chart_that_changes_the_coordinates_at_every_correction_changes_nothing_else
                 value: &[0.5],
                 noise: &[0.4],
                 quality: None,
+                derivative_input: None,
                 lateness: None,
             };
             f.update(&observed, &mut Believing(u32::MAX, 0), &[], &Quadratic);

@@ -379,6 +379,7 @@ pub fn check_update_rule(rule: &Arc<dyn UpdateRule>) -> Result<(), String> {
             value: z.as_slice(),
             noise: &noise,
             quality: None,
+            derivative_input: None,
             lateness: None,
         };
         let update = filter.update(&observed, &mut Open, &[], &Quadratic);

@@ -219,6 +219,7 @@ fn filtered(drive: &Drive, Gated(filter, gates): &mut Gated, at: &Instant<'_>) -
             value,
             noise: &noise(model.as_ref()).covariance,
             quality: None,
+            derivative_input: None,
             lateness: None,
         };
         let update = filter.update(&observed, gate.as_mut(), &[], &Quadratic);

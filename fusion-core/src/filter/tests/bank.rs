@@ -88,6 +88,7 @@ fn offer(estimator: &mut dyn Estimator, gate: &mut dyn Gate, model: &dyn Measure
         value: z.as_slice(),
         noise: &NOISE,
         quality: None,
+        derivative_input: None,
         lateness: None,
     };
     estimator.update(&observed, gate, &[], &Quadratic).verdict
@@ -365,6 +366,7 @@ fn tell(bank: &mut Bank, sensor: usize, model: &dyn Measurement, value: f64, var
         value: &[value],
         noise: &[variance],
         quality: None,
+        derivative_input: None,
         lateness: None,
     };
     bank.update(&observed, &mut Open, &[], &Quadratic).verdict

@@ -26,6 +26,7 @@ fn late(assumed: f64, keep: impl FnOnce(&Step, f64)) {
         value: &[0.0],
         noise: &[1.0],
         quality: None,
+        derivative_input: None,
         lateness: Some(Lateness {
             offset: &offset,
             assumed,

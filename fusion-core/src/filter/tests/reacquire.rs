@@ -33,6 +33,7 @@ fn the_motion_grows_until_the_residual_is_expected() {
         value: &value,
         noise: &noise,
         quality: None,
+        derivative_input: None,
         lateness: None,
     };
     f.keep_steps(true);
@@ -72,6 +73,7 @@ fn reacquiring_bears_rows_that_depend_on_each_other_and_refuses_what_no_growth_e
             value,
             noise: &noise,
             quality: None,
+            derivative_input: None,
             lateness: None,
         };
         f.update(&observed, &mut Credulous, &[], &Quadratic).verdict
@@ -99,6 +101,7 @@ fn reacquiring_what_cannot_be_used_leaves_the_belief_as_it_was() {
             value: &[value],
             noise: &[0.1],
             quality: None,
+            derivative_input: None,
             lateness: None,
         };
         assert_eq!(f.update(&observed, &mut Credulous, &[], &Quadratic).verdict, Verdict::Unusable);
@@ -161,6 +164,7 @@ fn reacquire(f: &mut Filter, model: &dyn Measurement, value: f64) -> Verdict {
         value: &[value],
         noise: &[0.01],
         quality: None,
+        derivative_input: None,
         lateness: None,
     };
     f.update(&observed, &mut Credulous, &[], &Quadratic).verdict
@@ -216,6 +220,7 @@ fn what_was_learnt_of_a_bias_lately_is_forgotten_and_a_pull_becomes_its_sigma() 
                     value: &[value],
                     noise: &[noise],
                     quality: None,
+                    derivative_input: None,
                     lateness: None,
                 };
                 f.update(&observed, &mut Open, others, &Quadratic);
@@ -263,6 +268,7 @@ fn a_sensor_that_could_not_be_reacquired_is_offered_again_with_the_next_measurem
             value: &[value],
             noise: &[1.0],
             quality: None,
+            derivative_input: None,
             lateness: None,
         };
         let update = f.update(&observed, &mut gate, &[], &Quadratic);
@@ -334,6 +340,7 @@ fn a_heading_is_not_believed_against_an_estimate_that_fixes_agree_with() {
             value: &[value, 0.0],
             noise: &[1.0, 0.0, 0.0, 1.0],
             quality: None,
+            derivative_input: None,
             lateness: None,
         };
         f.update(&observed, gate, &[], &Quadratic).verdict
@@ -345,6 +352,7 @@ fn a_heading_is_not_believed_against_an_estimate_that_fixes_agree_with() {
             value: &[0.05],
             noise: &[1e-6],
             quality: None,
+            derivative_input: None,
             lateness: None,
         };
         f.update(&observed, &mut Credulous, &[], &Quadratic).verdict

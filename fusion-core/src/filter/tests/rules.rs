@@ -293,6 +293,7 @@ fn a_belief_that_grew_before_a_measurement_was_believed_has_new_sigma_points() {
             value: &[100.0],
             noise: &[1.0],
             quality: None,
+            derivative_input: None,
             lateness: None,
         };
         assert_eq!(f.update(&observed, &mut Believe, &[], &Quadratic).verdict, Verdict::Reacquired);

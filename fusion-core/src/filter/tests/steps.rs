@@ -16,6 +16,7 @@ fn drive(f: &mut dyn Estimator, slots: (Slot<Scalar>, Slot<Scalar>), numbers: co
             value: &value,
             noise: &noise,
             quality: None,
+            derivative_input: None,
             lateness: None,
         };
         f.update(&observed, &mut gate, &[], &Quadratic);
@@ -167,6 +168,7 @@ fn a_weight_makes_the_noise_of_every_row_larger() {
             value: &value,
             noise: r.as_slice(),
             quality: None,
+            derivative_input: None,
             lateness: None,
         };
         let weight = f.update(&observed, &mut Open, &[], loss).weight;
