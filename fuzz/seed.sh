@@ -2,7 +2,7 @@
 # Makes fuzz/corpus/TARGET from the shipped files.
 set -euo pipefail
 cd "$(dirname "$0")"
-mkdir -p corpus/{design,csv,units,feed}
+mkdir -p corpus/{design,csv,units,feed,plan}
 
 # Designs, and the examples of the blocks' own tests.
 for file in ../configs/*.toml ../configs/*/*.toml ../configs/parts/*/*.toml ../examples/*.toml ../examples/*/*.toml targets/*.toml; do
@@ -26,3 +26,7 @@ second() { head -c 100 /dev/zero; printf '\011\012'; }
 { second; printf '\004\210\023'; second; } >corpus/feed/gap
 { second; printf '\014\0\0\0\0\0\040\254\100'; second; } >corpus/feed/stamp
 { second; printf '\040\0\0\0\0\0\0\0\131\100'; second; } >corpus/feed/spike
+
+# Patterns of two and of fifteen rows.
+printf '\002\001\000\002\001\001\002' >corpus/plan/two
+printf '\017\001\000\006\001\000\006\001\000\006\002\000\011\014\017' >corpus/plan/inertial

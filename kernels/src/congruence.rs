@@ -46,9 +46,14 @@ const SPARE: usize = 2;
 impl Plan {
     /// For a Φ of `rows`: per row, the ranges of columns in which it may differ from the identity,
     /// apart and in order.
+    ///
+    /// # Panics
+    /// Where a range ends behind the last column or begins before the range to its left ends, or where there
+    /// are more than 65535 rows: the products trust these columns.
     #[must_use]
     pub fn new(rows: &[Vec<(u16, u16)>]) -> Self {
         let n = rows.len();
+        check(rows);
         let of = |i: usize| {
             let mut columns: Vec<u16> = rows[i].iter().flat_map(|&(start, end)| start..end).collect();
             if let Err(place) = columns.binary_search(&(i as u16)) {
@@ -89,6 +94,23 @@ impl Plan {
     #[inline(always)]
     const fn ld(&self) -> usize {
         8 * self.tiles
+    }
+}
+
+/// Panics unless the ranges of every row are apart, in order and within the columns of a square matrix.
+pub(crate) fn check(rows: &[Vec<(u16, u16)>]) {
+    let n = rows.len();
+    assert!(n <= usize::from(u16::MAX), "a transition of {n} rows: at most 65535 are possible");
+    for (i, ranges) in rows.iter().enumerate() {
+        let mut last = 0;
+        for &(start, end) in ranges {
+            let is_sound = last <= start && start <= end && usize::from(end) <= n;
+            assert!(
+                is_sound,
+                "row {i} of {n} reads columns {start} to {end}: they must be in order and below {n}"
+            );
+            last = end;
+        }
     }
 }
 
@@ -247,7 +269,7 @@ fn left_tiles<L: Lanes, const G: usize, const W: usize>(
     for &k in &group.reads {
         let k = usize::from(k);
         #[expect(unsafe_code, reason = "see `some`")]
-        // SAFETY: `Plan::new` has k < n, first + G ≤ n and t + W ≤ tiles; `product` looks at the lengths.
+        // SAFETY: `check` has k < n, `Plan::new` first + G ≤ n; t + W ≤ tiles; `product` looks at the lengths.
         let (factors, row) = unsafe { (some::<_, G>(phi, 8 * k * tiles + first), some::<_, W>(p, k * tiles + t)) };
         for g in 0..G {
             let factor = L::splat(factors[g]);

@@ -11,7 +11,8 @@
 //! A state is a position in the columns, so that a step acts on all states above at once, and states
 //! that are done cost nothing.
 
-use crate::lanes::{Lanes, some};
+use crate::congruence::check;
+use crate::lanes::{Lanes, size, some};
 use core::ops::Range;
 
 /// Which columns of Φ the rows of a tile read, and from which row on Φ is diagonal.
@@ -27,9 +28,13 @@ pub struct Reach {
 
 impl Reach {
     /// For a Φ of `rows`, as of [`Plan::new`](crate::Plan::new).
+    ///
+    /// # Panics
+    /// As [`Plan::new`](crate::Plan::new) does.
     #[must_use]
     pub fn new(rows: &[Vec<(u16, u16)>]) -> Self {
         let n = rows.len();
+        check(rows);
         let is_diagonal = |i: usize| {
             rows[i]
                 .iter()
@@ -134,7 +139,7 @@ fn parts(factor: usize, n: usize, len: usize) -> [Range<usize>; 2] {
 pub(crate) fn squares<L: Lanes>(len: usize, columns: &[f64], weights: &[f64], sums: &mut [f64]) {
     let (columns, sums) = (columns.as_chunks::<8>().0, sums.as_chunks_mut::<8>().0);
     let (tiles, weights) = (sums.len(), &weights[..len]);
-    assert!(columns.len() >= len * tiles);
+    assert!(columns.len() >= size(len, tiles));
     for t in 0..tiles {
         let mut sum = [L::splat(0.0); GROUP];
         let square = |k: usize| {

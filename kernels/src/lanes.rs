@@ -33,6 +33,13 @@ pub(crate) trait Lanes: Copy {
     }
 }
 
+/// rows · columns, the largest number where there is none so large: no slice is so long, and a product that
+/// wraps around would let a short slice pass.
+#[inline(always)]
+pub(crate) const fn size(rows: usize, columns: usize) -> usize {
+    rows.saturating_mul(columns)
+}
+
 /// `slice[at..at + N]`, checked in builds with debug assertions only.
 ///
 /// # Safety

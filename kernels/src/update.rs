@@ -2,14 +2,14 @@
 //!
 //! P as in [`congruence`](crate::congruence); HP and its like are m rows of the same length.
 
-use crate::lanes::{Lanes, some, some_mut};
+use crate::lanes::{Lanes, size, some, some_mut};
 
 /// Rows `rows` of HP, one after the other: Σ_k H_ik P_k over the columns in `columns`.
 #[inline(always)]
 pub(crate) fn project<L: Lanes>(rows: usize, h: &[f64], columns: &[(usize, usize)], p: &[f64], out: &mut [f64], ld: usize) {
     let last = columns.iter().fold(0, |last, range| last.max(range.1));
     assert!(
-        last <= ld && p.len() >= last * ld && h.len() >= rows * ld,
+        last <= ld && p.len() >= size(last, ld) && h.len() >= size(rows, ld),
         "H of {rows} rows, {last} columns"
     );
     let (p, out) = (p.as_chunks::<8>().0, out.as_chunks_mut::<8>().0);
@@ -95,9 +95,9 @@ macro_rules! by_rows {
 pub(crate) fn inner<L: Lanes>(m: usize, h: &[f64], x: &[f64], out: &mut [f64], ld: usize) {
     let tiles = ld / 8;
     let (h, x, out) = (
-        &h.as_chunks::<8>().0[..m * tiles],
-        &x.as_chunks::<8>().0[..m * tiles],
-        &mut out[..m * m],
+        &h.as_chunks::<8>().0[..size(m, tiles)],
+        &x.as_chunks::<8>().0[..size(m, tiles)],
+        &mut out[..size(m, m)],
     );
     match m {
         1 => eight::<L, 0, 1>(m, h, x, out, tiles),
@@ -220,7 +220,8 @@ pub(crate) fn downdate<L: Lanes>(n: usize, u: &[f64], m: usize, p: &mut [f64]) {
 #[inline(always)]
 fn less<L: Lanes, const M: usize>(n: usize, u: &[f64], m: usize, p: &mut [f64]) {
     let (m, tiles) = (if M == 0 { m } else { M }, n.div_ceil(8));
-    assert!(u.len() >= 8 * m * tiles && p.len() >= 8 * n * tiles, "U of {m} rows, P of {n}");
+    let ld = size(8, tiles);
+    assert!(u.len() >= size(m, ld) && p.len() >= size(n, ld), "U of {m} rows, P of {n}");
     let p = p.as_chunks_mut::<8>().0;
     let mut t = 0;
     while t < tiles {
