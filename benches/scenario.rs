@@ -8,6 +8,8 @@
 
 #![expect(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "a benchmark")]
 
+#[path = "measure/once.rs"]
+mod once;
 #[path = "scenario/process.rs"]
 mod process;
 

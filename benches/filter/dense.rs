@@ -78,8 +78,9 @@ impl Dense {
         add(1, 4, &b.v_accel);
         add(2, 0, &b.ar);
         add(2, 1, &b.av);
-        add(2, 2, &b.aa);
         add(2, 3, &b.a_gyro);
+        // Of the attitude by itself the turn of the body: I − [ωΔt ×] makes every error of it larger.
+        phi.fixed_view_mut::<3, 3>(6, 6).copy_from(&so3::rotation(&so3::exp(&(w * -DT))));
         let half = self.q_white * 0.5;
         self.covariance = phi * (self.covariance + half) * phi.transpose() + half + self.q_walk;
         let (wc, fc) = (

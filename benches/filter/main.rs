@@ -11,6 +11,7 @@
 //! `kernel/…`  the covariance alone: a prediction, an update by six rows and one by three, beside dense
 //!             matrices of 15 states and the means of `rivals.rs` of as many states
 //! `backend/…` the same steps with every chart, update and form, beside the same dense filter
+//! `avx2/…`    the steps of filter and covariance as a processor has them that lacks AVX-512
 //! `unused/…`  what parts of a filter cost that do nothing: `unused.rs`
 //!
 //! Before anything is timed, both compute the same and must agree. Lines with ratios, from
@@ -160,6 +161,48 @@ fn kernel_update<const N: usize, const B: usize, const M: usize>() {
     compare(&format!("kernel/update/m={M}/n={N}"), UPDATES, works);
 }
 
+/// The steps of filter and covariance by another kernel, in a group of its name.
+fn by_kernel(kernel: Kernel, dense: &Dense, samples: &[[f64; 6]]) {
+    let name = kernel.name();
+    let backend = Backend {
+        kernel: Some(kernel),
+        ..Backend::ERROR_STATE
+    };
+    for (n, sensors) in [(15, PLAIN), (21, SCALES)] {
+        let mut composed = Composed::warm(sensors, backend);
+        let rival = &mut || dense.predictions(samples, STEPS);
+        let works: [Work<'_>; 2] = [("composed", &mut || composed.predictions(STEPS)), ("dense", rival)];
+        compare(&format!("{name}/filter/predict/n={n}"), STEPS, works);
+        let rival = &mut || dense.updates(UPDATES);
+        let works: [Work<'_>; 2] = [("composed", &mut || composed.updates(UPDATES)), ("dense", rival)];
+        compare(&format!("{name}/filter/update/gnss_position/n={n}"), UPDATES, works);
+    }
+    covariance::<15, 5>(kernel);
+    covariance::<21, 7>(kernel);
+}
+
+/// The covariance alone by another kernel, beside dense matrices.
+fn covariance<const N: usize, const B: usize>(kernel: Kernel) {
+    let (name, rival) = (kernel.name(), rivals::Dense::<15>::new());
+    let mut own = kernel::Composed::new(B, 6).by(kernel);
+    let mut dense = || {
+        rival.predict(STEPS);
+    };
+    let works: [Work<'_>; 2] = [("composed", &mut || own.predict(STEPS)), ("dense", &mut dense)];
+    compare(&format!("{name}/covariance/predict/n={N}"), STEPS, works);
+    let mut dense = || {
+        rival.update::<6>(UPDATES);
+    };
+    let works: [Work<'_>; 2] = [("composed", &mut || own.update(UPDATES)), ("dense", &mut dense)];
+    compare(&format!("{name}/covariance/update/m=6/n={N}"), UPDATES, works);
+    let mut own = kernel::Composed::new(B, 3).by(kernel);
+    let mut dense = || {
+        rival.update::<3>(UPDATES);
+    };
+    let works: [Work<'_>; 2] = [("composed", &mut || own.update(UPDATES)), ("dense", &mut dense)];
+    compare(&format!("{name}/covariance/update/m=3/n={N}"), UPDATES, works);
+}
+
 fn benches(c: &mut Criterion) {
     println!("kernel: {}", Kernel::default().name());
     agree();
@@ -207,6 +250,9 @@ fn benches(c: &mut Criterion) {
             compare(&what, UPDATES, [("composed", &mut || own.updates(UPDATES)), ("dense", rival)]);
         }
     }
+    // The portable kernel is for equal figures, not for speed.
+    let others = Kernel::here().filter(|k| *k != Kernel::default() && *k != Kernel::PORTABLE);
+    others.for_each(|kernel| by_kernel(kernel, &dense, &samples));
 }
 
 criterion_group! {

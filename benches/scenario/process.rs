@@ -168,7 +168,8 @@ pub fn figures() {
     ];
     println!("process/{EPOCHS} epochs: {:.1} MB of text", bytes as f64 * 1e-6);
     for (case, arguments) in cases {
-        let runs: Vec<_> = (0..RUNS).map(|_| time(&folder.0, arguments)).collect();
+        let times = if super::once::is_test() { 1 } else { RUNS };
+        let runs: Vec<_> = (0..times).map(|_| time(&folder.0, arguments)).collect();
         let wall = runs.iter().map(|(_, wall)| *wall).fold(f64::INFINITY, f64::min);
         let user = runs.iter().filter_map(|(user, _)| *user).reduce(f64::min);
         let user = user.map_or_else(|| "–".to_owned(), |s| format!("{s:.2}"));

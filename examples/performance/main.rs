@@ -39,6 +39,8 @@ fn main() -> Result<(), Failure> {
 /// What is measured on, and how it was built.
 fn facts(root: &Path) -> Result<String, Failure> {
     let mut text = String::new();
+    let today = Command::new("date").args(["-u", "+%F"]).output()?;
+    writeln!(text, "measured: {}", String::from_utf8(today.stdout)?.trim())?;
     let cores = std::thread::available_parallelism()?;
     let (system, architecture) = (env::consts::OS, env::consts::ARCH);
     writeln!(text, "processor: {}, {cores} cores, {system} {architecture}", processor())?;

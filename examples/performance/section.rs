@@ -13,11 +13,11 @@ pub const BEGIN: &str = "<!-- figures: made by `cargo run --release --example pe
 pub const END: &str = "<!-- /figures -->";
 
 /// The facts that a section names, in their order.
-pub const FACTS: [&str; 4] = ["processor", "kernel", "compiler", "profile"];
+pub const FACTS: [&str; 5] = ["measured", "processor", "kernel", "compiler", "profile"];
 
 /// What is said of a group of figures; those of other groups come last, under their own name. A figure belongs to
 /// the longest that its name begins with.
-const GROUPS: [(&str, &str); 7] = [
+const GROUPS: [(&str, &str); 8] = [
     (
         "filter",
         "One step of the assembled filter, beside the same of 15 states written by hand on dense matrices; an epoch is a row of the inertial unit fed to the design, with a fix in 200",
@@ -26,6 +26,10 @@ const GROUPS: [(&str, &str); 7] = [
     (
         "kernel",
         "The covariance alone: P ← ΦPΦᵀ + Q, and updates by 3 and 6 rows, beside dense matrices of 15 states, and products of 3×3 blocks and of faer of as many states",
+    ),
+    (
+        "avx2",
+        "The same on a processor with AVX2 and without AVX-512: the filter, and the covariance alone, beside the same dense matrices of 15 states",
     ),
     (
         "backend",
