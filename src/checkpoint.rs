@@ -14,6 +14,9 @@
 //! forgeries.
 
 use crate::config::{Document, Node, Value};
+use std::fs::{self, File};
+use std::io::{self, Read};
+use std::path::Path;
 use thiserror::Error;
 
 /// What a checkpoint is of.
@@ -115,6 +118,20 @@ pub(crate) fn sealed(of: Of, design: u64, memory: &[u8]) -> Vec<u8> {
     bytes.extend(checksum(memory).to_le_bytes());
     bytes.extend(memory);
     bytes
+}
+
+/// The bytes of a file that may be a checkpoint: of another file no more than its beginning.
+pub(crate) fn read(path: &Path) -> io::Result<Vec<u8>> {
+    // To open a pipe that nobody writes to would wait for ever.
+    if !fs::metadata(path)?.is_file() {
+        return Err(io::Error::other("it is no file"));
+    }
+    let (mut file, mut bytes) = (File::open(path)?, Vec::new());
+    file.by_ref().take(HEADER as u64).read_to_end(&mut bytes)?;
+    if [Of::Navigator, Of::Run].iter().any(|of| bytes.starts_with(&of.magic())) {
+        file.read_to_end(&mut bytes)?;
+    }
+    Ok(bytes)
 }
 
 /// The memory in a checkpoint.

@@ -21,7 +21,7 @@ mod stop;
 mod stress;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use fusion::config::{Diagnostic, Diagnostics, Document, Files, Severity};
+use fusion::config::{Diagnostic, Diagnostics, Document, Files, Severity, Unread, read_piped_text};
 use fusion::design::{Design, FilterSpec};
 use fusion::examine::{Missing, examine, surprises, variants};
 use fusion::output::Unwritable;
@@ -378,15 +378,10 @@ fn as_warnings(mistakes: &Diagnostics) -> Diagnostics {
 
 fn read_text(path: &Path) -> Result<String, Diagnostics> {
     let unreadable = |why: &str, help: &str| Diagnostic::error(format!("`{}` cannot be read: {why}", path.display())).help(help);
-    let error = match std::fs::read(path) {
-        Ok(bytes) => match String::from_utf8(bytes) {
-            Ok(text) => return Ok(text),
-            Err(e) => {
-                let line = e.as_bytes()[..e.utf8_error().valid_up_to()].iter().filter(|b| **b == b'\n').count() + 1;
-                unreadable(&format!("line {line} is not UTF-8 text"), "a design is a TOML file, saved as UTF-8")
-            }
-        },
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+    let error = match read_piped_text(path) {
+        Ok(text) => return Ok(text),
+        Err(Unread::Because(why, help)) => unreadable(&why, help),
+        Err(Unread::Missing) => {
             let mut other = path.to_path_buf();
             other.set_extension("toml");
             if other != path && other.exists() {
@@ -398,8 +393,6 @@ fn read_text(path: &Path) -> Result<String, Diagnostics> {
                 )
             }
         }
-        Err(_) if path.is_dir() => unreadable("it is a directory", "name the TOML file in it"),
-        Err(e) => unreadable(&e.to_string(), "check that you may read it"),
     };
     Err(error.into())
 }

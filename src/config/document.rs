@@ -191,6 +191,15 @@ impl Node {
         }
     }
 
+    /// How many values it has, its own included.
+    pub(super) fn count(&self) -> usize {
+        match &self.value {
+            Value::Array(values) => 1 + values.iter().map(Self::count).sum::<usize>(),
+            Value::Table { entries, .. } => 1 + entries.iter().map(|entry| entry.node.count()).sum::<usize>(),
+            _ => 1,
+        }
+    }
+
     /// The keys of a table.
     pub(super) fn keys(&self) -> Vec<&str> {
         self.entries().iter().map(|entry| entry.key.as_str()).collect()

@@ -14,9 +14,16 @@ use std::sync::Arc;
 use super::diagnostic::{Diagnostic, Diagnostics};
 use super::document::{Document, Entry, Node, Value};
 use super::edit::is_retyped;
+use super::text::{Unread, read_text};
 
 /// The key under which a file, a variant or a stage lists its parts.
 pub(crate) const INCLUDE: &str = "include";
+
+/// Values of a design with all that it includes. Filters in filters that include the same parts double them at each
+/// level; the largest design of this project has a few thousand.
+const MOST_VALUES: usize = 1 << 18;
+
+const MISSING: &str = "there is no such file";
 
 /// Where included files are.
 #[derive(Clone, Copy, Debug)]
@@ -30,17 +37,14 @@ pub enum Files {
 impl Files {
     fn read(self, path: &Path) -> Result<String, String> {
         match self {
-            Self::Disk => std::fs::read_to_string(path).map_err(|e| match e.kind() {
-                std::io::ErrorKind::NotFound => "there is no such file".to_owned(),
-                std::io::ErrorKind::InvalidData => "it is not UTF-8 text".to_owned(),
-                _ => e.to_string(),
+            Self::Disk => read_text(path).map_err(|unread| match unread {
+                Unread::Missing => MISSING.to_owned(),
+                Unread::Because(why, _) => why,
             }),
             Self::Embedded(files) => {
                 let path = self.identity(path);
                 let found = files.iter().find(|(name, _)| Path::new(name) == path);
-                found
-                    .map(|(_, text)| (*text).to_owned())
-                    .ok_or_else(|| "there is no such file".to_owned())
+                found.map(|(_, text)| (*text).to_owned()).ok_or_else(|| MISSING.to_owned())
             }
         }
     }
@@ -114,6 +118,8 @@ impl Document {
             files,
             chain: vec![(files.identity(file), file.display().to_string())],
             done: HashMap::new(),
+            values: 0,
+            is_full: false,
             found: Vec::new(),
         };
         composer.compose(Arc::make_mut(&mut self.root), folder(file));
@@ -127,6 +133,9 @@ struct Composer {
     chain: Vec<(PathBuf, String)>,
     /// The parts read so far.
     done: HashMap<PathBuf, Node>,
+    /// How many values all parts have that were included so far.
+    values: usize,
+    is_full: bool,
     found: Vec<Diagnostic>,
 }
 
@@ -171,6 +180,16 @@ impl Composer {
             let Some(mut part) = self.part(at, &folder.join(path)) else {
                 continue;
             };
+            self.values = self.values.saturating_add(part.count());
+            if self.values > MOST_VALUES {
+                // Told once: what is included from here on is passed over.
+                if !core::mem::replace(&mut self.is_full, true) {
+                    let full = Diagnostic::error(format!("the included files have more than {MOST_VALUES} values together"));
+                    self.found
+                        .push(full.at(&at.place).help("include a part once, at the outermost place that needs it"));
+                }
+                return;
+            }
             if let Some(earlier) = under.take() {
                 underlay(&mut part, earlier);
             }
@@ -184,6 +203,15 @@ impl Composer {
     /// The part at `path`, which is named at a node.
     fn part(&mut self, at: &Node, path: &Path) -> Option<Node> {
         let name = path.display().to_string();
+        if self.is_full {
+            return None;
+        }
+        // Lines of other files are not quoted in messages.
+        if path.extension().is_none_or(|e| e != "toml") {
+            let other = Diagnostic::error(format!("`{name}` cannot be included: its name does not end in `.toml`"));
+            self.found.push(other.at(&at.place).help("a part is a TOML file"));
+            return None;
+        }
         let identity = self.files.identity(path);
         if let Some(start) = self.chain.iter().position(|(known, _)| *known == identity) {
             let names = self.chain[start..].iter().map(|(_, name)| format!("`{name}`"));
@@ -203,7 +231,10 @@ impl Composer {
                 let beside: Vec<&str> = beside.iter().map(String::as_str).collect();
                 let wanted = path.file_name().unwrap_or_default().to_string_lossy();
                 let help = format!("the path starts at `{}`{}", folder_name(&self.chain), library(path));
-                self.found.push(unreadable.meant(&wanted, &beside).help(help));
+                self.found.push(match why == MISSING {
+                    true => unreadable.meant(&wanted, &beside).help(help),
+                    false => unreadable,
+                });
                 return None;
             }
         };

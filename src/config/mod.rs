@@ -23,8 +23,11 @@ mod located;
 mod mistakes;
 mod read;
 mod reader;
+mod text;
 
 pub use diagnostic::{Diagnostic, Diagnostics, Place, Severity, Source, did_you_mean};
 pub use document::{Changes, Document, Entry, Node, Value};
 pub use include::Files;
 pub(crate) use include::INCLUDE;
+pub(crate) use text::is_utf_16;
+pub use text::{Unread, read_piped_text, read_text};

@@ -35,7 +35,8 @@ pub struct HealthSpec {
     /// How far a parameter may move within a minute in which no sensor contradicts the estimate, in units of the 1σ
     /// that it had; 8 by default.
     pub jumped: Option<Positive<dim::Ratio>>,
-    /// The least 1σ that the motion can be known with.
+    /// The least 1σ that the motion can be known with; an axis with a smaller one from the start on is declared to be
+    /// known.
     pub floor: FloorSpec,
     /// How long a reason is told after it has ceased to hold; 5 s by default.
     pub hold: Option<NonNegative<dim::Duration>>,
@@ -50,6 +51,9 @@ pub struct InnovationsSpec {
     pub degraded: Option<Positive<dim::Ratio>>,
     /// Beyond it the filter is lost; 10 by default.
     pub lost: Option<Positive<dim::Ratio>>,
+    /// Their mean is tested, axis by axis: how long a filter without error runs on average until one of its sensors is
+    /// called biased; 100 h by default.
+    pub false_alarm: Option<Positive<dim::Duration>>,
     /// The time that they are averaged over, ten measurements at least; 10 s by default.
     pub window: Option<Positive<dim::Duration>>,
 }
@@ -97,6 +101,7 @@ impl HealthSpec {
             coasting: self.coasting.map_or(d.coasting, |v| v.si()),
             innovations: self.innovations.degraded.map_or(d.innovations, |v| v.si()),
             innovations_lost: self.innovations.lost.map_or(d.innovations_lost, |v| v.si()),
+            false_alarm: self.innovations.false_alarm.map_or(d.false_alarm, |v| v.si()),
             window: self.innovations.window.map_or(d.window, |v| v.si()),
             rejected: self.rejected.degraded.map_or(d.rejected, |v| v.si()),
             rejected_lost: self.rejected.lost.map_or(d.rejected_lost, |v| v.si()),

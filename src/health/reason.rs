@@ -11,7 +11,7 @@ use serde::{Serialize, Serializer};
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct NamedReason {
     /// What it is: `no_input`, `stopped`, `refused`, `unsound`, `floor`, `calibration`,
-    /// `pulled`, `jumped`, `innovations`, `rejected`, `reacquired`, `silent`, `ahead`, `unaided`, `undecided`.
+    /// `pulled`, `jumped`, `innovations`, `biased`, `rejected`, `reacquired`, `silent`, `ahead`, `unaided`, `undecided`.
     pub reason: &'static str,
     /// The sensor, stream or block; empty where it is the filter as a whole.
     pub of: String,
@@ -21,7 +21,7 @@ pub struct NamedReason {
 }
 
 /// Every word that a reason can have.
-const WORDS: [&str; 21] = [
+const WORDS: [&str; 22] = [
     "",
     "no_input",
     "stopped",
@@ -32,6 +32,7 @@ const WORDS: [&str; 21] = [
     "pulled",
     "jumped",
     "innovations",
+    "biased",
     "rejected",
     "reacquired",
     "silent",
@@ -67,6 +68,7 @@ impl NamedReason {
             ("jumped", _) => "moved by far more than its 1σ",
             ("innovations", State::Lost) => "innovations beyond all σ",
             ("innovations", _) => "innovations too large",
+            ("biased", _) => "innovations have a mean that chance does not explain",
             ("rejected", State::Lost) => "rejected for long, and so is another, or none measures the same motion",
             ("rejected", _) => "rejected",
             ("reacquired", _) => "re-acquired",
@@ -126,6 +128,7 @@ impl Names {
             Reason::Pulled { block } => ("pulled", Some(&self.blocks), block),
             Reason::Jumped { block } => ("jumped", Some(&self.blocks), block),
             Reason::Innovations { sensor, .. } => ("innovations", Some(&self.sensors), sensor),
+            Reason::Biased { sensor } => ("biased", Some(&self.sensors), sensor),
             Reason::Rejected { sensor, .. } => ("rejected", Some(&self.sensors), sensor),
             Reason::Reacquired { sensor } => ("reacquired", Some(&self.sensors), sensor),
             Reason::Unaided => ("unaided", None, 0),

@@ -10,7 +10,7 @@
 
 use super::aboard::Again;
 use super::{Options, RunData, Smoothing, stopped};
-use crate::checkpoint::{CheckpointError, Of, fingerprint_of_run, opened, sealed};
+use crate::checkpoint::{self, CheckpointError, Of, fingerprint_of_run, opened, sealed};
 use crate::config::{Diagnostic, Diagnostics};
 use crate::design::Design;
 use crate::observe::{Hub, Timing};
@@ -122,7 +122,7 @@ impl<'o> Saving<'o> {
 
     /// What is remembered in the file `from`.
     fn read(&self, from: &Path) -> Result<Vec<u8>, Diagnostics> {
-        let bytes = fs::read(from).map_err(|error| failed(from, error))?;
+        let bytes = checkpoint::read(from).map_err(|error| failed(from, error))?;
         let memory = opened(Of::Run, self.fingerprint, &bytes).map_err(|error| match error {
             CheckpointError::Design => {
                 let help = "go on with the same design, variants, assignments, seed and outputs as it was begun with";

@@ -1,7 +1,7 @@
 //! A file of data: found, opened, unpacked, with messages that say where it was looked for.
 
 use super::OpenContext;
-use crate::config::did_you_mean;
+use crate::config::{did_you_mean, is_utf_16};
 use crate::rows::{DataError, SourceError};
 use flate2::bufread::MultiGzDecoder;
 use fusion_models::block::BuildError;
@@ -53,6 +53,11 @@ impl DataFile {
         // A pipe may deliver byte by byte.
         let mut start = Vec::with_capacity(BOM.len());
         file.by_ref().take(BOM.len() as u64).read_to_end(&mut start).map_err(unreadable)?;
+        if is_utf_16(&start) {
+            let error = DataError::new(self.name(), "this file is UTF-16 text");
+            let utf_8 = format!("save it as UTF-8: iconv -f UTF-16 -t UTF-8 {} > NEW", self.declared.display());
+            return Err(error.help(utf_8).into());
+        }
         let is_packed = start.starts_with(&GZIP);
         // A pipe has no length.
         let left = metadata.len().saturating_sub(start.len() as u64);

@@ -14,6 +14,7 @@ use super::{OpenContext, SourceSpec};
 use crate::rows::{DataError, ProvidedChannel, RowStream, SourceError};
 use fusion_models::block::BuildError;
 use fusion_models::units::{Positive, dim};
+use std::io::Read;
 use std::path::PathBuf;
 
 fusion_models::register!(
@@ -107,8 +108,11 @@ impl MatSpec {
 fn variables(file: &DataFile, context: &OpenContext) -> Result<Vec<Variable>, SourceError> {
     let mut bytes = Vec::new();
     let wrong = |what: String| DataError::new(file.name(), what);
-    let read = std::io::Read::read_to_end(&mut file.bytes(context)?, &mut bytes);
+    let read = file.bytes(context)?.take(format::MOST + 1).read_to_end(&mut bytes);
     read.map_err(|error| wrong(format!("this file cannot be read: {error}")))?;
+    if bytes.len() as u64 > format::MOST {
+        return Err(wrong(format::too_large()).into());
+    }
     Ok(format::variables(&bytes).map_err(wrong)?)
 }
 

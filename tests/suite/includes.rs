@@ -65,6 +65,40 @@ fn parts_that_are_not_there_or_not_named_are_mistakes() {
 }
 
 #[test]
+fn what_is_no_design_is_not_read() {
+    let w = composed("limits", SENSOR);
+    let said = |part: &str| {
+        w.write("design.toml", format!("include = [\"{part}\"]\n{DESIGN}"));
+        stderr(&w.fusion(&["check", "design.toml"]).code(2))
+    };
+    w.write("secret.txt", "root:x:0:0");
+    let other = said("secret.txt");
+    assert!(other.contains("does not end in `.toml`") && !other.contains("root:x"), "{other}");
+    w.write("large.toml", "#".repeat((16 << 20) + 1));
+    assert!(said("large.toml").contains("it is larger than 16 MiB"));
+    // Each level includes the next one twice: 2^15 copies of the last.
+    for level in 0..15 {
+        let stage = |name: &str| format!("[stage.{name}]\ntype = \"filter\"\ninclude = [\"level{}.toml\"]\n", level + 1);
+        w.write(&format!("level{level}.toml"), stage("a") + &stage("b"));
+    }
+    w.write(
+        "level15.toml",
+        "process = { type = \"attitude_only\", source = \"imu\", gyro_noise = 1e-4 }\n",
+    );
+    assert!(said("level0.toml").contains("more than 262144 values together"));
+    if cfg!(unix) {
+        // Neither waits for a writer that never comes.
+        let made = std::process::Command::new("mkfifo").arg(w.path("pipe.toml")).status();
+        assert!(made.unwrap().success());
+        assert!(said("pipe.toml").contains("it is a pipe or a device"));
+        w.write("design.toml", DESIGN);
+        let pipe = w.path("pipe.toml");
+        let resumed = w.fusion(&["run", "design.toml", "--resume", &pipe.to_string_lossy()]).code(2);
+        assert!(stderr(&resumed).contains("it is no file"), "{}", stderr(&resumed));
+    }
+}
+
+#[test]
 fn what_a_file_says_wins_and_then_the_later_part() {
     let w = composed("order", "");
     w.write("parts/early.toml", SENSOR.replace("\"2 m\"", "\"7 m\"").replace("0.999", "0.9"));

@@ -20,6 +20,8 @@ pub(super) struct Blocks {
     /// State and variance at the start; a variance no smaller than the one declared.
     initial: Vec<f64>,
     variance: Vec<f64>,
+    /// By axis: whether its 1σ was above the floor since the start. One that never was is declared to be known.
+    was_above: Vec<bool>,
     /// By block.
     held: Vec<Held>,
     difference: Vec<f64>,
@@ -36,6 +38,7 @@ pub(super) struct Blocks {
 impl Memory for Blocks {
     fn remember(&mut self, tape: &mut Tape<'_>) {
         self.start.remember(tape);
+        self.was_above.as_mut_slice().remember(tape);
         self.held.as_mut_slice().remember(tape);
         self.past.remember(tape);
         self.jumped.as_mut_slice().remember(tape);
@@ -53,6 +56,7 @@ impl Blocks {
             start: Time::MIN,
             initial: layout.initial().to_vec(),
             variance: vec![0.0; layout.dim()],
+            was_above: vec![false; layout.dim()],
             held: vec![Held::default(); layout.blocks().len()],
             difference: vec![0.0; layout.dim()],
             past: Past::new(Arc::clone(&layout)),
@@ -75,6 +79,7 @@ impl Blocks {
                 *out = declared.max(written);
             }
         }
+        self.was_above.fill(false);
         self.held.fill(Held::default());
         self.jumped.fill(Held::default());
         self.forget(belief);
@@ -99,6 +104,7 @@ impl Blocks {
             layout,
             initial,
             variance,
+            was_above,
             held,
             difference,
             ..
@@ -107,7 +113,11 @@ impl Blocks {
             let holds = match b.role {
                 StateRole::Kinematic => {
                     let floor = floor(b, limits).powi(2);
-                    belief.covariance.variances(b).any(|v| v < floor)
+                    let both = belief.covariance.variances(b).zip(&mut was_above[b.tangent_range()]);
+                    both.fold(false, |is_below, (v, was_above)| {
+                        *was_above |= v >= floor;
+                        is_below || (v < floor && *was_above)
+                    })
                 }
                 StateRole::Calibration => {
                     let difference = &mut difference[b.tangent_range()];

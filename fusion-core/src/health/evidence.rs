@@ -1,6 +1,7 @@
 //! What one sensor says for or against the belief.
 
 use super::aid::{Aid, Axes};
+use super::means::Means;
 use super::pulse::{Held, Pulse};
 use super::{Limits, Reason, Watched};
 use crate::consistency::chi_square_quantile;
@@ -75,6 +76,8 @@ pub(super) struct Others<'a> {
     pub(super) rejected: usize,
     /// and how many have been for so long that the filter may be lost.
     pub(super) rejected_long: usize,
+    /// Whether the innovations of one of all sensors have a mean.
+    pub(super) biased: bool,
 }
 
 impl Streak {
@@ -95,6 +98,7 @@ pub(super) struct Evidence {
     pulse: Pulse,
     degraded: Mean,
     lost: Mean,
+    means: Means,
     streak: Option<Streak>,
     /// When it was re-acquired, and how many have been used since.
     reacquired: Option<(Time, u32)>,
@@ -103,13 +107,13 @@ pub(super) struct Evidence {
     looked: Option<Time>,
     /// Whether others measured what it does when it was silent.
     replaced: bool,
-    held: [Held; 6],
+    held: [Held; 7],
 }
-crate::memory!(Evidence { pulse, degraded, lost, streak, reacquired, axes, looked, replaced, held; is_outside, rows, expected });
+crate::memory!(Evidence { pulse, degraded, lost, means, streak, reacquired, axes, looked, replaced, held; is_outside, rows, expected });
 
 impl Evidence {
-    /// Of a sensor.
-    pub(super) fn new(sensor: Watched, limits: &Limits) -> Self {
+    /// Of a sensor; all sensors together have so many rows.
+    pub(super) fn new(sensor: Watched, limits: &Limits, rows: usize) -> Self {
         Self {
             is_outside: sensor.is_outside,
             rows: sensor.rows.max(1) as f64,
@@ -117,12 +121,14 @@ impl Evidence {
             pulse: Pulse::default(),
             degraded: Mean::new(limits.innovations),
             lost: Mean::new(limits.innovations_lost),
+            // A sum for each sign of each row.
+            means: Means::new(sensor.rows, limits.false_alarm * 2.0 * rows as f64),
             streak: None,
             reacquired: None,
             axes: Axes::ALL,
             looked: None,
             replaced: false,
-            held: [Held::default(); 6],
+            held: [Held::default(); 7],
         }
     }
 
@@ -130,8 +136,9 @@ impl Evidence {
     pub(super) fn restart(&mut self, time: Time) {
         self.pulse.restart(time);
         (self.degraded.value, self.lost.value) = (1.0, 1.0);
+        self.means.restart();
         (self.streak, self.reacquired, self.looked) = (None, None, None);
-        self.held = [Held::default(); 6];
+        self.held = [Held::default(); 7];
     }
 
     /// Whether it is from outside and being rejected for so long \[s\], or twice in a row.
@@ -145,6 +152,11 @@ impl Evidence {
     /// The axes that it measures.
     pub(super) const fn axes(&self) -> Axes {
         self.axes
+    }
+
+    /// Whether its innovations have a mean that chance does not explain.
+    pub(super) fn is_biased(&self, now: Time, limits: &Limits) -> bool {
+        self.means.is_beyond(1.0) && self.pulse.is_fresh(now, limits.window, PAUSE)
     }
 
     /// Its mean period \[s\]; 0 until two have come.
@@ -168,12 +180,14 @@ impl Evidence {
                 let window = if period > 0.0 { WINDOW.max(limits.window / period) } else { WINDOW };
                 self.degraded.add(update.nis / self.rows, window);
                 self.lost.add(update.nis / self.rows, window);
+                self.means.add(update, period);
                 if let Some((_, used)) = &mut self.reacquired {
                     *used = used.saturating_add(1);
                 }
             }
             Verdict::Reacquired => {
                 self.streak = None;
+                self.means.forget();
                 self.reacquired = Some((time, 0));
             }
             Verdict::Rejected if update.nis > self.expected => self.rejected(time),
@@ -218,6 +232,8 @@ impl Evidence {
             self.replaced = others.aid.measures(self.axes, now, self.pulse.pause(limits));
         }
         let replaced = self.replaced;
+        // Where two contradict each other, the filter follows each of them in part.
+        let is_biased = is_fresh && self.means.is_beyond(if others.biased { 0.5 } else { 1.0 });
         let conditions = [
             (self.lost.is_beyond() && stands, Reason::Innovations { sensor, lost: true }),
             (is_lost, Reason::Rejected { sensor, lost: true }),
@@ -225,8 +241,9 @@ impl Evidence {
             (is_rejected && is_fresh, Reason::Rejected { sensor, lost: false }),
             (self.reacquired.is_some(), Reason::Reacquired { sensor }),
             (is_silent, Reason::Silent { sensor, replaced }),
+            (is_biased, Reason::Biased { sensor }),
         ];
-        let mut told = [false; 6];
+        let mut told = [false; 7];
         for (k, (held, (holds, _))) in self.held.iter_mut().zip(conditions).enumerate() {
             held.hear(now, holds);
             // The graver of two that are of one kind is told.

@@ -11,6 +11,9 @@ pub struct Limits {
     pub innovations: f64,
     /// And beyond which it is lost.
     pub innovations_lost: f64,
+    /// The mean time \[s\] after which the test for a mean of innovations tells one of a filter without error; infinite:
+    /// there is no such test.
+    pub false_alarm: f64,
     /// The time over which innovations are averaged \[s\]; ten measurements at least.
     pub window: f64,
     /// The time for which a sensor may be rejected \[s\]: three measurements at least.
@@ -56,6 +59,7 @@ impl Limits {
     /// |---|---|
     /// | 15° | sin of it is within 1 % of the angle: small enough to be linearised about |
     /// | 2.5 and 10 σ | recorded logs in good health stay below 2.3 σ over 10 s |
+    /// | 100 h between false alarms | once in some hundred missions of an hour, whatever the sensors are |
     /// | 2 s of rejections | three fixes at 1 Hz; wrong fixes in a row are rarer than single ones |
     /// | 30 s to *lost* | the time after which gates re-acquire |
     /// | 30 periods | a tunnel or a street canyon; what lasts longer is a loss |
@@ -69,6 +73,7 @@ impl Limits {
         coasting: 0.2,
         innovations: 2.5,
         innovations_lost: 10.0,
+        false_alarm: 100.0 * 3600.0,
         window: 10.0,
         rejected: 2.0,
         rejected_lost: 30.0,
@@ -93,6 +98,7 @@ impl Limits {
         Self {
             innovations: f64::INFINITY,
             innovations_lost: f64::INFINITY,
+            false_alarm: f64::INFINITY,
             jumped: f64::INFINITY,
             floor: Floor {
                 position: 0.0,

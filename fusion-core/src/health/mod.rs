@@ -16,6 +16,7 @@ mod aid;
 mod blocks;
 mod evidence;
 mod limits;
+mod means;
 mod monitor;
 mod pulse;
 #[cfg(test)]
@@ -118,6 +119,12 @@ pub enum Reason {
         /// So much larger that the estimate does not follow it at all.
         lost: bool,
     },
+    /// The innovations of a sensor that are used have a mean that chance does not explain: it and another one, or a
+    /// model, contradict each other.
+    Biased {
+        /// The sensor's number.
+        sensor: usize,
+    },
     /// A sensor is being rejected, and the estimate's own σ does not grow to where the residuals
     /// would be explained.
     Rejected {
@@ -173,6 +180,7 @@ impl Memory for Reason {
             Self::Unaided => (15, 0),
             Self::Undecided => (17, 0),
             Self::Jumped { block } => (18, block),
+            Self::Biased { sensor } => (19, sensor),
         };
         kind.remember(tape);
         of.remember(tape);
@@ -198,6 +206,7 @@ impl Memory for Reason {
             15 => Self::Unaided,
             17 => Self::Undecided,
             18 => Self::Jumped { block: of },
+            19 => Self::Biased { sensor: of },
             12 | 16 => Self::Silent {
                 sensor: of,
                 replaced: kind == 16,
@@ -210,7 +219,10 @@ impl Memory for Reason {
 impl Reason {
     /// Whether it is a sensor that contradicts the belief.
     pub(crate) const fn is_contradiction(&self) -> bool {
-        matches!(self, Self::Innovations { .. } | Self::Rejected { .. } | Self::Reacquired { .. })
+        matches!(
+            self,
+            Self::Innovations { .. } | Self::Biased { .. } | Self::Rejected { .. } | Self::Reacquired { .. }
+        )
     }
 
     /// The state that it stands for.

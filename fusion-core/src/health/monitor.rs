@@ -99,10 +99,12 @@ impl Monitor {
         sensors: impl IntoIterator<Item = Watched>,
         streams: impl IntoIterator<Item = StreamId>,
     ) -> Self {
-        let sensors: Vec<_> = sensors.into_iter().map(|s| Evidence::new(s, &limits)).collect();
+        let sensors: Vec<Watched> = sensors.into_iter().collect();
+        let rows = sensors.iter().map(|s| s.rows).sum();
+        let sensors: Vec<_> = sensors.into_iter().map(|s| Evidence::new(s, &limits, rows)).collect();
         let streams: Vec<_> = streams.into_iter().map(|s| (s, Pulse::default(), Held::default())).collect();
-        // Each reason once at most: six of a sensor, three of a block, seven of the filter.
-        let most = 6 * sensors.len() + streams.len() + 3 * layout.blocks().len() + 7;
+        // Each reason once at most: seven of a sensor, three of a block, seven of the filter.
+        let most = 7 * sensors.len() + streams.len() + 3 * layout.blocks().len() + 7;
         Self {
             limits,
             sensors,
@@ -263,6 +265,7 @@ impl Monitor {
                 aid: &self.aid,
                 rejected: rejected(0.0),
                 rejected_long: rejected(limits.rejected_lost),
+                biased: self.sensors.iter().any(|s| s.is_biased(now, limits)),
             };
             for (number, sensor) in self.sensors.iter_mut().enumerate() {
                 sensor.judge(number, now, others, limits, reasons);

@@ -14,9 +14,21 @@ pub(super) struct Dropped<R> {
     passed: usize,
     /// What comments begin with; empty where there are none.
     mark: Vec<u8>,
-    /// How many lines at the beginning are still to be dropped.
-    before: usize,
+    drops: Drops,
     line: Line,
+}
+
+/// Which lines are dropped besides comments: the first few, and the first few after the line that comes next.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Drops {
+    pub(super) before: usize,
+    pub(super) after: usize,
+}
+
+impl Drops {
+    pub(super) const fn first(before: usize) -> Self {
+        Self { before, after: 0 }
+    }
 }
 
 /// What is known of the line that is being read.
@@ -24,20 +36,22 @@ pub(super) struct Dropped<R> {
 enum Line {
     /// So many of its bytes are those of the mark.
     Begun(usize),
+    /// Nothing has come of it but what ends it.
+    Blank,
     Kept,
     Dropped,
 }
 
 impl<R> Dropped<R> {
-    /// Drops `before` lines, and those that begin with `mark`, if it is not empty.
-    pub(super) fn new(inner: R, mark: &str, before: usize) -> Self {
+    /// Drops these lines, and those that begin with `mark`, if it is not empty.
+    pub(super) fn new(inner: R, mark: &str, drops: Drops) -> Self {
         let mut dropped = Self {
             inner,
             chunk: vec![0; BUFFER],
             ready: Vec::with_capacity(BUFFER),
             passed: 0,
             mark: mark.as_bytes().to_vec(),
-            before,
+            drops,
             line: Line::Kept,
         };
         dropped.line = dropped.first();
@@ -46,8 +60,8 @@ impl<R> Dropped<R> {
 
     /// What is known of a line before its first byte.
     const fn first(&self) -> Line {
-        match (self.before, self.mark.is_empty()) {
-            (0, true) => Line::Kept,
+        match (self.drops.before, self.mark.is_empty()) {
+            (0, true) => Line::Blank,
             (0, false) => Line::Begun(0),
             _ => Line::Dropped,
         }
@@ -67,10 +81,17 @@ impl<R> Dropped<R> {
             self.keep(matched);
         }
         if byte == b'\n' {
-            self.before = self.before.saturating_sub(1);
+            match self.line {
+                // That was the line after which some are dropped too.
+                Line::Kept if self.drops.before == 0 => self.drops = Drops::first(self.drops.after),
+                _ => self.drops.before = self.drops.before.saturating_sub(1),
+            }
             self.line = self.first();
             self.ready.push(byte);
-        } else if matches!(self.line, Line::Kept) {
+        } else if !matches!(self.line, Line::Dropped) {
+            if byte != b'\r' {
+                self.line = Line::Kept;
+            }
             self.ready.push(byte);
         }
     }
@@ -78,7 +99,7 @@ impl<R> Dropped<R> {
     /// The line is kept, with what it has of the mark.
     fn keep(&mut self, matched: usize) {
         self.ready.extend_from_slice(&self.mark[..matched]);
-        self.line = Line::Kept;
+        self.line = if matched == 0 { Line::Blank } else { Line::Kept };
     }
 }
 
@@ -116,7 +137,11 @@ mod tests {
     use super::*;
 
     fn left(text: &str, mark: &str, before: usize) -> String {
-        let mut dropped = Dropped::new(text.as_bytes(), mark, before);
+        left_of(text, mark, Drops::first(before))
+    }
+
+    fn left_of(text: &str, mark: &str, drops: Drops) -> String {
+        let mut dropped = Dropped::new(text.as_bytes(), mark, drops);
         let (mut left, mut bytes) = (Vec::new(), [0; 3]);
         loop {
             let read = dropped.read(&mut bytes).unwrap();
@@ -134,5 +159,14 @@ mod tests {
         assert_eq!(left("a\nb\nc", "", 1), "\nb\nc");
         assert_eq!(left("a\nb", "", 5), "\n");
         assert_eq!(left("é1\né\n", "é1", 0), "\né\n");
+    }
+
+    #[test]
+    fn lines_below_that_of_the_names_are_dropped_whatever_they_hold() {
+        let drops = Drops { before: 1, after: 2 };
+        assert_eq!(
+            left_of("x\n\r\n# c\nt,v\ns,\"m\n\n1,2\n3,4\n", "#", drops),
+            "\n\r\n\nt,v\n\n\n1,2\n3,4\n"
+        );
     }
 }

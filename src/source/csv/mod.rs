@@ -11,7 +11,7 @@
 //! specific_force = { columns = ["ax", "ay", "az"], unit = "g", rotation = { axes = ["-x", "y", "-z"] } }
 //! ```
 //!
-//! Memory   one row; a quotation mark that is never closed makes the rest of the file that row
+//! Memory   one row of 16 MiB at most: a longer one, such as after a quotation mark that is never closed, is an error
 
 mod blanks;
 mod dropped;

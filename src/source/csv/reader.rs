@@ -1,8 +1,8 @@
 //! Lines of a text file as rows of cells.
 
 use super::blanks::Blanks;
-use super::dropped::Dropped;
-use super::lines::Lines;
+use super::dropped::{Dropped, Drops};
+use super::lines::{LONGEST, Lines};
 use crate::rows::{DataError, SourceError};
 use crate::source::OpenContext;
 use crate::source::decode::{Cell, Malformed, RawRows};
@@ -92,9 +92,15 @@ impl CsvRows {
             Some(&[byte]) => Some(byte),
             _ => None,
         };
-        let mark = dialect.comment.filter(|_| byte.is_none()).unwrap_or_default();
-        if before > 0 || !mark.is_empty() {
-            bytes = Box::new(Dropped::new(bytes, mark, before));
+        // Lines that are no rows are dropped as text: a quotation mark in them opens nothing.
+        let drops = match names {
+            Names::FirstLine => Drops { before, after },
+            Names::Comment if after > 0 => Drops::first(header + after),
+            Names::Given(_) | Names::Numbered | Names::Comment => Drops::first(before + after),
+        };
+        let mark = dialect.comment.unwrap_or_default();
+        if drops != Drops::default() || mark.len() > 1 {
+            bytes = Box::new(Dropped::new(bytes, mark, drops));
         }
         let mut builder = ReaderBuilder::new();
         builder.has_headers(false).flexible(true).buffer_capacity(BUFFER);
@@ -109,17 +115,9 @@ impl CsvRows {
         };
         match names {
             Names::Given(names) => rows.columns = names.to_vec(),
-            Names::FirstLine => {
-                rows.read_columns()?;
-                header = rows.line;
-            }
-            Names::Numbered | Names::Comment => {}
-        }
-        if after > 0 || matches!(names, Names::Numbered) {
-            rows.is_pending = rows.read()?;
-            while rows.is_pending && rows.line <= header + after {
-                rows.is_pending = rows.read()?;
-            }
+            Names::FirstLine => rows.read_columns()?,
+            Names::Comment => {}
+            Names::Numbered => rows.is_pending = rows.read()?,
         }
         if matches!(names, Names::Numbered) {
             if !rows.is_pending {
@@ -153,20 +151,35 @@ impl CsvRows {
         let read = self.reader.read_byte_record(&mut self.record);
         let end = self.reader.position().byte();
         self.line = self.reader.get_mut().line(end);
-        read.map_err(|error| broken(&self.file, self.line, &error))
+        let is_read = read.map_err(|error| broken(&self.file, self.line, &error))?;
+        // Many lines may be in it: to pass over it as one bad row would lose them in silence. That of an open mark has
+        // too few fields, or none but the end of the file ends it.
+        if is_read && !self.columns.is_empty() && (self.reader.get_ref().has_ended() || self.malformed().is_some()) {
+            let text = self.record.as_slice();
+            // Of an open mark the end of the file is the end of the row.
+            let within = memchr::memchr_iter(b'\n', text.strip_suffix(b"\n").unwrap_or(text)).count();
+            if within > 0 {
+                let message = format!("a quotation mark is open from line {} to here", self.line.saturating_sub(within));
+                let error = DataError::new(self.file.as_str(), message).line(self.line);
+                return Err(error.help("close it, or remove it"));
+            }
+        }
+        Ok(is_read)
     }
 }
 
 /// A file that cannot be read on.
 fn broken(file: &str, line: usize, error: &Error) -> DataError {
-    let message = match error.kind() {
-        ErrorKind::Io(io) if io.kind() == std::io::ErrorKind::UnexpectedEof => "the compressed file is cut off".to_owned(),
-        ErrorKind::Io(io) => format!("the file is damaged: {io}"),
-        _ => format!("the file cannot be read: {error}"),
+    let help = "rows before were sound; copy or download it again";
+    let (message, help) = match error.kind() {
+        ErrorKind::Io(io) if io.kind() == std::io::ErrorKind::FileTooLarge => {
+            (io.to_string(), "is a quotation mark open, or is it no text?")
+        }
+        ErrorKind::Io(io) if io.kind() == std::io::ErrorKind::UnexpectedEof => ("the compressed file is cut off".to_owned(), help),
+        ErrorKind::Io(io) => (format!("the file is damaged: {io}"), help),
+        _ => (format!("the file cannot be read: {error}"), help),
     };
-    DataError::new(file, message)
-        .line(line)
-        .help("rows before were sound; copy or download it again")
+    DataError::new(file, message).line(line).help(help)
 }
 
 /// The comments that a file begins with, up to its first row, and all of its bytes.
@@ -184,7 +197,12 @@ impl Comments {
         let (mut head, mut comment, mut named) = (Vec::new(), String::new(), 0);
         for number in 1.. {
             let start = head.len();
-            reader.read_until(b'\n', &mut head)?;
+            let left = LONGEST.saturating_sub(start as u64);
+            reader.by_ref().take(left).read_until(b'\n', &mut head)?;
+            if head.len() as u64 == LONGEST {
+                let message = format!("comments are longer than {} MiB", LONGEST >> 20);
+                return Err(std::io::Error::new(std::io::ErrorKind::FileTooLarge, message));
+            }
             let line = head.get(start..).unwrap_or_default();
             match line.trim_ascii() {
                 [] if !line.is_empty() => {}

@@ -588,3 +588,21 @@ fn no_bytes_make_it_panic() {
         let _ = read(&toml, rows.as_bytes());
     });
 }
+
+#[test]
+fn an_open_quotation_mark_is_told_with_the_lines_that_it_takes() {
+    let open = said(TV, "t,v\n1,1\n2,\"2\n3,3\n4,4\n");
+    assert!(open.contains("a quotation mark is open from line 3 to here"), "{open}");
+    assert!(open.contains("log.csv:5"), "{open}");
+    // A quotation mark in a line that is no row opens nothing, and a closed one holds what it likes.
+    let units = format!("{TV}skip = 1");
+    assert_eq!(values(&units, "t,v\ns,\"m\n1,1\n2,2\n"), [[1.0], [2.0]]);
+    assert_eq!(values(TV, "t,v,note\n1,1,\"a\nb\"\n2,2,c\n"), [[1.0], [2.0]]);
+}
+
+#[test]
+fn utf_16_is_told_from_damage() {
+    let utf_16: Vec<u8> = "\u{feff}t,v\n1,1\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let error = read(TV, &utf_16).unwrap_err();
+    assert!(error.contains("this file is UTF-16 text") && error.contains("iconv"), "{error}");
+}

@@ -40,6 +40,17 @@ pub(super) enum Content {
     Other(&'static str),
 }
 
+/// Bytes of a file, and of all its arrays unpacked.
+pub(super) const MOST: u64 = 1 << 30;
+
+/// What is said of more.
+pub(super) fn too_large() -> String {
+    format!(
+        "this file has more than {} GiB: split it, or save the arrays that are needed alone",
+        MOST >> 30
+    )
+}
+
 /// Levels of structures within structures.
 const DEPTH: usize = 32;
 
@@ -62,7 +73,7 @@ pub(super) fn variables(file: &[u8]) -> Result<Vec<Variable>, String> {
         bytes: file.get(HEADER..).unwrap_or_default(),
         is_big,
     };
-    let mut found = Vec::new();
+    let (mut found, mut left) = (Vec::new(), MOST);
     while !rest.bytes.is_empty() {
         let at = file.len() - rest.bytes.len();
         let placed = |what: String| format!("byte {at}: {what}");
@@ -70,8 +81,9 @@ pub(super) fn variables(file: &[u8]) -> Result<Vec<Variable>, String> {
         match kind {
             COMPRESSED => {
                 let mut unpacked = Vec::new();
-                let inflated = ZlibDecoder::new(data.bytes).read_to_end(&mut unpacked);
+                let inflated = ZlibDecoder::new(data.bytes).take(left + 1).read_to_end(&mut unpacked);
                 inflated.map_err(|error| placed(format!("a compressed array is damaged: {error}")))?;
+                left = left.checked_sub(unpacked.len() as u64).ok_or_else(|| placed(too_large()))?;
                 let mut inner = Bytes { bytes: &unpacked, is_big };
                 if let (MATRIX, data) = inner.element().map_err(placed)? {
                     data.matrix(None, 0, &mut found).map_err(placed)?;

@@ -5,13 +5,15 @@ use crate::rows::SourceError;
 use crate::source::OpenContext;
 use crate::source::file::DataFile;
 use ::csv::ReaderBuilder;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 /// What comments may begin with.
 const MARKS: [&str; 3] = ["//", "#", "%"];
 /// Lines that are looked at.
 const LINES: usize = 200;
+/// Bytes of a line that are looked at: the reader of rows tells of a longer one.
+const LONGEST: u64 = 1 << 20;
 /// More lines of names and units nobody writes.
 const MOST: usize = 4;
 
@@ -152,7 +154,7 @@ fn lines(mut reader: impl BufRead) -> Vec<(usize, String)> {
     let mut all = Vec::new();
     for number in 1..=LINES {
         let mut line = Vec::new();
-        match reader.read_until(b'\n', &mut line) {
+        match reader.by_ref().take(LONGEST).read_until(b'\n', &mut line) {
             Ok(0) | Err(_) => break,
             Ok(_) => {}
         }

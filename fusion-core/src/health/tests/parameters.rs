@@ -15,6 +15,23 @@ fn a_sigma_below_its_floor_degrades() {
 }
 
 #[test]
+fn a_sigma_that_is_zero_from_the_start_on_is_a_declaration() {
+    let mut bench = Bench::new();
+    let block = bench.layout.blocks()[VELOCITY].clone();
+    bench.belief.covariance.set_sigmas(&block, &[0.1, 0.1, 0.0]);
+    let (belief, rivals) = (bench.belief.clone(), Rivals::NONE);
+    bench.hear(&Event::Started { belief: &belief, rivals });
+    bench.estimate(1.0);
+    assert_eq!(bench.reasons(), []);
+    // Once it has grown it is known no more, and to be zero again is a collapse.
+    bench.belief.covariance.set_sigmas(&block, &[0.1, 0.1, 0.1]);
+    bench.estimate(2.0);
+    bench.belief.covariance.set_sigmas(&block, &[0.1, 0.1, 0.0]);
+    bench.estimate(3.0);
+    assert_eq!(bench.reasons(), [Reason::Floor { block: VELOCITY }]);
+}
+
+#[test]
 fn a_calibration_far_from_its_initial_value_degrades_unless_it_may_have_walked_there() {
     let mut bench = Bench::new();
     let bias = bench.layout.blocks()[BIAS].storage;
