@@ -97,7 +97,8 @@ pub(super) fn cases(
     let targets = targets(design, assembly);
     for kind in &catalogue.kinds {
         let before = singles.len();
-        for target in &targets {
+        // A stream that has ended has no row to disturb.
+        for target in targets.iter().filter(|t| survey.streams[t.stream].times.last() >= Some(&at)) {
             for channel in channels(kind, target) {
                 match single(design, assembly, survey, kind, target, channel, seed) {
                     Ok(found) => singles.extend(found),
@@ -303,17 +304,22 @@ fn digits(value: f64) -> f64 {
     format!("{value:.3e}").parse().unwrap_or(value)
 }
 
-/// The window of a fault on a stream from `at` on: rows are never at its ends.
+/// The window of a fault on a stream from `at` on: rows are never at its ends. Behind the end of a
+/// stream it is its last row.
 fn window(kind: &Kind, times: &[Time], at: Time) -> (Time, Option<Time>) {
+    // A microsecond: seconds since 1970 are told as finely.
     let between = |i: usize| match (i.checked_sub(1).and_then(|before| times.get(before)), times.get(i)) {
         (Some(a), Some(b)) => a.shifted(b.nanos().saturating_sub(a.nanos()) / 2),
-        (_, Some(b)) => b.shifted(-1),
-        (Some(a), None) => a.shifted(1),
+        (_, Some(b)) => b.shifted(-1_000),
+        (Some(a), None) => a.shifted(1_000),
         (None, None) => at,
     };
     let first = times.partition_point(|t| *t < at);
     match kind.extent {
-        Extent::Rows(rows) => (between(first), Some(between(first.saturating_add(rows).min(times.len())))),
+        Extent::Rows(rows) => {
+            let first = first.min(times.len().saturating_sub(1));
+            (between(first), Some(between(first.saturating_add(rows).min(times.len()))))
+        }
         Extent::Seconds(seconds) => (at, Some(at.shifted(nanos(seconds)))),
         Extent::ForGood => (at, None),
     }
@@ -398,7 +404,7 @@ mod tests {
     #[test]
     fn a_window_of_rows_holds_so_many_however_they_are_spaced() {
         let times: Vec<Time> = [0.0, 1.0, 2.5, 2.6, 7.0].map(Time::from_seconds).into();
-        for (rows, at, held) in [(1, 1.0, 1..2), (2, 1.2, 2..4), (9, 2.6, 3..5), (1, -3.0, 0..1)] {
+        for (rows, at, held) in [(1, 1.0, 1..2), (2, 1.2, 2..4), (9, 2.6, 3..5), (1, 9.0, 4..5), (1, -3.0, 0..1)] {
             let (from, to) = window(&kind(Extent::Rows(rows)), &times, Time::from_seconds(at));
             let found: Vec<usize> = (0..5).filter(|i| times[*i] >= from && Some(times[*i]) < to).collect();
             assert_eq!(found, held.collect::<Vec<_>>(), "{rows} from {at}");

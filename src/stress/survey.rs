@@ -20,8 +20,10 @@ const SPACING: i64 = 100_000_000;
 /// What is learnt of a stream.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Learnt {
-    /// The stamps of its rows.
+    /// The stamps of its rows: in order of arrival during the run, each once and in order of time after it.
     pub(super) times: Vec<Time>,
+    /// Rows whose numbers are all finite.
+    count: usize,
     /// Per number of a row: sum, sum of squares about the first, sum of squared changes.
     sums: Vec<[f64; 3]>,
     first: Vec<f64>,
@@ -32,16 +34,17 @@ pub(super) struct Learnt {
 
 impl Learnt {
     fn add(&mut self, time: Time, values: &[f64], layout: &StreamLayout) {
+        self.times.push(time);
         if !values.iter().all(|v| v.is_finite()) {
             return;
         }
-        if self.times.is_empty() {
+        if self.count == 0 {
             self.first = values.to_vec();
             self.last = values.to_vec();
             self.sums = vec![[0.0; 3]; values.len()];
             self.moved = vec![0.0; layout.channels.len()];
         }
-        self.times.push(time);
+        self.count += 1;
         for (k, sums) in self.sums.iter_mut().enumerate() {
             let (off, change) = (values[k] - self.first[k], values[k] - self.last[k]);
             *sums = [sums[0] + off, sums[1] + off * off, sums[2] + change * change];
@@ -61,13 +64,13 @@ impl Learnt {
 
     /// The greatest standard deviation of a channel's numbers.
     pub(super) fn spread(&self, layout: &StreamLayout, channel: usize) -> f64 {
-        let n = self.times.len().max(1) as f64;
+        let n = self.count.max(1) as f64;
         self.greatest(layout, channel, |[sum, squares, _]| squares / n - (sum / n).powi(2))
     }
 
     /// The root mean square change between two rows; metres of a place, an angle of an attitude.
     pub(super) fn change(&self, layout: &StreamLayout, channel: usize) -> f64 {
-        let n = (self.times.len().max(2) - 1) as f64;
+        let n = (self.count.max(2) - 1) as f64;
         match layout.channels[channel].shape {
             Shape::Geodetic | Shape::Angle => (self.moved.get(channel).copied().unwrap_or(0.0) / n).sqrt(),
             Shape::Vector => self.greatest(layout, channel, |[.., changes]| changes / n),
@@ -125,6 +128,10 @@ impl Survey {
 
     /// The run is over, with this result.
     pub(super) fn finish(&mut self, summary: &Summary) {
+        for learnt in &mut self.streams {
+            learnt.times.sort_unstable();
+            learnt.times.dedup();
+        }
         let told = summary.sensors.iter().filter(|s| s.innovations.count > 0);
         self.innovations = told.map(|s| (s.name.clone(), s.innovations.rms.clone())).collect();
         self.declared = summary.faults.iter().map(|w| (w.from, w.to)).collect();
@@ -147,6 +154,11 @@ impl Survey {
         last.copied().max().unwrap_or_default()
     }
 
+    /// The last moment at which the undisturbed run has an error; without a reference the end.
+    pub(super) fn judged_end(&self) -> Time {
+        self.errors.last().map_or(self.end(), |e| e.time)
+    }
+
     /// The moment of the faults: the declared one, or the first that [is free](Self::is_free) at which the vehicle has
     /// been moving for 5 s and goes on for 5 s, once the filter has converged; where none is free, the first of them,
     /// and where it never moves, half-way.
@@ -155,8 +167,8 @@ impl Survey {
             return Time::from_seconds(at);
         }
         let started = self.started.unwrap_or_default();
-        // A log that ends too soon gives the filter less time to converge.
-        let latest = self.end().shifted(-nanos(catalogue.span())).max(started);
+        // A log, or a reference, that ends too soon gives the filter less time to converge.
+        let latest = self.judged_end().shifted(-nanos(catalogue.span())).max(started);
         let settled = started.shifted(nanos(catalogue.settle)).min(latest);
         let earliest = settled.max(from.unwrap_or(Time::MIN));
         let speeds: Vec<(Time, f64)> = self.estimates.iter().filter_map(|e| Some((e.time, e.velocity?.norm()))).collect();
@@ -177,7 +189,7 @@ impl Survey {
                 found.get_or_insert(middle);
             }
         }
-        let end = self.end();
+        let end = self.judged_end();
         found.unwrap_or_else(|| Time::from_seconds(0.5 * (earliest.min(end).seconds() + end.seconds())))
     }
 
@@ -186,7 +198,7 @@ impl Survey {
     pub(super) fn is_free(&self, catalogue: &Catalogue, at: Time) -> bool {
         let (from, to) = (at.seconds(), at.seconds() + catalogue.span());
         let is_apart = |(begin, end): &(f64, f64)| *end <= from || to <= *begin;
-        to <= self.end().seconds() && self.declared.iter().all(is_apart)
+        to <= self.judged_end().seconds() && self.declared.iter().all(is_apart)
     }
 }
 

@@ -138,8 +138,12 @@ impl<'a> Watch<'a> {
 
     /// What became of the filter.
     pub(super) fn finish(mut self, to: Time, names: &Names) -> Outcome {
-        // Where the estimates end early, the rest of the watch is without any.
-        let last = self.samples.last().map_or(self.from, |s| s.time);
+        // Where the estimates end early, the rest of the watch is without any. Where the reference does, nothing is known.
+        let last = self
+            .samples
+            .last()
+            .map_or(self.from, |s| s.time)
+            .max(self.estimates[1].unwrap_or(self.from));
         if self.until.nanos().saturating_sub(last.nanos()) > self.pause {
             self.samples.push(Sample {
                 time: self.until,

@@ -239,6 +239,28 @@ fn without_a_reference_the_undisturbed_run_is_one() {
 }
 
 #[test]
+fn a_stream_that_has_ended_is_not_disturbed() {
+    let w = boat("stress-ended");
+    let ends = "simulation.sensor.speed.fault.end={ type = 'outage', window = { from = '40 s' } }";
+    let ran = w.fusion(&[
+        "stress",
+        "boat.toml",
+        "--set",
+        ends,
+        "--set",
+        "stress.at=44 s",
+        "--pairs",
+        "10",
+        "--out",
+        "out",
+    ]);
+    let code = ran.get_output().status.code();
+    assert!(matches!(code, Some(0 | 3)), "{code:?}: {}", stderr(&ran));
+    let all = rows(&w, "out/stress.csv");
+    assert!(all.iter().all(|r| !r["on"].contains("speed")) && all.iter().any(|r| r["on"] == "fix"));
+}
+
+#[test]
 fn mistakes_of_the_catalogue_are_told_by_every_command() {
     let w = boat("stress-mistakes");
     let said = |table: &str, command: &str| {
