@@ -303,12 +303,7 @@ impl Duel {
     /// equal.
     #[must_use]
     pub fn interval(&self) -> Option<(f64, f64)> {
-        const Z: f64 = 1.959_964;
-        let n = (self.better + self.worse) as f64;
-        let (p, z2) = (self.better as f64 / n, Z * Z);
-        let half = Z * (p * (1.0 - p) / n + z2 / (4.0 * n * n)).sqrt();
-        let at = |sign: f64| ((p + z2 / (2.0 * n) + sign * half) / (1.0 + z2 / n)).clamp(0.0, 1.0);
-        (n > 0.0).then(|| (at(-1.0), at(1.0)))
+        crate::stress::draw::wilson(self.better, self.better + self.worse)
     }
 }
 

@@ -159,12 +159,19 @@ Examples:
     /// fails, and the exit code is 3, if the estimate is wrong beyond 3σ, or there is none, for longer
     /// than its recovery time while the health of the filter is good.
     ///
+    /// `--draw N` draws N cases instead: from one to three faults at once, of any kind, size and moment, that end early
+    /// enough to recover. It counts the cases that recovered, and those in which the health was wrong. The exit code is 3
+    /// if fewer recovered, or more were falsely good, than [stress.draw] allows. A case is a function of the seed and of
+    /// its number: `--case 17` runs one alone.
+    ///
     /// The table [stress] of a design changes the catalogue: `[stress] at = "600 s"`,
     /// `[stress.fault.spike] size.value = 50`, `[stress.fault.ramp] enabled = false`.
     #[command(after_long_help = "\
 Examples:
   fusion stress configs/ins-gps-outlier.toml
   fusion stress drive.toml --data ~/logs/drive-3 --only gap-5,spike --pairs 0
+  fusion stress drive.toml --draw 200 --seed 3
+  fusion stress drive.toml --draw 200 --seed 3 --case 17
   fusion stress drive.toml --out results    writes stress.csv with what --set repeats each case by")]
     Stress(stress::StressArgs),
     /// Find the noises of an inertial unit from a log at rest: Allan deviation, N, B and K per axis.
@@ -281,6 +288,15 @@ impl DesignArgs {
                 Err(d)
             }
         }
+    }
+
+    /// Its options after the file, as a user types them.
+    fn words(&self) -> Vec<String> {
+        let mut words: Vec<String> = self.variant.iter().map(|name| format!("--variant {name}")).collect();
+        words.extend(self.backend.iter().map(|name| format!("--backend {name}")));
+        words.extend(self.set.iter().map(|set| format!("--set '{}'", set.replace('\'', r"'\''"))));
+        words.extend(self.data.iter().map(|data| format!("--data {}", data.display())));
+        words
     }
 
     /// The file with the parts it includes.

@@ -7,6 +7,7 @@ use clap::Args;
 use fusion::config::{Diagnostics, Document};
 use fusion::output::FileSet;
 use fusion::run::Options;
+use fusion::stress::draw::draw;
 use fusion::stress::{Catalogue, stress as stress_design};
 use std::path::{Path, PathBuf};
 
@@ -17,19 +18,25 @@ pub(super) struct StressArgs {
     /// Replaces the built-in catalogue; the design's table [stress] is laid over either.
     #[arg(long, value_name = "FILE")]
     catalogue: Option<PathBuf>,
-    /// Applies the faults of this name only; may be given several times, or as `A,B`.
+    /// Applies the faults of this name only, draws those of this kind only; may be given several times, or as `A,B`.
     #[arg(long, value_name = "FAULT", value_delimiter = ',')]
     only: Vec<String>,
+    /// Draws so many cases of faults instead, from one to three at once, and counts what became of them.
+    #[arg(long, value_name = "N", conflicts_with_all = ["pairs"], value_parser = clap::value_parser!(u64).range(1..))]
+    draw: Option<u64>,
+    /// Runs these drawn cases only; may be given several times, or as `3,17`.
+    #[arg(long, value_name = "N", value_delimiter = ',', requires = "draw", value_parser = clap::value_parser!(u64).range(1..))]
+    case: Vec<u64>,
     /// How many random pairs, instead of the catalogue's number.
     #[arg(long, value_name = "N")]
     pairs: Option<u32>,
-    /// Seed of simulated data, of directions and of pairs; 1 without it.
+    /// Seed of simulated data, of directions, of pairs and of what is drawn; 1 without it.
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
     /// Threads; as many as there are cores without it. The results do not depend on it.
     #[arg(long, value_name = "T", default_value_t = 0, hide_default_value = true)]
     threads: usize,
-    /// Writes stress.csv here, one row per case; the folder is made if need be.
+    /// Writes stress.csv here, draw.csv with `--draw`, one row per case; the folder is made if need be.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -48,16 +55,21 @@ pub(super) fn stress(args: &StressArgs) -> Result<(), Failure> {
     // What cannot be written is told before the runs.
     let files = args.out.as_deref().map(FileSet::begin).transpose()?;
     let bar = Runs::new();
-    let result = stress_design(
-        &design,
-        &catalogue,
-        &options,
-        args.seed.unwrap_or(1),
-        args.threads,
-        &|done, total| {
-            bar.at(done as u64, total as u64);
-        },
-    );
+    let seed = args.seed.unwrap_or(1);
+    let told = |done, total| bar.at(done as u64, total as u64);
+    if let Some(count) = args.draw {
+        let result = draw(&design, &catalogue, &options, seed, (count, &args.case), args.threads, &told)?;
+        drop(bar);
+        let mut page = result.page(&args.again(count, seed));
+        if let (Some(out), Some(mut files)) = (&args.out, files) {
+            files.write("draw.csv", |file| result.write(file))?;
+            files.commit()?;
+            page.sections.push(written([out.join("draw.csv")]));
+        }
+        args.output.print(&page)?;
+        return if result.fails() { Err(Failure::Stress) } else { Ok(()) };
+    }
+    let result = stress_design(&design, &catalogue, &options, seed, args.threads, &told);
     drop(bar);
     let result = result?;
     let mut page = result.page();
@@ -70,6 +82,19 @@ pub(super) fn stress(args: &StressArgs) -> Result<(), Failure> {
     if result.failures() > 0 { Err(Failure::Stress) } else { Ok(()) }
 }
 
+impl StressArgs {
+    /// The command that draws the same cases.
+    fn again(&self, count: u64, seed: u64) -> String {
+        let mut words = vec!["fusion stress".to_owned()];
+        words.extend(self.design.config.as_ref().map(|path| path.display().to_string()));
+        words.extend(self.design.words());
+        words.extend(self.catalogue.as_ref().map(|path| format!("--catalogue {}", path.display())));
+        words.extend((!self.only.is_empty()).then(|| format!("--only {}", self.only.join(","))));
+        words.push(format!("--draw {count} --seed {seed}"));
+        words.join(" ")
+    }
+}
+
 /// The catalogue that is asked for.
 fn catalogue(args: &StressArgs, design: &Document) -> Result<Catalogue, Diagnostics> {
     let file = match &args.catalogue {
@@ -77,7 +102,11 @@ fn catalogue(args: &StressArgs, design: &Document) -> Result<Catalogue, Diagnost
         Some(path) => read(path)?,
     };
     let mut catalogue = Catalogue::read(file, design)?;
-    catalogue.only(&args.only)?;
+    if args.draw.is_some() {
+        catalogue.draw_only(&args.only)?;
+    } else {
+        catalogue.only(&args.only)?;
+    }
     if let Some(pairs) = args.pairs {
         catalogue.set_pairs(pairs);
     }

@@ -12,6 +12,7 @@ mod brief;
 pub mod campaign;
 pub mod comparison;
 mod control;
+mod drawn;
 pub mod health;
 pub mod html;
 pub mod json;

@@ -58,25 +58,30 @@ pub(super) struct Cases {
 }
 
 /// A stream that is disturbed.
-struct Target<'a> {
-    stream: usize,
-    layout: &'a StreamLayout,
+pub(super) struct Target<'a> {
+    pub(super) stream: usize,
+    pub(super) layout: &'a StreamLayout,
     /// The path of its table of faults.
-    path: String,
-    is_input: bool,
-    channels: Vec<ProvidedChannel>,
+    pub(super) path: String,
+    pub(super) is_input: bool,
+    pub(super) channels: Vec<ProvidedChannel>,
 }
 
 impl Case {
     /// The undisturbed run, watched as long as under a fault of half a minute.
     pub(super) fn undisturbed(at: Time) -> Self {
+        Self::quiet(at, at.shifted(nanos(30.0)))
+    }
+
+    /// No fault from `from` to `to`.
+    pub(super) fn quiet(from: Time, to: Time) -> Self {
         Self {
             fault: "none".to_owned(),
             on: String::new(),
             size: String::new(),
             sets: Vec::new(),
-            from: at,
-            to: at.shifted(nanos(30.0)),
+            from,
+            to,
             recovery: f64::INFINITY,
             is_known: false,
             streams: Vec::new(),
@@ -119,7 +124,7 @@ pub(super) fn cases(
 }
 
 /// The streams that the filter reads.
-fn targets<'a>(design: &Design, assembly: &'a Assembly) -> Vec<Target<'a>> {
+pub(super) fn targets<'a>(design: &Design, assembly: &'a Assembly) -> Vec<Target<'a>> {
     let root = design.document.root();
     let readers = ["process", "sensor", "stage", "initial"].map(|table| root.get(table));
     let is_read = |name: &str| readers.iter().flatten().any(|table| table.any(&|node| node.as_str() == Some(name)));
@@ -239,7 +244,7 @@ fn fits(kind: &Kind, target: &Target<'_>, fields: &str) -> Result<bool, Diagnost
 
 /// The scale of a channel per axis: what its sensors declare as 1σ, and no less than their innovations;
 /// otherwise what the stream shows.
-fn scale(design: &Design, assembly: &Assembly, survey: &Survey, target: &Target<'_>, channel: usize) -> Vec<f64> {
+pub(super) fn scale(design: &Design, assembly: &Assembly, survey: &Survey, target: &Target<'_>, channel: usize) -> Vec<f64> {
     let c = &target.channels[channel].channel;
     let axes = c.degrees();
     let is_reader = |info: &&crate::assembly::SensorInfo| {
@@ -279,7 +284,7 @@ fn displacement(channel: &Channel) -> Dimension {
 }
 
 /// The unit of a field that is sized: that of a displacement, of a `rate` per second.
-fn unit(channel: &Channel, field: &str) -> Unit {
+pub(super) fn unit(channel: &Channel, field: &str) -> Unit {
     let plain = displacement(channel);
     let per_second = || plain.times(dim::Frequency::KIND.dimension);
     let dimension = if field == "rate" { per_second().unwrap_or(plain) } else { plain };
@@ -287,7 +292,7 @@ fn unit(channel: &Channel, field: &str) -> Unit {
 }
 
 /// `multiple` times the scale, in a direction that `seed` draws.
-fn sized(scale: &[f64], multiple: f64, seed: u64) -> Vec<f64> {
+pub(super) fn sized(scale: &[f64], multiple: f64, seed: u64) -> Vec<f64> {
     let unit = |k: usize| {
         let drawn = derive_seed(seed, &["axis", &k.to_string()]);
         // 53 bits, from −1 to 1.
@@ -300,7 +305,7 @@ fn sized(scale: &[f64], multiple: f64, seed: u64) -> Vec<f64> {
 }
 
 /// With four digits: what is written into a design is meant to be read.
-fn digits(value: f64) -> f64 {
+pub(super) fn digits(value: f64) -> f64 {
     format!("{value:.3e}").parse().unwrap_or(value)
 }
 
@@ -325,21 +330,17 @@ fn window(kind: &Kind, times: &[Time], at: Time) -> (Time, Option<Time>) {
     }
 }
 
+/// A time of the log, in TOML.
+pub(super) fn seconds(t: Time) -> String {
+    const SECOND: i64 = 1_000_000_000;
+    format!("\"{}.{:09} s\"", t.nanos().div_euclid(SECOND), t.nanos().rem_euclid(SECOND))
+}
+
 /// The case of one fault or of two, each from its own time on.
 fn case(parts: &[(&Single<'_>, Time)], survey: &Survey) -> Case {
     let joined = |of: for<'s> fn(&'s Single<'_>) -> &'s str| {
         let all: Vec<&str> = parts.iter().map(|(s, _)| of(s)).filter(|text| !text.is_empty()).collect();
         all.join(" + ")
-    };
-    let seconds = |t: Time| {
-        format!(
-            "{:?}",
-            format!(
-                "{}.{:09} s",
-                t.nanos().div_euclid(1_000_000_000),
-                t.nanos().rem_euclid(1_000_000_000)
-            )
-        )
     };
     let mut windows = Vec::new();
     let mut sets = Vec::new();

@@ -1,5 +1,6 @@
 //! The catalogue of faults, as declared.
 
+use super::draw::{Draw, DrawSpec};
 use crate::config::{Diagnostic, Diagnostics, Document, Entry, Node};
 use fusion_models::registry::{self, Role};
 use fusion_models::units::{Duration, NonNegative, Positive, dim};
@@ -30,6 +31,9 @@ pub struct CatalogueSpec {
     pub pairs: Option<u32>,
     /// How much later than the first the second fault of a pair begins, at most.
     pub apart: Option<NonNegative<dim::Duration>>,
+    /// How `--draw` draws faults and judges cases.
+    #[serde(default)]
+    pub draw: DrawSpec,
     /// The faults by name: `type` and fields as a source declares them, with `duration` or `rows` for
     /// the window and `size` for quantities in multiples of the channel's scale. `known` names the
     /// streams or channels on which it is known to fail.
@@ -101,6 +105,7 @@ pub struct Catalogue {
     pub(super) pairs: u32,
     pub(super) apart: f64,
     pub(super) kinds: Vec<Kind>,
+    pub(super) draw: Draw,
 }
 
 impl Catalogue {
@@ -125,6 +130,7 @@ impl Catalogue {
         let recovery = spec.as_ref().and_then(|s| s.recovery).map_or(30.0, |r| r.si());
         let kinds: Vec<Kind> = entries.iter().filter_map(|entry| kind(entry, recovery, &mut d)).collect();
         let Some(spec) = spec else { return Err(d) };
+        let draw = Draw::read(&spec.draw, whole.root().get("draw"), &mut d);
         d.unless_errors(Self {
             at: spec.at.map(|t| t.si()),
             settle: spec.settle.map_or(60.0, |s| s.si()),
@@ -132,6 +138,7 @@ impl Catalogue {
             pairs: spec.pairs.unwrap_or(0),
             apart: spec.apart.map_or(0.0, |a| a.si()),
             kinds,
+            draw,
         })
     }
 
@@ -158,6 +165,14 @@ impl Catalogue {
         d.unless_errors(())?;
         self.kinds.retain(|k| names.is_empty() || names.contains(&k.name));
         Ok(())
+    }
+
+    /// Draws faults of these kinds; no names keep all.
+    ///
+    /// # Errors
+    /// A name that no kind has.
+    pub fn draw_only(&mut self, names: &[String]) -> Result<(), Diagnostics> {
+        self.draw.only(names)
     }
 
     /// With so many random pairs.

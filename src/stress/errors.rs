@@ -66,6 +66,16 @@ impl Errors {
         worst
     }
 
+    /// The error of a group that the fault has caused: its worst axis in σ, and its length in SI units. `None` without an
+    /// error of the group.
+    pub(super) fn caused(&self, undisturbed: Option<&Self>, group: usize) -> Option<(f64, f64)> {
+        let (e, sigma) = self.groups[group]?;
+        let before = undisturbed.and_then(|u| u.groups[group]).map_or_else(Vector3::zeros, |(e, _)| e);
+        let of = |axis: usize| ratio(e[axis].abs().min((e[axis] - before[axis]).abs()), sigma[axis]);
+        let known = |v: Vector3<f64>| v.zip_map(&sigma, |v, s| if s == f64::INFINITY { 0.0 } else { v }).norm();
+        Some((of(0).max(of(1)).max(of(2)), known(e).min(known(e - before))))
+    }
+
     /// The length of the position error \[m\].
     pub(super) fn metres(&self) -> Option<f64> {
         self.groups[0].map(|(e, _)| e.norm())
@@ -117,6 +127,13 @@ mod tests {
         // The disturbed one happens to be right.
         assert_eq!(worst(1.0, 9.0), Some((0.5, 0)));
         assert_eq!(errors(-8.0, 2.0).worst(None), Some((4.0, 0)));
+    }
+
+    #[test]
+    fn a_caused_error_is_the_smaller_of_both_in_sigma_and_in_length() {
+        assert_eq!(errors(8.0, 2.0).caused(Some(&errors(7.0, 1.0)), 0), Some((0.5, 1.0)));
+        assert_eq!(errors(-8.0, 2.0).caused(None, 0), Some((4.0, 8.0)));
+        assert_eq!(errors(8.0, 2.0).caused(None, 1), None);
     }
 
     #[test]

@@ -13,6 +13,7 @@
 
 mod cases;
 mod catalogue;
+pub mod draw;
 mod errors;
 mod survey;
 mod table;
@@ -35,7 +36,7 @@ use fusion_core::time::Time;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use survey::Survey;
-use watch::Watch;
+use watch::{Record, Watch};
 
 /// A case with what became of the filter.
 #[derive(Clone, Debug)]
@@ -140,14 +141,7 @@ pub fn stress(
     threads: usize,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Stress, Diagnostics> {
-    let run = Run::open(design, options)?;
-    let mut survey = Survey::new(run.assembly().streams.clone());
-    let Finished { summary, .. } = run.go(&mut [&mut survey], &mut |_| {})?;
-    survey.finish(&summary);
-    if survey.started.is_none() {
-        let message = "the undisturbed filter never starts: there is nothing to disturb";
-        return Err(Diagnostic::error(message).help("`fusion run` says what it waits for").into());
-    }
+    let survey = surveyed(design, options)?;
     let at = survey.moment(
         catalogue,
         design
@@ -160,8 +154,7 @@ pub fn stress(
     let cases::Cases { cases, unfit } = cases::cases(design, run.assembly(), catalogue, &survey, at, seed)?;
     drop(run);
     let undisturbed = Case::undisturbed(at);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(|e| Diagnostics::from(Diagnostic::error(format!("no threads to run on: {e}"))))?;
+    let pool = pool(threads)?;
     let (done, total) = (AtomicUsize::new(0), cases.len());
     let one = |case: Case| -> Result<Row, Diagnostics> {
         let outcome = outcome(design, &case, catalogue.watch, options, &survey)?;
@@ -184,8 +177,49 @@ pub fn stress(
     })
 }
 
-/// Runs the design with the faults of a case.
+/// The undisturbed run.
+fn surveyed(design: &Design, options: &Options) -> Result<Survey, Diagnostics> {
+    let run = Run::open(design, options)?;
+    let mut survey = Survey::new(run.assembly().streams.clone());
+    let Finished { summary, .. } = run.go(&mut [&mut survey], &mut |_| {})?;
+    survey.finish(&summary);
+    if survey.started.is_none() {
+        let message = "the undisturbed filter never starts: there is nothing to disturb";
+        return Err(Diagnostic::error(message).help("`fusion run` says what it waits for").into());
+    }
+    Ok(survey)
+}
+
+/// So many threads, 0 for as many as there are cores.
+fn pool(threads: usize) -> Result<rayon::ThreadPool, Diagnostics> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    pool.map_err(|e| Diagnostic::error(format!("no threads to run on: {e}")).into())
+}
+
+/// Runs the design with the faults of a case and watches it for `watch` seconds after them. Returns the record, and why the
+/// run stopped before its end.
+fn watched(design: &Design, case: &Case, watch: f64, options: &Options, survey: &Survey) -> Result<(Record, Option<String>), Diagnostics> {
+    let (watch, _, stopped) = disturbed(design, case, watch, options, survey)?;
+    Ok((watch.record(), stopped))
+}
+
+/// Runs the design with the faults of a case, and judges the filter.
 fn outcome(design: &Design, case: &Case, watch: f64, options: &Options, survey: &Survey) -> Result<Outcome, Diagnostics> {
+    let (watch, names, stopped) = disturbed(design, case, watch, options, survey)?;
+    Ok(Outcome {
+        stopped,
+        ..watch.finish(case.to, &names)
+    })
+}
+
+/// Runs the design with the faults of a case, to the end of the watch; the names of its filter, and why it stopped before.
+fn disturbed<'a>(
+    design: &Design,
+    case: &Case,
+    watch: f64,
+    options: &Options,
+    survey: &'a Survey,
+) -> Result<(Watch<'a>, Names, Option<String>), Diagnostics> {
     let mut document = design.document.clone();
     case.sets.iter().try_for_each(|set| document.set(set))?;
     let disturbed = build(document)?;
@@ -200,11 +234,8 @@ fn outcome(design: &Design, case: &Case, watch: f64, options: &Options, survey: 
     let mut watch = Watch::new(survey, case, watch, run.assembly().runner.lag());
     let names = names(run.assembly());
     let ran = run.go(&mut [&mut watch], &mut |_| {});
-    let stopped = ran.err().filter(|_| !watch.is_over);
-    Ok(Outcome {
-        stopped: stopped.map(|d| d.to_string()),
-        ..watch.finish(case.to, &names)
-    })
+    let stopped = ran.err().filter(|_| !watch.is_over).map(|d| d.to_string());
+    Ok((watch, names, stopped))
 }
 
 /// The names of the filter's sensors, blocks and streams.

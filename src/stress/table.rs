@@ -1,5 +1,6 @@
-//! stress.csv.
+//! stress.csv and draw.csv.
 
+use super::draw::Drawn;
 use super::{Outcome, Stress, Verdict};
 use crate::output::Cells;
 use std::io::{self, Write};
@@ -43,6 +44,51 @@ impl Stress {
             outcome.write(&mut cells)?;
             cells.text(row.verdict().map_or("", Verdict::word))?;
             cells.text(outcome.stopped.as_deref().unwrap_or_default())?;
+            cells.text(&case.sets.join("\n"))?;
+            cells.end()?;
+        }
+        cells.flush()
+    }
+}
+
+impl Drawn {
+    /// Writes draw.csv: one row per case, with what `--set` repeats it by.
+    ///
+    /// # Errors
+    /// What the writer reports.
+    pub fn write(&self, out: impl Write) -> io::Result<()> {
+        let mut cells = Cells::new(out);
+        cells.texts(["case", "fault", "on", "size", "from_s", "to_s"])?;
+        cells.texts(["recovered", "false_good", "false_alarm", "late_good"])?;
+        cells.texts([
+            "worst_sigma",
+            "worst_rms",
+            "end_sigma",
+            "end_rms",
+            "false_s",
+            "large_s",
+            "alarm_s",
+            "alarm_after_s",
+        ])?;
+        cells.texts(["stopped", "set"])?;
+        cells.end()?;
+        for row in &self.rows {
+            let (case, judged) = (&row.case, &row.judged);
+            cells.put(row.number)?;
+            cells.texts([case.fault.as_str(), &case.on, &case.size])?;
+            cells.put(format_args!("{:.3}", case.from.seconds()))?;
+            cells.put(format_args!("{:.3}", case.to.seconds()))?;
+            for is_so in [judged.recovered, judged.false_good, judged.false_alarm, judged.late_good] {
+                cells.put(is_so)?;
+            }
+            for (sigma, rms) in [judged.worst, judged.end].map(Option::unzip) {
+                cells.maybe(sigma)?;
+                cells.maybe(rms)?;
+            }
+            for seconds in [judged.unsaid, judged.large, judged.alarm[0], judged.alarm[1]] {
+                cells.put(seconds)?;
+            }
+            cells.text(judged.stopped.as_deref().unwrap_or_default())?;
             cells.text(&case.sets.join("\n"))?;
             cells.end()?;
         }

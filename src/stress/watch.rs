@@ -53,17 +53,26 @@ pub struct Said {
 
 /// A change of the health.
 #[derive(Clone, Copy, Debug)]
-struct Change {
-    time: Time,
-    state: State,
-    reason: Option<Reason>,
+pub(super) struct Change {
+    pub(super) time: Time,
+    pub(super) state: State,
+    pub(super) reason: Option<Reason>,
 }
 
 /// The error of the filter at an epoch; `None` where it gave no estimate.
 #[derive(Clone, Copy, Debug)]
-struct Sample {
-    time: Time,
-    errors: Option<Errors>,
+pub(super) struct Sample {
+    pub(super) time: Time,
+    pub(super) errors: Option<Errors>,
+}
+
+/// A run from the beginning of the faults to the end of the watch.
+#[derive(Clone, Debug)]
+pub(super) struct Record {
+    /// In order of time.
+    pub(super) samples: Vec<Sample>,
+    /// From the beginning of the run on.
+    pub(super) changes: Vec<Change>,
 }
 
 /// Observes a disturbed run.
@@ -136,8 +145,17 @@ impl<'a> Watch<'a> {
         });
     }
 
-    /// What became of the filter.
-    pub(super) fn finish(mut self, to: Time, names: &Names) -> Outcome {
+    /// The record of the run.
+    pub(super) fn record(mut self) -> Record {
+        self.close();
+        Record {
+            samples: self.samples,
+            changes: self.changes,
+        }
+    }
+
+    /// The run is over.
+    fn close(&mut self) {
         // Where the estimates end early, the rest of the watch is without any. Where the reference does, nothing is known.
         let last = self
             .samples
@@ -150,6 +168,11 @@ impl<'a> Watch<'a> {
                 errors: None,
             });
         }
+    }
+
+    /// What became of the filter.
+    pub(super) fn finish(mut self, to: Time, names: &Names) -> Outcome {
+        self.close();
         let mut out = Outcome::default();
         let (mut previous, mut last_wrong, mut ends_wrong) = (self.from, None, false);
         for Sample { time, errors } in &self.samples {
@@ -257,5 +280,30 @@ impl RunObserver for Watch<'_> {
             _ => {}
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn behind_the_end_of_the_reference_nothing_is_known_and_behind_that_of_the_estimates_there_is_none() {
+        let survey = Survey::new(Vec::new());
+        let missing = |estimates: f64| {
+            let mut watch = Watch::new(&survey, &Case::undisturbed(Time::default()), 60.0, 0.0);
+            watch.until = Time::from_seconds(60.0);
+            watch.estimates = [None, Some(Time::from_seconds(estimates))];
+            watch.samples = vec![Sample {
+                time: Time::from_seconds(20.0),
+                errors: Some(Errors {
+                    time: Time::from_seconds(20.0),
+                    groups: [None; 3],
+                }),
+            }];
+            watch.record().samples.iter().filter(|s| s.errors.is_none()).count()
+        };
+        // The reference ends at 20 s.
+        assert_eq!((missing(60.0), missing(20.0)), (0, 1));
     }
 }

@@ -260,6 +260,72 @@ fn a_stream_that_has_ended_is_not_disturbed() {
     assert!(all.iter().all(|r| !r["on"].contains("speed")) && all.iter().any(|r| r["on"] == "fix"));
 }
 
+/// Cases drawn of the boat, as rows of draw.csv; `DRAW` fits its hundred seconds.
+const DRAW: &str = "stress.draw={ longest = '10 s', left = '30 s', recovered = 0, false_good = 1 }";
+
+fn drawn(w: &Workspace, more: &[&str], out: &str) -> Vec<std::collections::HashMap<String, String>> {
+    w.fusion(&[&["stress", "boat.toml", "--set", DRAW, "--out", out], more].concat())
+        .success();
+    rows(w, &format!("{out}/draw.csv"))
+}
+
+#[test]
+fn a_drawn_case_is_a_function_of_the_seed_and_of_its_number() {
+    let w = boat("stress-draw");
+    let nine = drawn(&w, &["--draw", "9", "--threads", "2"], "nine");
+    let four = drawn(&w, &["--draw", "4", "--threads", "1"], "four");
+    let alone = drawn(&w, &["--draw", "9", "--case", "3"], "alone");
+    assert_eq!((&nine[..4], &nine[2..3]), (&four[..], &alone[..]));
+    let other = drawn(&w, &["--draw", "4", "--seed", "2"], "other");
+    let sets = |rows: &[std::collections::HashMap<String, String>]| -> Vec<String> { rows.iter().map(|r| r["set"].clone()).collect() };
+    assert!(sets(&other).iter().zip(sets(&four)).all(|(a, b)| *a != b));
+    // No case is another one's.
+    let distinct: std::collections::BTreeSet<String> = sets(&nine).into_iter().collect();
+    assert_eq!(distinct.len(), 9);
+    for row in &nine {
+        let number = |key: &str| row[key].parse::<f64>().unwrap();
+        let faults = row["set"].lines().count();
+        assert!((1..=3).contains(&faults) && row["fault"].split(" + ").count() == faults, "{row:?}");
+        // It starts at the first fix, settles for 20 s; of 147 s 30 are left.
+        assert!(
+            number("from_s") >= 20.0 && number("to_s") <= 117.0 && number("to_s") - number("from_s") <= 20.0,
+            "{row:?}"
+        );
+    }
+    // It is repeated by `run` too.
+    let sets: Vec<&str> = nine[0]["set"].lines().flat_map(|set| ["--set", set]).collect();
+    w.fusion(&[&["run", "boat.toml"], sets.as_slice()].concat()).success();
+}
+
+#[test]
+fn drawn_cases_are_counted_and_too_few_that_recover_are_a_failure() {
+    let w = boat("stress-counts");
+    let draw = |more: &[&str]| w.fusion(&[&["stress", "boat.toml", "--set", DRAW, "--draw", "12", "--only", "step,ramp"], more].concat());
+    // A step of velocity that no health tells of.
+    let mute = draw(&["--variant", "mute", "--set", "stress.draw.false_good=0", "--out", "out"]).code(3);
+    let told = stderr(&mute);
+    assert!(told.contains("were false goods, at most 0.0 % are allowed"), "{told}");
+    let all = rows(&w, "out/draw.csv");
+    let count = |key: &str| all.iter().filter(|r| r[key] == "true").count();
+    assert!(count("false_good") > 0);
+    let text = squeezed(&stdout(&mute));
+    let row = |name: &str| text.iter().find(|l| l.starts_with(name)).unwrap_or_else(|| panic!("{text:?}"));
+    let counted = row("all 12");
+    let cells: Vec<&str> = counted.split(' ').collect();
+    let expected = ["recovered", "false_good", "false_alarm", "late_good"].map(|key| count(key).to_string());
+    assert_eq!(
+        [cells[2], cells[4], cells[6], cells[8]],
+        expected.each_ref().map(String::as_str),
+        "{counted}"
+    );
+    // Each kind in its own row, and the command of one case.
+    assert!(row("step").len() > 4 && row("ramp").len() > 4);
+    assert!(text.concat().contains("--only step,ramp --draw 12 --seed 1 --case "), "{text:?}");
+    let honest = draw(&["--set", "stress.draw.recovered=100 %"]);
+    let fewer = honest.code(3);
+    assert!(stderr(&fewer).contains("at least 100.0 % are asked for"), "{}", stderr(&fewer));
+}
+
 #[test]
 fn mistakes_of_the_catalogue_are_told_by_every_command() {
     let w = boat("stress-mistakes");
@@ -279,6 +345,16 @@ fn mistakes_of_the_catalogue_are_told_by_every_command() {
     assert!(said("type = 'outage'\nsise.value = 3", "stress").contains("unknown field `sise`"));
     let unknown = stderr(&w.fusion(&["stress", "boat.toml", "--only", "spik"]).code(2));
     assert!(unknown.contains("did you mean `spike`?"), "{unknown}");
+    let kind = stderr(&w.fusion(&["stress", "boat.toml", "--draw", "2", "--only", "rampe"]).code(2));
+    assert!(kind.contains("did you mean `ramp`?"), "{kind}");
+    for (set, message) in [
+        ("stress.draw.of=['altitude']", "an error called `altitude` is unknown"),
+        ("stress.draw.size=[3, 1]", "a range goes from a value above zero"),
+        ("stress.draw.shortest='61 s'", "is longer than the longest"),
+    ] {
+        let told = stderr(&w.fusion(&["check", "boat.toml", "--set", set]).code(2));
+        assert!(told.contains(message), "{told}");
+    }
     let never = w.fusion(&["stress", "boat.toml", "--set", "initial.fix.source=nobody"]);
     never.code(2);
 }

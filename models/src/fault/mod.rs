@@ -24,6 +24,7 @@ mod ramp;
 mod random;
 mod scale;
 mod shift;
+mod swap;
 mod target;
 mod wander;
 mod window;
@@ -40,6 +41,7 @@ pub use outliers::OutliersSpec;
 pub use ramp::RampSpec;
 pub use scale::ScaleSpec;
 pub use shift::{BiasStepSpec, SpikeSpec};
+pub use swap::SwapSpec;
 pub use wander::WanderSpec;
 pub use window::{Repeated, Window, Windows};
 

@@ -89,6 +89,11 @@ impl Target {
         self.offset..self.offset + self.width
     }
 
+    /// The shape of its channel.
+    pub(super) const fn shape(&self) -> Shape {
+        self.shape
+    }
+
     /// Whether its numbers can be multiplied: those of a position or an attitude cannot.
     pub(super) const fn has_scale(&self) -> bool {
         matches!(self.shape, Shape::Vector | Shape::Angle)
