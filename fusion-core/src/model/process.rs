@@ -192,9 +192,9 @@ pub trait Process: Debug + Send + Sync {
         self.propagate(x, input, dt);
     }
 
-    /// By how much the vehicle may change each number of an input sample from one sample to the next,
-    /// in the units of the sample; what is beyond it is looked at twice before it is believed. Empty
-    /// where nothing is known, infinite for a number that may change freely.
+    /// By how much each number of an input sample may change from one sample to the next without being
+    /// suspect, in the units of the sample; a sample beyond it waits for others before it is believed.
+    /// Empty where nothing is known, infinite for a number that may change freely.
     fn agility(&self) -> &[f64] {
         &[]
     }

@@ -49,6 +49,10 @@ impl Runner {
         let Some(to) = input.coasting_due().filter(|to| *to < until) else {
             return Ok(false);
         };
+        if !input.suspects().is_empty() {
+            self.settle_suspects(false, observer)?;
+            return Ok(true);
+        }
         let is_lost = input.is_lost(to);
         if self.released <= to {
             (self.released, self.serving) = (to, Consumer::LAST);

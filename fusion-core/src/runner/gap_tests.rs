@@ -13,6 +13,8 @@ use crate::time::{Time, nanos};
 use nalgebra::Matrix1;
 use std::sync::Arc;
 
+mod spikes;
+
 /// A body that may change its acceleration by 2 m/s², and coasts at constant velocity.
 #[derive(Debug)]
 struct Agile(Track);
@@ -346,71 +348,6 @@ fn after_a_gap_too_long_to_coast_the_initialisers_start_anew_and_calibration_is_
         format!("started 7.000000 s {:?} 0.010", [position, 0.0, 1.25]),
     ];
     assert_eq!(told, wanted);
-}
-
-#[test]
-fn a_single_sample_of_any_size_is_no_input() {
-    let clean = belief_after(&only_input(rows(200, 0..0)));
-    for spike in [3.5, -50.0, 1e9] {
-        let mut rows = only_input(rows(200, 0..0));
-        rows[150].2 = spike;
-        let mut runner = runner(0.0);
-        let told = told(&mut runner, &rows);
-        assert_eq!(told.iter().filter(|e| e.starts_with("Discarded")).count(), 1, "{spike}");
-        assert!(
-            told.iter().any(|e| *e == "Discarded process 1.500000 s 150 Spike { column: 0 }"),
-            "{told:?}"
-        );
-        // The sample after it stands for both.
-        assert!((runner.belief().x[1] - clean.x[1]).abs() < 1e-12);
-    }
-}
-
-#[test]
-fn a_change_that_stays_is_believed_at_the_third_sample() {
-    let mut rows = only_input(rows(200, 0..0));
-    rows[150..].iter_mut().for_each(|row| row.2 = 21.0);
-    let refused = |rows: &Rows| told(&mut runner(0.0), rows).iter().filter(|e| e.starts_with("Discarded")).count();
-    assert_eq!(refused(&rows), 2);
-    // A step of the size of the vehicle's agility is used at once.
-    rows[150..].iter_mut().for_each(|row| row.2 = 2.9);
-    assert_eq!(refused(&rows), 0);
-}
-
-#[test]
-fn noise_of_any_size_is_no_spike() {
-    // Uniform between ±40: changes of 27 on average, at most 80, the agility being 2.
-    let mut rows = only_input(rows(20_000, 0..0));
-    let mut random = crate::testing::Lcg::new(3);
-    rows.iter_mut().for_each(|row| row.2 = 40.0 * random.signed());
-    let told = told(&mut runner(0.0), &rows);
-    assert!(!told.iter().any(|e| e.starts_with("Discarded")));
-}
-
-#[test]
-fn an_instrument_that_freezes_is_no_input_and_one_that_is_always_constant_is() {
-    let frozen = |rows: &Rows| told(&mut runner(0.0), rows).iter().filter(|e| e.ends_with("Frozen")).count();
-    assert_eq!(frozen(&only_input(rows(2000, 0..0))), 0);
-    let mut changing = only_input(rows(2000, 0..0));
-    changing.iter_mut().enumerate().for_each(|(k, row)| row.2 = (k as f64 * 0.1).sin());
-    assert_eq!(frozen(&changing), 0);
-    // 50 repetitions of sample 1000, of which the first ten may be chance.
-    (1001..1051).for_each(|k| changing[k].2 = changing[1000].2);
-    assert_eq!(frozen(&changing), 40);
-}
-
-#[test]
-fn a_number_beyond_the_range_of_its_instrument_is_no_input_however_often_it_comes() {
-    let mut runner = runner(0.0);
-    runner.limit_input(InputLimits {
-        range: vec![5.0],
-        ..InputLimits::default()
-    });
-    let mut rows = only_input(rows(200, 0..0));
-    rows[150..155].iter_mut().for_each(|row| row.2 = -5.1);
-    let told = told(&mut runner, &rows);
-    let refused: Vec<_> = told.iter().filter(|e| e.ends_with("OutOfRange { column: 0 }")).collect();
-    assert_eq!(refused.len(), 5);
 }
 
 /// What became of rows with one or two jumps of an hour after the hundredth.

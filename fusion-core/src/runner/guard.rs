@@ -1,15 +1,14 @@
 //! What may pass for input: numbers that the instrument can measure and the vehicle can follow.
 //!
 //! Range   |x_c| above what the instrument measures is refused
-//! Spike   |x_c − p_c| > max(a_c, 20 s_c) is suspect: p is the sample before, a the agility that the
-//!         process declares, s the mean size of the changes between samples. The third of
-//!         neighbouring suspects that are nearer to each other than to p is believed: then it was
-//!         no spike. Only of samples that come at 20 Hz at least
-//!
+//! Spike   |x_c − p_c| > l_c is suspect, l_c = max(a_c, 20 s_c): p is the sample before, a the agility that
+//!         the process declares, s the mean size of the changes between samples. A suspect waits for at
+//!         most two samples. Where one of them is nearer to p than half the jump, the suspects before it
+//!         were spikes; else all are used. Only of samples that come at 20 Hz at least
+//! Scale   s takes every change, refused ones included, each up to l_c: what the stream often does is
+//!         soon not suspect
 //! Frozen  all numbers are those of the sample before, more than ten times in a row, on a stream that
 //!         repeats itself rarely
-//!
-//! Only the past is looked at, so that no sample waits for the next one.
 
 use super::Discard;
 use crate::model::Process;
@@ -30,8 +29,8 @@ const FROZEN: u32 = 10;
 /// Samples that are usually further apart than this prove nothing about each other: a vehicle may have
 /// changed its motion in between \[ns\].
 const SLOWEST: i64 = 50_000_000;
-/// Neighbouring suspects after which they are believed.
-const WITNESSES: u32 = 3;
+/// Samples that wait at most; if the next one does not return either, they are believed.
+const MOST_SUSPECTS: usize = 2;
 
 /// What the numbers of an input sample may be.
 #[derive(Clone, Debug, Default)]
@@ -43,40 +42,65 @@ pub(super) struct Guard {
     /// Mean size of the changes, per number, and how many there were.
     change: Vec<f64>,
     changes: f64,
-    /// The latest suspect and how many there were one after the other.
-    suspect: Vec<f64>,
-    suspects: u32,
+    /// The number that makes the first of those that wait suspect, and by how much it changed.
+    column: usize,
+    jump: f64,
     /// The first samples, up to [`REPEATS_KNOWN`], and how many of them repeated the one before.
     first: u32,
     first_repeats: u32,
     /// Samples in a row that repeat the one before.
     repeats: u32,
 }
-crate::memory!(Guard { passed, change, changes, suspect, suspects, first, first_repeats, repeats; range });
+crate::memory!(Guard { passed, change, changes, column, jump, first, first_repeats, repeats; range });
+
+/// What becomes of a sample, or of those that wait.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Judged {
+    /// It passes.
+    Passes,
+    /// It waits for the next one.
+    Waits,
+    /// Those that wait pass; it is to be judged again.
+    Confirms,
+    /// Those that wait were spikes; it is to be judged again.
+    Refutes,
+}
 
 impl Guard {
-    /// Judges a sample of finite numbers, of a stream with one every `interval` nanoseconds; one that
-    /// passes is remembered.
-    pub(super) fn judge(&mut self, sample: &[f64], interval: i64, process: &dyn Process) -> Result<(), Discard> {
+    /// Refuses a sample that the instrument cannot have measured.
+    pub(super) fn admit(&mut self, sample: &[f64]) -> Result<(), Discard> {
         let too_large = sample.iter().zip(&self.range).position(|(x, limit)| x.abs() > *limit);
-        if let Some(column) = too_large {
-            return Err(Discard::OutOfRange { column });
+        match too_large {
+            Some(column) => Err(Discard::OutOfRange { column }),
+            None if self.is_frozen(sample) => Err(Discard::Frozen),
+            None => Ok(()),
         }
-        if self.is_frozen(sample) {
-            return Err(Discard::Frozen);
+    }
+
+    /// Judges a sample of finite numbers while so many are `waiting`, of a stream with one every `interval`
+    /// nanoseconds.
+    pub(super) fn judge(&mut self, sample: &[f64], waiting: usize, interval: i64, process: &dyn Process) -> Judged {
+        if waiting == 0 {
+            let unusual = self.unusual(sample, process.agility()).filter(|_| interval <= SLOWEST);
+            let Some(column) = unusual else { return Judged::Passes };
+            (self.column, self.jump) = (column, self.change(sample, column));
+        } else if self.change(sample, self.column) < 0.5 * self.jump {
+            return Judged::Refutes;
+        } else if waiting >= MOST_SUSPECTS {
+            return Judged::Confirms;
         }
-        let is_dense = interval <= SLOWEST;
-        if let Some(column) = self.unusual(sample, process.agility()).filter(|_| is_dense) {
-            let believed = self.is_confirmed(sample, column);
-            self.suspects = if believed { self.suspects + 1 } else { 1 };
-            self.suspect.clear();
-            self.suspect.extend_from_slice(sample);
-            if self.suspects < WITNESSES {
-                return Err(Discard::Spike { column });
-            }
-        }
-        self.remember(sample);
-        Ok(())
+        Judged::Waits
+    }
+
+    /// Why those that wait do.
+    pub(super) const fn suspicion(&self) -> Discard {
+        Discard::Spike { column: self.column }
+    }
+
+    /// By how much number `c` changes.
+    fn change(&self, sample: &[f64], c: usize) -> f64 {
+        let pair = sample.get(c).zip(self.passed.get(c));
+        pair.map_or(0.0, |(x, p)| (x - p).abs())
     }
 
     /// Whether the instrument gives one sample again and again, which it did not use to.
@@ -104,35 +128,44 @@ impl Guard {
         if self.repeats == 0 {
             self.passed.clear();
         }
-        self.suspects = 0;
     }
 
-    /// The first number that changes by more than it should.
+    /// The number that changes by more than it should, and most so.
     fn unusual(&self, sample: &[f64], agility: &[f64]) -> Option<usize> {
         if self.changes < LEAST {
             return None;
         }
-        let changes = sample.iter().zip(&self.passed).map(|(x, p)| (x - p).abs());
-        let limits = agility.iter().zip(&self.change).map(|(a, s)| a.max(UNUSUAL * s));
-        changes.zip(limits).position(|(change, limit)| change > limit)
+        let limits = agility.iter().zip(&self.change).map(|(a, s)| limit(*a, *s));
+        let excess = limits.enumerate().map(|(c, limit)| (c, self.change(sample, c) / limit));
+        let unusual = excess.filter(|(_, excess)| *excess > 1.0);
+        unusual.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(c, _)| c)
     }
 
-    /// Whether the suspect before says the same of number `c`.
-    fn is_confirmed(&self, sample: &[f64], c: usize) -> bool {
-        self.suspects > 0 && (sample[c] - self.suspect[c]).abs() < 0.5 * (sample[c] - self.passed[c]).abs()
-    }
-
-    fn remember(&mut self, sample: &[f64]) {
-        self.suspects = 0;
-        if self.passed.len() == sample.len() {
-            self.changes = (self.changes + 1.0).min(MEMORY);
-            for ((mean, x), p) in self.change.iter_mut().zip(sample).zip(&self.passed) {
-                *mean += ((x - p).abs() - *mean) / self.changes;
-            }
-        } else {
-            self.change.resize(sample.len(), 0.0);
-        }
+    /// A sample that is used.
+    pub(super) fn pass(&mut self, sample: &[f64], process: &dyn Process) {
+        self.learn(sample, process);
         self.passed.clear();
         self.passed.extend_from_slice(sample);
     }
+
+    /// Learns how much the samples change, of one that may be refused.
+    pub(super) fn learn(&mut self, sample: &[f64], process: &dyn Process) {
+        if self.passed.len() != sample.len() {
+            self.change.resize(sample.len(), 0.0);
+            return;
+        }
+        self.changes = (self.changes + 1.0).min(MEMORY);
+        let is_known = self.changes > LEAST;
+        let agility = process.agility();
+        for (c, mean) in self.change.iter_mut().enumerate() {
+            let change = (sample[c] - self.passed[c]).abs();
+            let most = agility.get(c).filter(|_| is_known).map_or(change, |a| limit(*a, *mean));
+            *mean += (change.min(most) - *mean) / self.changes;
+        }
+    }
+}
+
+/// Above which a change is suspect where the agility is `a` and the mean size of changes `s`.
+fn limit(a: f64, s: f64) -> f64 {
+    a.max(UNUSUAL * s)
 }

@@ -1,6 +1,6 @@
 //! The input of the process: rows become samples over intervals.
 
-use super::guard::Guard;
+use super::guard::{Guard, Judged};
 use super::{Discard, InputLimits, Port};
 use crate::memory::{Memory, Tape};
 use crate::model::{Input, Preparation, Prepared, Process};
@@ -37,6 +37,8 @@ pub(super) struct Intake {
     longest_gap: i64,
     /// The latest row: where it ends, and its values.
     latest: Option<(Time, Vec<f64>)>,
+    /// Rows that wait for others to show whether they are spikes.
+    suspects: VecDeque<Suspect>,
     /// Where the gap reaches that is being coasted through.
     coasted: Option<Time>,
     /// Intervals whose samples are still being prepared.
@@ -54,14 +56,23 @@ impl Memory for Intake {
         self.guard.remember(tape);
         self.pace.remember(tape);
         self.latest.remember(tape);
+        self.suspects.remember(tape);
         self.coasted.remember(tape);
         self.intervals.remember(tape);
         tape.pooled(&mut self.ready, &mut self.spare);
     }
 }
 
+/// A row that waits, and the end of its sample.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Suspect {
+    pub(super) time: Time,
+    pub(super) row: usize,
+}
+crate::memory!(Suspect { time, row });
+
 /// What a row of the input did.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Taken {
     /// It opened the first interval.
     First,
@@ -70,8 +81,6 @@ pub(super) enum Taken {
     /// It ends a gap that began at `since`: its sample begins at `start`, and what lies between is to
     /// be coasted through before [`Intake::resume`] takes it.
     Resumes { since: Time, start: Time },
-    /// It was not taken.
-    Not(Discard),
 }
 
 impl Intake {
@@ -84,6 +93,7 @@ impl Intake {
             pace: Pace::default(),
             longest_gap: 0,
             latest: None,
+            suspects: VecDeque::with_capacity(4),
             coasted: None,
             intervals: VecDeque::with_capacity(4),
             ready: VecDeque::with_capacity(4),
@@ -124,19 +134,61 @@ impl Intake {
         self.coasted.or(self.end())
     }
 
-    /// Takes the row `values` that ends at `time`; all are finite.
-    pub(super) fn take(&mut self, time: Time, values: &[f64], process: &dyn Process) -> Taken {
-        if let Some(now) = self.covered().filter(|now| time <= *now) {
-            return Taken::Not(Discard::Late { now });
-        }
+    /// The time up to which there are rows, used or not, or has been coasted.
+    fn reached(&self) -> Option<Time> {
+        self.suspects.back().map(|suspect| suspect.time).or(self.covered())
+    }
+
+    /// Whether a row that ends at `time` comes after a gap.
+    pub(super) fn is_after_gap(&self, time: Time) -> bool {
         let is_late = |end: Time| self.coasted.is_some() || time > end.shifted(self.pace.longest());
-        let is_gap = self.end().is_some_and(is_late);
-        if is_gap {
+        self.reached().is_some_and(is_late)
+    }
+
+    /// Whether the row `values` that ends at `time` may be one; all numbers are finite, and none waits before
+    /// a gap.
+    pub(super) fn admit(&mut self, time: Time, values: &[f64]) -> Result<(), Discard> {
+        if let Some(now) = self.reached().filter(|now| time <= *now) {
+            return Err(Discard::Late { now });
+        }
+        if self.is_after_gap(time) {
             self.guard.forget();
         }
-        if let Err(why) = self.guard.judge(values, self.pace.usual, process) {
-            return Taken::Not(why);
-        }
+        self.guard.admit(values)
+    }
+
+    /// Judges a row that was admitted by those before it.
+    pub(super) fn judge(&mut self, values: &[f64], process: &dyn Process) -> Judged {
+        self.guard.judge(values, self.suspects.len(), self.pace.usual, process)
+    }
+
+    /// The row at hand waits for others.
+    pub(super) fn wait(&mut self, suspect: Suspect) {
+        self.suspects.push_back(suspect);
+    }
+
+    /// The rows that wait, in order.
+    pub(super) const fn suspects(&self) -> &VecDeque<Suspect> {
+        &self.suspects
+    }
+
+    /// The first row that waits, which does so no longer, and why it did.
+    pub(super) fn settle(&mut self) -> Option<(Suspect, Discard)> {
+        let suspect = self.suspects.pop_front()?;
+        Some((suspect, self.guard.suspicion()))
+    }
+
+    /// Learns from a row that was a spike.
+    pub(super) fn refuse(&mut self, values: &[f64], process: &dyn Process) {
+        self.guard.learn(values, process);
+    }
+
+    /// Takes the row `values`, which ends at `time` and has passed.
+    pub(super) fn take(&mut self, time: Time, values: &[f64], process: &dyn Process) -> Taken {
+        let is_gap = self
+            .end()
+            .is_some_and(|end| self.coasted.is_some() || time > end.shifted(self.pace.longest()));
+        self.guard.pass(values, process);
         let Some(end) = self.end() else {
             // The first row closes an interval of unknown length: it only opens the next one.
             self.open(time, values);
@@ -204,7 +256,7 @@ impl Intake {
 
     /// The end of the next step through a gap, which is due when a later row than that is processed.
     pub(super) fn coasting_due(&self) -> Option<Time> {
-        self.covered().map(|covered| covered.shifted(self.pace.longest()))
+        self.reached().map(|reached| reached.shifted(self.pace.longest()))
     }
 
     /// Notes that the gap has been coasted through up to `time`.

@@ -79,7 +79,9 @@ impl Runner {
             Consumer::Aim(sensor) => sensor < self.sensors.len(),
             Consumer::Sensor(rank, sensor) => self.ranks.get(sensor) == Some(&rank),
         };
-        self.queue.iter().all(|entry| is_there(entry.row) && exists(entry.consumer))
+        let mut suspects = self.input.iter().flat_map(|input| input.suspects());
+        suspects.all(|suspect| is_there(suspect.row))
+            && self.queue.iter().all(|entry| is_there(entry.row) && exists(entry.consumer))
             && self.waiting.iter().all(|w| is_there(w.row) && w.sensor < self.sensors.len())
     }
 

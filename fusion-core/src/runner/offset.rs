@@ -105,13 +105,12 @@ impl Window {
 }
 
 impl Runner {
-    /// Keeps the row of the input at hand, which ends at `time`, if it was taken.
+    /// Keeps the row of the input at hand, which ends at `time`, which was taken.
     pub(super) fn keep_input(&mut self, taken: &Taken, time: Time) {
         let start = match taken {
             Taken::First => time,
             Taken::Sample => self.window.rows.back().map_or(time, |last| last.end),
             Taken::Resumes { start, .. } => *start,
-            Taken::Not(_) => return,
         };
         if self.sensors.iter().any(|s| s.offset.is_some()) {
             self.window.keep(start, time, &self.value);

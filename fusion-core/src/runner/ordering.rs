@@ -411,6 +411,7 @@ impl Runner {
             self.refuse(&held, observer)?;
         }
         self.drain(Time::MAX, observer)?;
+        self.settle_suspects(false, observer)?;
         self.finish_stages(observer)?;
         self.serve_waiting(observer)?;
         self.tell_epoch(observer)

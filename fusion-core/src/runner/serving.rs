@@ -1,6 +1,7 @@
 //! Serving the consumers: rows to initialisers, stages, the process and the sensors.
 
-use super::intake::{Sample, Taken};
+use super::guard::Judged;
+use super::intake::{Intake, Sample, Suspect, Taken};
 use super::ordering::{PROCESS, Runner, Waiting};
 use super::rows::{Consumer, Entry};
 use super::{Discard, Event, Halt, Observer, RowId};
@@ -101,20 +102,66 @@ impl Runner {
     }
 
     fn input_row(&mut self, time: Time, row: usize, observer: &mut dyn Observer) -> Result<(), Halt> {
+        if self.input.as_ref().is_some_and(|input| input.is_after_gap(time)) {
+            self.settle_suspects(false, observer)?;
+        }
+        self.gather_input(row);
         let Some(input) = &mut self.input else { return Ok(()) };
-        input.port.gather(&self.rows.get(row).values, &mut self.value);
         if !self.value.iter().all(|v| v.is_finite()) {
             return self.discard_input(time, row, Discard::NotFinite, observer);
         }
+        if let Err(why) = input.admit(time, &self.value) {
+            return self.discard_input(time, row, why, observer);
+        }
+        while let Some(input) = &mut self.input {
+            match input.judge(&self.value, self.process.as_ref()) {
+                Judged::Passes => break,
+                Judged::Waits => {
+                    input.wait(Suspect { time, row });
+                    self.rows.hold(row);
+                    return Ok(());
+                }
+                judged => self.settle_suspects(judged == Judged::Confirms, observer)?,
+            }
+            self.gather_input(row);
+        }
+        self.use_input(time, observer)?;
+        self.start_if_ready(time, observer)
+    }
+
+    /// Uses the rows of the input that wait, or discards them as spikes.
+    pub(super) fn settle_suspects(&mut self, are_used: bool, observer: &mut dyn Observer) -> Result<(), Halt> {
+        while let Some((Suspect { time, row }, why)) = self.input.as_mut().and_then(Intake::settle) {
+            self.gather_input(row);
+            if are_used {
+                self.use_input(time, observer)?;
+            } else {
+                if let Some(input) = &mut self.input {
+                    input.refuse(&self.value, self.process.as_ref());
+                }
+                self.discard_input(time, row, why, observer)?;
+            }
+            self.rows.release(row);
+        }
+        Ok(())
+    }
+
+    fn gather_input(&mut self, row: usize) {
+        if let Some(input) = &self.input {
+            input.port.gather(&self.rows.get(row).values, &mut self.value);
+        }
+    }
+
+    /// Uses the row of the input at hand, which ends at `time`.
+    fn use_input(&mut self, time: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
+        let Some(input) = &mut self.input else { return Ok(()) };
         let taken = input.take(time, &self.value, self.process.as_ref());
         self.keep_input(&taken, time);
         match taken {
-            Taken::First => {}
-            Taken::Sample => self.run_ready(observer)?,
-            Taken::Resumes { since, start } => self.resume(since, start, time, observer)?,
-            Taken::Not(why) => return self.discard_input(time, row, why, observer),
+            Taken::First => Ok(()),
+            Taken::Sample => self.run_ready(observer),
+            Taken::Resumes { since, start } => self.resume(since, start, time, observer),
         }
-        self.start_if_ready(time, observer)
     }
 
     fn discard_input(&self, time: Time, row: usize, why: Discard, observer: &mut dyn Observer) -> Result<(), Halt> {

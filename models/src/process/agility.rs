@@ -21,8 +21,8 @@ use nalgebra::{Matrix3, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// How fast the vehicle can change its motion: what a gap in the input adds to the uncertainty, and
-/// above which a single sample of the input is suspect. Per body axis: forward, right, down.
+/// How fast the vehicle can change its motion: what a gap in the input adds to the uncertainty. A single
+/// sample that changes by less is no spike. Per body axis: forward, right, down.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AgilitySpec {
