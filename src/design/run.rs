@@ -82,8 +82,8 @@ pub struct RunSpec {
     pub map_details: Vec<MapDetailSpec>,
     /// Seed of everything random: faults and simulated errors.
     pub seed: u64,
-    /// How far ahead of all others a stamp may be, 10 s by default: a row whose stamp is further ahead
-    /// waits until a second one confirms it, and is not used if none does.
+    /// How far ahead of all others a stamp may be, 10 s by default. Rows whose stamps are further ahead wait
+    /// until 20 more confirm them. A row that is not ahead, or the end of the log, discards them.
     pub longest_jump: Option<Positive<dim::Duration>>,
     /// A silence of all rows longer than this separates one recording from the next: the filter starts anew by
     /// its initialisers and keeps its calibration. For a process without input; of one with input

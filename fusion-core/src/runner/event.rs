@@ -59,7 +59,7 @@ pub enum Discard {
         /// Which of the consumer's numbers.
         column: usize,
     },
-    /// Its stamp is far ahead of all others, and no second row has confirmed it.
+    /// Its stamp is far ahead of all others, and too few rows have confirmed it.
     TimeJump {
         /// The latest stamp of the others.
         now: Time,

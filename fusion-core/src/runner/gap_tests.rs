@@ -216,9 +216,20 @@ fn a_gap_is_heldand_measurements_in_it_are_used_at_their_own_times() {
 
 #[test]
 fn any_order_of_arrival_gives_the_same_bits_through_a_gap() {
-    let rows = rows(300, 101..150);
+    let mut rows = rows(300, 101..150);
+    // A spike, a step that stays, and a suspect before the gap.
+    let inputs = rows.iter_mut().filter(|row| row.0 == 0);
+    for (k, row) in inputs.enumerate() {
+        row.2 = match k {
+            40 | 100 => -50.0,
+            180.. => 9.0,
+            _ => row.2,
+        };
+    }
     let wanted = told(&mut runner(0.1), &rows);
-    assert!(wanted.iter().any(|e| e.starts_with("Coasting")) && wanted.iter().any(|e| e.starts_with("Resumed")));
+    for kind in ["Coasting", "Resumed", "Spike"] {
+        assert!(wanted.iter().any(|e| e.contains(kind)), "{kind}");
+    }
     let sorted = |mut events: Vec<String>| {
         events.sort_unstable();
         events
@@ -350,40 +361,48 @@ fn after_a_gap_too_long_to_coast_the_initialisers_start_anew_and_calibration_is_
     assert_eq!(told, wanted);
 }
 
-/// What became of rows with one or two jumps of an hour after the hundredth.
-fn jumping(jumps: i64) -> (Vec<String>, Time) {
-    let mut runner = runner(0.0);
-    runner.limit_jumps(10.0);
-    let mut rows = rows(200, 0..0);
-    let hour = 3600 * 1_000_000_000;
-    for k in 0..jumps {
-        rows.insert(100 + k as usize, (0, centi(90 + k).shifted(hour), 1.0));
+/// Feeds rows with `jumps` stamps an hour ahead from the hundredth on. Gives the events of unused rows and of a stop,
+/// and the belief at the end.
+fn jumping(jumps: usize, goes_back: bool) -> (Vec<String>, Belief) {
+    let mut settled = runner(0.0);
+    settled.limit_jumps(10.0);
+    if goes_back {
+        let mut live = runner(0.0);
+        live.limit_jumps(10.0);
+        settled.rewind(live, 1.0, 0.25);
     }
-    let mut told = Vec::new();
-    let mut observer = |event: &Event<'_>| match event {
-        Event::Discarded { consumer, row, why, .. } => told.push(format!("{consumer} {} {why:?}", row.number)),
-        Event::Stopped { .. } => told.push("stopped".to_owned()),
-        _ => {}
-    };
-    feed(&mut runner, &rows, &mut observer);
-    runner.finish(&mut observer).unwrap();
-    (told, runner.belief().time)
+    let mut rows = rows(400, 0..0);
+    rows[100..100 + jumps]
+        .iter_mut()
+        .for_each(|row| row.1 = row.1.shifted(nanos(3600.0)));
+    let told = told(&mut settled, &rows);
+    let kept = told.into_iter().filter(|e| e.starts_with("Discarded") || e.starts_with("Stopped"));
+    (kept.collect(), settled.belief().clone())
 }
 
 #[test]
-fn one_stamp_far_ahead_is_not_used_and_shuts_nothing_out() {
-    let (told, end) = jumping(1);
-    assert_eq!(told.len(), 1, "{told:?}");
-    assert!(told[0].starts_with("process 100 TimeJump"), "{told:?}");
-    assert!(end >= centi(199));
+fn up_to_twenty_stamps_far_ahead_cost_their_rows_and_no_other() {
+    for goes_back in [false, true] {
+        for jumps in [1, 2, 3, 20] {
+            let (told, belief) = jumping(jumps, goes_back);
+            assert!(told.iter().all(|e| e.contains("TimeJump")) && told.len() == jumps, "{told:?}");
+            assert_eq!(belief.time, centi(399));
+            // As if they had not been there.
+            let mut rows = rows(400, 0..0);
+            rows.drain(100..100 + jumps);
+            assert_eq!(belief.x, belief_after(&rows).x);
+        }
+    }
 }
 
 #[test]
-fn a_jump_that_a_second_row_confirms_is_a_gap() {
-    let (told, _) = jumping(2);
-    // All rows behind it are late; the gap of an hour is too long to coast.
-    assert!(told.contains(&"stopped".to_owned()), "{told:?}");
-    assert!(told.iter().all(|e| !e.contains("TimeJump")));
+fn a_jump_that_goes_on_is_a_gap() {
+    for goes_back in [false, true] {
+        let (told, belief) = jumping(320, goes_back);
+        // The hour is too long to coast through.
+        assert!(told.iter().any(|e| e.starts_with("Stopped")), "{told:?}");
+        assert!(told.iter().all(|e| !e.contains("TimeJump")) && belief.time == centi(399).shifted(nanos(3600.0)));
+    }
 }
 
 #[test]

@@ -199,8 +199,8 @@ impl Runner {
         self.longest_silence = Some(nanos(seconds));
     }
 
-    /// Rows whose stamps are more than `seconds` ahead of all others wait until a second one confirms
-    /// them; infinite at first. A row that none confirms is discarded.
+    /// Rows whose stamps are more than `seconds` ahead of all others wait until twenty more confirm them;
+    /// infinite at first. Rows that the next ones do not confirm are discarded.
     pub fn limit_jumps(&mut self, seconds: f64) {
         self.quarantine = Quarantine::new(seconds);
     }
@@ -350,14 +350,30 @@ impl Runner {
             return Err(WrongWidth { wanted, found }.into());
         }
         self.listen(observer);
-        match self.quarantine.admit(row, self.watermark) {
-            Admission::Use => {}
-            Admission::Wait => return Ok(()),
-            Admission::Confirms(held) => self.admit(&held.row(), observer)?,
-            Admission::Refutes(held) => self.refuse(&held, observer)?,
-            Admission::Replaces(held) => return Ok(self.refuse(&held, observer)?),
+        let admission = self.quarantine.admit(row, self.watermark);
+        match admission {
+            Admission::Use | Admission::Replaces => self.settle_jump(false, observer)?,
+            Admission::Confirms => self.settle_jump(true, observer)?,
+            Admission::Wait => {}
+        }
+        if matches!(admission, Admission::Wait | Admission::Replaces) {
+            self.quarantine.hold(row);
+            return Ok(());
         }
         Ok(self.admit(row, observer)?)
+    }
+
+    /// Uses the rows that wait for others to confirm their stamps, or discards them.
+    fn settle_jump(&mut self, are_used: bool, observer: &mut dyn Observer) -> Result<(), Halt> {
+        while let Some(held) = self.quarantine.release() {
+            if are_used {
+                self.admit(&held.row(), observer)?;
+            } else {
+                self.refuse(&held, observer)?;
+            }
+            self.quarantine.give_back(held);
+        }
+        Ok(())
     }
 
     fn admit(&mut self, row: &Row<'_>, observer: &mut dyn Observer) -> Result<(), Halt> {
@@ -407,9 +423,7 @@ impl Runner {
     /// Processes everything that has been held back: the end of the log.
     pub(super) fn take_end(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
         self.listen(observer);
-        if let Some(held) = self.quarantine.finish() {
-            self.refuse(&held, observer)?;
-        }
+        self.settle_jump(false, observer)?;
         self.drain(Time::MAX, observer)?;
         self.settle_suspects(false, observer)?;
         self.finish_stages(observer)?;

@@ -1,25 +1,48 @@
-//! Stamps that jump ahead: a row waits until a second one confirms it.
+//! Stamps that jump ahead: rows wait until enough of them say so.
+//!
+//! A row whose stamp is far ahead of all others waits, and so do the next rows that are ahead by as much. The
+//! first row that is not ahead refutes them. When 20 rows wait and one more comes, the jump is a gap, and all
+//! are used. Where several streams have rows, two of them must have jumped, or one must go on for as long as a
+//! row may be ahead. The end of the log discards waiting rows.
 
 use super::rows::Row;
+use crate::memory::{Memory, Tape};
 use crate::time::{Time, nanos};
 use core::ops::Range;
+use std::collections::VecDeque;
 
-/// Holds back a row whose stamp is far ahead of all others.
+/// Rows in a row whose stamps are wrong, at most.
+const LONGEST_RUN: usize = 20;
+
+/// Holds back rows whose stamps are far ahead of all others.
 #[derive(Clone, Debug)]
 pub(super) struct Quarantine {
     /// How far ahead a row may be \[ns\].
-    pub(super) longest: i64,
+    longest: i64,
     /// The longest that the rows have lately been apart \[ns\].
     usual: i64,
-    held: Option<Held>,
+    /// The first stream that had a row, and whether others had, too.
+    stream: Option<usize>,
+    are_several: bool,
+    /// In order of arrival.
+    held: VecDeque<Held>,
+    spare: Vec<Held>,
 }
-crate::memory!(Quarantine { usual, held; longest });
+
+impl Memory for Quarantine {
+    fn remember(&mut self, tape: &mut Tape<'_>) {
+        self.usual.remember(tape);
+        self.stream.remember(tape);
+        self.are_several.remember(tape);
+        tape.pooled(&mut self.held, &mut self.spare);
+    }
+}
 
 /// A row that is held back.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Held {
     stream: usize,
-    pub(super) time: Time,
+    time: Time,
     values: Vec<f64>,
     number: u64,
     disturbed: Vec<Range<usize>>,
@@ -33,16 +56,6 @@ crate::memory!(Held {
 });
 
 impl Held {
-    fn of(row: &Row<'_>) -> Self {
-        Self {
-            stream: row.stream,
-            time: row.time,
-            values: row.values.to_vec(),
-            number: row.number,
-            disturbed: row.disturbed.to_vec(),
-        }
-    }
-
     pub(super) fn row(&self) -> Row<'_> {
         Row {
             stream: self.stream,
@@ -54,19 +67,17 @@ impl Held {
     }
 }
 
-/// What is to be done with a row.
-#[derive(Debug)]
+/// How to treat a row, and before it the waiting rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Admission {
-    /// Use it.
+    /// It is used; those that wait are discarded.
     Use,
-    /// It waits.
+    /// It waits with them.
     Wait,
-    /// It confirms the one that waits: use that one, then this.
-    Confirms(Held),
-    /// It refutes the one that waits: discard that one, use this.
-    Refutes(Held),
-    /// It is another jump: the one that waits is discarded, this one waits.
-    Replaces(Held),
+    /// They are used, and so is it.
+    Confirms,
+    /// It is another jump: they are discarded, it waits.
+    Replaces,
 }
 
 impl Quarantine {
@@ -75,39 +86,107 @@ impl Quarantine {
         Self {
             longest: nanos(longest),
             usual: 0,
-            held: None,
+            stream: None,
+            are_several: false,
+            held: VecDeque::new(),
+            spare: Vec::new(),
         }
+    }
+
+    /// How far ahead of the others, which are at `now`, a row may be \[ns\]. Rows that are always far apart do not
+    /// jump.
+    fn limit(&self) -> i64 {
+        self.longest.max(self.usual.saturating_mul(3))
+    }
+
+    /// Whether a row is in doubt, the latest stamp of the others being `now`.
+    pub(super) fn doubts(&self, row: &Row<'_>, now: Time) -> bool {
+        now != Time::MIN && row.time.nanos().saturating_sub(now.nanos()) > self.limit()
     }
 
     /// Judges a row by the latest stamp of the others, `now`.
     pub(super) fn admit(&mut self, row: &Row<'_>, now: Time) -> Admission {
-        let ahead = row.time.nanos().saturating_sub(now.nanos());
-        // Rows that are always far apart do not jump.
-        let limit = self.longest.max(self.usual.saturating_mul(3));
-        if now == Time::MIN || ahead <= limit {
+        if !self.doubts(row, now) {
+            self.are_several |= *self.stream.get_or_insert(row.stream) != row.stream;
             if now != Time::MIN {
+                let ahead = row.time.nanos().saturating_sub(now.nanos());
                 self.usual = ahead.max(self.usual - self.usual / 8);
             }
-            return self.held.take().map_or(Admission::Use, Admission::Refutes);
+            return Admission::Use;
         }
-        match self.held.take() {
-            Some(held) if row.time.nanos().abs_diff(held.time.nanos()) <= limit.unsigned_abs() => {
-                self.usual = held.time.nanos().saturating_sub(now.nanos());
-                Admission::Confirms(held)
+        let limit = self.limit().unsigned_abs();
+        let is_apart = |held: &Held| row.time.nanos().abs_diff(held.time.nanos()) > limit;
+        if self.held.back().is_some_and(is_apart) {
+            return Admission::Replaces;
+        }
+        match self.held.front() {
+            Some(first) if self.goes_on(row, first) => {
+                self.usual = first.time.nanos().saturating_sub(now.nanos());
+                Admission::Confirms
             }
-            Some(held) => {
-                self.held = Some(Held::of(row));
-                Admission::Replaces(held)
-            }
-            None => {
-                self.held = Some(Held::of(row));
-                Admission::Wait
-            }
+            _ => Admission::Wait,
         }
     }
 
-    /// The row that is still held back at the end of the log.
-    pub(super) fn finish(&mut self) -> Option<Held> {
-        self.held.take()
+    /// Whether the rows that wait, and `row`, are too many for a fault of the stamps.
+    fn goes_on(&self, row: &Row<'_>, first: &Held) -> bool {
+        let has_lasted = || row.time.nanos().saturating_sub(first.time.nanos()) > self.limit();
+        let others = || self.held.iter().any(|held| held.stream != row.stream);
+        self.held.len() >= LONGEST_RUN && (!self.are_several || has_lasted() || others())
+    }
+
+    /// Holds a row back.
+    pub(super) fn hold(&mut self, row: &Row<'_>) {
+        let mut held = self.spare.pop().unwrap_or_default();
+        (held.stream, held.time, held.number) = (row.stream, row.time, row.number);
+        held.values.clear();
+        held.values.extend_from_slice(row.values);
+        held.disturbed.clear();
+        held.disturbed.extend_from_slice(row.disturbed);
+        self.held.push_back(held);
+    }
+
+    /// The first of the rows that wait, which does so no longer.
+    pub(super) fn release(&mut self) -> Option<Held> {
+        self.held.pop_front()
+    }
+
+    /// Takes the memory of a row that has been released.
+    pub(super) fn give_back(&mut self, held: Held) {
+        self.spare.push(held);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Judges rows of these streams, stamped in hundredths of a second after one of each; what waits is held.
+    fn judged(rows: impl Iterator<Item = (usize, i64)>) -> Vec<Admission> {
+        let mut quarantine = Quarantine::new(10.0);
+        let mut now = Time::MIN;
+        let mut judge = |(stream, centi): (usize, i64)| {
+            let row = Row::new(stream, Time::from_nanos(centi * 10_000_000), &[]);
+            let admission = quarantine.admit(&row, now);
+            match admission {
+                Admission::Wait => quarantine.hold(&row),
+                Admission::Use => now = now.max(row.time),
+                _ => {}
+            }
+            admission
+        };
+        judge((0, 0));
+        judge((1, 0));
+        rows.map(judge).collect()
+    }
+
+    #[test]
+    fn of_several_streams_two_have_to_jump_or_one_for_long() {
+        const HOUR: i64 = 360_000;
+        let one = judged((1..2000).map(|k| (0, HOUR + k)));
+        // 10 s of its rows, and one more.
+        assert_eq!(one.iter().position(|a| *a == Admission::Confirms), Some(1001));
+        let two = judged((1..100).map(|k| (usize::from(k == 7), HOUR + k)));
+        assert_eq!(two.iter().position(|a| *a == Admission::Confirms), Some(20));
     }
 }

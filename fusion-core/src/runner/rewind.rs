@@ -326,10 +326,18 @@ impl Rewind {
     /// Takes a row; of the settled runner, `from` is the time that it had reached before, and `settled`
     /// the one that it has reached now.
     pub(super) fn feed(&mut self, row: &Row<'_>, from: Time, settled: Time, observer: &mut dyn Observer) -> Result<(), Halt> {
-        match self.quarantine.admit(row, self.live.watermark) {
-            Admission::Use | Admission::Refutes(_) => {}
-            Admission::Wait | Admission::Replaces(_) => return Ok(()),
-            Admission::Confirms(held) => self.arrive(&held.row(), from)?,
+        let admission = self.quarantine.admit(row, self.live.watermark);
+        if admission != Admission::Wait {
+            while let Some(held) = self.quarantine.release() {
+                if admission == Admission::Confirms {
+                    self.arrive(&held.row(), from)?;
+                }
+                self.quarantine.give_back(held);
+            }
+        }
+        if matches!(admission, Admission::Wait | Admission::Replaces) {
+            self.quarantine.hold(row);
+            return Ok(());
         }
         self.arrive(row, from)?;
         self.age(settled);
@@ -338,7 +346,6 @@ impl Rewind {
 
     /// Uses what is left: the end of the log.
     pub(super) fn finish(&mut self, observer: &mut dyn Observer) -> Result<(), Halt> {
-        self.quarantine.finish();
         self.live.watched(&mut nobody, |live, watch| live.take_end(watch))?;
         self.tell(observer)
     }

@@ -59,7 +59,9 @@ impl Runner {
     pub fn feed(&mut self, row: &Row<'_>, observer: &mut dyn Observer) -> Result<(), RunError> {
         let from = self.released;
         self.watched(observer, |runner, watch| {
-            watch.beat(row.stream, row.time);
+            if !runner.quarantine.doubts(row, runner.watermark) {
+                watch.beat(row.stream, row.time);
+            }
             runner.take_row(row, watch)
         })?;
         let settled = self.released;

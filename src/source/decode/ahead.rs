@@ -1,18 +1,22 @@
-//! The rows of a format, with a look at the one after the row at hand.
+//! The rows of a format, with a look at those after the row at hand.
 
 use super::raw::{Cell, Malformed, RawRows};
 use crate::rows::DataError;
+use std::collections::VecDeque;
 
-/// Reads one row ahead where it is asked to.
+/// Reads rows ahead where it is asked to.
 pub(super) struct Ahead<R> {
     raw: R,
-    /// A copy of the row at hand, while `raw` is at the one after it.
-    held: Option<Held>,
+    /// Copies of the row at hand and of those after it, while `raw` is at the one after these.
+    held: VecDeque<Held>,
+    /// Which row is looked at: how many after the one at hand.
+    at: usize,
 }
 
 struct Held {
     place: usize,
     cells: Vec<Copied>,
+    malformed: Option<Malformed>,
     /// What reading the row after it said.
     next: Result<bool, DataError>,
 }
@@ -25,25 +29,44 @@ enum Copied {
 
 impl<R: RawRows> Ahead<R> {
     pub(super) const fn new(raw: R) -> Self {
-        Self { raw, held: None }
+        Self {
+            raw,
+            held: VecDeque::new(),
+            at: 0,
+        }
     }
 
-    /// The row after the one at hand, which is sound; `None` where none can be read.
-    pub(super) fn after(&mut self) -> Option<&R> {
-        if self.held.is_none() {
+    /// Looks at the row that comes `after` so many; false, and back at the row at hand, where none can be read.
+    pub(super) fn look(&mut self, after: usize) -> bool {
+        self.at = 0;
+        while self.held.len() < after {
+            if self.held.back().is_some_and(|held| held.next != Ok(true)) {
+                return false;
+            }
             let copied = |column| match self.raw.cell(column) {
                 Cell::Text(bytes) => Copied::Text(bytes.to_vec()),
                 Cell::Number(number) => Copied::Number(number),
                 Cell::Integer(number) => Copied::Integer(number),
             };
-            self.held = Some(Held {
+            let malformed = self.raw.malformed();
+            let columns = if malformed.is_some() { 0 } else { self.raw.columns().len() };
+            self.held.push_back(Held {
                 place: self.raw.place(),
-                cells: (0..self.raw.columns().len()).map(copied).collect(),
+                cells: (0..columns).map(copied).collect(),
+                malformed,
                 next: self.raw.advance(),
             });
         }
-        let is_there = self.held.as_ref().is_some_and(|held| held.next == Ok(true));
-        is_there.then_some(&self.raw)
+        if after > 0 && self.held[after - 1].next != Ok(true) {
+            return false;
+        }
+        self.at = after;
+        true
+    }
+
+    /// The row looked at, where it is held; else `raw` is at it.
+    fn held(&self) -> Option<&Held> {
+        self.held.get(self.at)
     }
 }
 
@@ -53,18 +76,19 @@ impl<R: RawRows> RawRows for Ahead<R> {
     }
 
     fn advance(&mut self) -> Result<bool, DataError> {
-        match self.held.take() {
+        self.at = 0;
+        match self.held.pop_front() {
             Some(held) => held.next,
             None => self.raw.advance(),
         }
     }
 
     fn place(&self) -> usize {
-        self.held.as_ref().map_or_else(|| self.raw.place(), |held| held.place)
+        self.held().map_or_else(|| self.raw.place(), |held| held.place)
     }
 
     fn cell(&self, column: usize) -> Cell<'_> {
-        let Some(held) = &self.held else {
+        let Some(held) = self.held() else {
             return self.raw.cell(column);
         };
         match held.cells.get(column) {
@@ -76,6 +100,9 @@ impl<R: RawRows> RawRows for Ahead<R> {
     }
 
     fn malformed(&self) -> Option<Malformed> {
-        if self.held.is_some() { None } else { self.raw.malformed() }
+        match self.held() {
+            Some(held) => held.malformed.clone(),
+            None => self.raw.malformed(),
+        }
     }
 }

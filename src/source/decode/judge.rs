@@ -4,7 +4,7 @@ use super::ahead::Ahead;
 use super::channel::{ChannelPlan, Wrong};
 use super::clock::Clock;
 use super::condition::Test;
-use super::jump::{After, Jumps};
+use super::jump::{self, After, Jumps};
 use super::plan::Plan;
 use super::raw::RawRows;
 use super::spec::{Interval, Keep, Policy, Ties};
@@ -264,14 +264,26 @@ impl Judge {
         }))
     }
 
-    /// A stamp that jumps ahead stands if the next one does not go back.
+    /// A stamp that jumps ahead stands if none of those after it goes back.
     fn check_jump(&mut self, stamp: i64, raw: &mut Ahead<impl RawRows>, number: u64) -> Result<(), Unused> {
         if !self.jumps.is_in_doubt(self.stamp, stamp) {
             return Ok(());
         }
-        let sound = raw.after().filter(|row| row.malformed().is_none());
-        let after = sound.and_then(|row| self.clock.read_after(row, number + 1).ok());
-        let after = after.map_or(After::Nothing, After::Stamp);
+        let mut after = After::Nothing;
+        for later in 1..=jump::LONGEST_RUN {
+            if !raw.look(later) {
+                break;
+            }
+            if raw.malformed().is_none()
+                && let Ok(next) = self.clock.read_after(&*raw, number + later as u64)
+            {
+                after = After::Stamp(next, later);
+                if self.jumps.goes_back(self.stamp, stamp, next) {
+                    break;
+                }
+            }
+        }
+        raw.look(0);
         let Some(message) = self.jumps.refute(self.stamp, stamp, after) else {
             return Ok(());
         };

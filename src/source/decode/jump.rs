@@ -1,4 +1,4 @@
-//! Stamps that jump ahead: believed when a second row confirms them.
+//! Stamps that jump ahead: believed when no row soon after goes back.
 
 use fusion_core::time::{Time, nanos};
 
@@ -7,7 +7,10 @@ const INTERVALS: i64 = 10;
 /// A jump where no interval is known yet \[ns\].
 const FIRST: i64 = 1_000_000_000;
 
-/// Tells a wrong stamp from a gap, by the row after it.
+/// Rows in a row with wrong stamps, at most.
+pub(super) const LONGEST_RUN: usize = 20;
+
+/// Tells wrong stamps from a gap, by the rows after them.
 #[derive(Clone, Debug)]
 pub(super) struct Jumps {
     declared: Option<i64>,
@@ -15,12 +18,12 @@ pub(super) struct Jumps {
     interval: i64,
 }
 
-/// What the row after a jump says.
+/// The evidence of the rows after a jump.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum After {
-    /// Its stamp.
-    Stamp(i64),
-    /// There is none, or it cannot be read.
+    /// The stamp of the first that goes back, or of the last looked at, and how many rows later it comes.
+    Stamp(i64, usize),
+    /// No row follows that can be read.
     Nothing,
 }
 
@@ -47,28 +50,36 @@ impl Jumps {
         last.is_none_or(|last| stamp.saturating_sub(last) > self.limit())
     }
 
-    /// Why a stamp in doubt is wrong; `None` where the row after it confirms it. A row after a gap
-    /// is followed by one at about its time; one with a wrong stamp by one that goes back.
+    /// Whether a later stamp shows that one in doubt is wrong. Rows after a gap have stamps at about its time; rows
+    /// after wrong ones go back.
+    pub(super) fn goes_back(&self, last: Option<i64>, stamp: i64, next: i64) -> bool {
+        match last {
+            None => stamp.saturating_sub(next) > self.limit(),
+            Some(last) => next.saturating_sub(last) < stamp.saturating_sub(next),
+        }
+    }
+
+    /// Why a stamp in doubt is wrong; `None` where the rows after it confirm it.
     pub(super) fn refute(&self, last: Option<i64>, stamp: i64, after: After) -> Option<String> {
         let time = Time::from_nanos;
-        let step = |from: i64, to: i64| time(to).seconds_since(time(from));
+        let ahead = |last| time(stamp).seconds_since(time(last));
         match (last, after) {
-            (None, After::Stamp(next)) if stamp.saturating_sub(next) > self.limit() => Some(format!(
-                "the first stamp is {}, and the next row goes back to {}",
-                time(stamp),
-                time(next)
-            )),
-            (Some(last), After::Stamp(next)) if next.saturating_sub(last) < stamp.saturating_sub(next) => Some(format!(
-                "{} is {:.3} s after the row before, and the next row goes back to {}",
-                time(stamp),
-                step(last, stamp),
-                time(next)
-            )),
+            (_, After::Stamp(next, later)) => self.goes_back(last, stamp, next).then(|| {
+                let which = match last {
+                    None => format!("the first stamp is {}", time(stamp)),
+                    Some(last) => format!("{} is {:.3} s after the row before", time(stamp), ahead(last)),
+                };
+                let row = match later {
+                    1 => "the next row goes".to_owned(),
+                    later => format!("{later} rows later the stamps go"),
+                };
+                format!("{which}, and {row} back to {}", time(next))
+            }),
             // Of two rows alone, none is known to be wrong.
             (Some(last), After::Nothing) if self.declared.is_some() || self.interval > 0 => Some(format!(
                 "{} is {:.3} s after the row before, and no row after it confirms that",
                 time(stamp),
-                step(last, stamp)
+                ahead(last)
             )),
             _ => None,
         }
@@ -93,7 +104,9 @@ mod tests {
     fn used(mut jumps: Jumps, stamps: &[i64]) -> Vec<i64> {
         let (mut last, mut used) = (None, Vec::new());
         for (k, stamp) in stamps.iter().enumerate() {
-            let after = stamps.get(k + 1).map_or(After::Nothing, |s| After::Stamp(s * S));
+            let later = || (1..=LONGEST_RUN).map_while(|n| Some(After::Stamp(stamps.get(k + n)? * S, n)));
+            let goes_back = |after: &After| matches!(after, After::Stamp(next, _) if jumps.goes_back(last, stamp * S, *next));
+            let after = later().find(goes_back).or(later().last()).unwrap_or(After::Nothing);
             if jumps.is_in_doubt(last, stamp * S) && jumps.refute(last, stamp * S, after).is_some() {
                 continue;
             }
@@ -122,7 +135,19 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_is_confirmed_by_the_row_after_it() {
+    fn a_run_of_up_to_twenty_wrong_stamps_costs_those_rows_alone() {
+        let rows: Vec<i64> = (0..100).collect();
+        for (from, length) in [(0, 1), (0, 20), (50, 2), (50, 7), (50, 20)] {
+            let wrong = from..from + length;
+            let mut stamps = rows.clone();
+            stamps[wrong.clone()].iter_mut().for_each(|stamp| *stamp += 3600);
+            let right: Vec<i64> = rows.iter().copied().filter(|k| !wrong.contains(&(*k as usize))).collect();
+            assert_eq!(used(learnt(), &stamps), right, "{wrong:?}");
+        }
+    }
+
+    #[test]
+    fn a_gap_is_confirmed_by_the_rows_after_it() {
         let stamps: Vec<i64> = (0..20).chain(3600..3620).collect();
         assert_eq!(used(learnt(), &stamps), stamps);
         // A wrong stamp soon after a gap is none the less one.

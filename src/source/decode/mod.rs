@@ -11,7 +11,7 @@
 //! Interval of an increment: since the previous stamp in the file, be its row used or not; with a `rate` since that
 //!          of a valid row, or 1/`rate` in the first row, after an unreadable stamp and where the gap exceeds 1.5
 //!          intervals; always 1/`rate` with `interval = "nominal"`
-//! Memory   one row, two where the stamp of the first jumps ahead
+//! Memory   one row; where its stamp jumps ahead, it and the 20 after it
 //! Not here decimal commas
 
 mod ahead;

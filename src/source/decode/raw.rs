@@ -48,7 +48,7 @@ pub(in super::super) enum Cell<'a> {
 }
 
 /// What is wrong with the form of a row.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(in super::super) struct Malformed {
     pub(in super::super) message: String,
     pub(in super::super) help: &'static str,

@@ -104,7 +104,7 @@ macro_rules! time_spec {
             start: Option<fusion_models::units::Duration>,
             /// The first row at or after ends the source, in the time of the log.
             stop: Option<fusion_models::units::Duration>,
-            /// A stamp later than the one before by more than this is wrong if the next row goes back: the
+            /// A stamp later than the one before by more than this is wrong if one of the next 20 rows goes back: the
             /// row is left out and reported. By default ten times the longest of the recent intervals.
             max_jump: Option<fusion_models::units::Positive<fusion_models::units::dim::Duration>>,
             /// What to do at a stamp earlier than the one before: `stop`, or `skip` the row.

@@ -65,6 +65,30 @@ fn a_stamp_an_hour_ahead_costs_its_row_and_no_other() {
 }
 
 #[test]
+fn up_to_twenty_stamps_an_hour_ahead_cost_their_rows_and_no_other() {
+    for (from, length) in [(0, 2), (300, 2), (300, 20)] {
+        let stamp = |k: usize| 0.1 * k as f64 + if (from..from + length).contains(&k) { 3600.0 } else { 0.0 };
+        let line = |k: usize| match k {
+            // The reader passes over a bad line.
+            301 => "bad,1,2,3\n".to_owned(),
+            k => format!("{:.1},{k}\n", stamp(k)),
+        };
+        let text = format!("t,v\n{}", (0..1000).map(line).collect::<String>());
+        let (rows, report) = read(&format!("bad_rows = 'skip'\n{TV}"), text.as_bytes()).unwrap();
+        let left = (0..1000).filter(|k| *k != 301 && !(from..from + length).contains(k));
+        assert_eq!(
+            rows.iter().map(|(_, r)| r[0] as usize).collect::<Vec<_>>(),
+            left.collect::<Vec<_>>()
+        );
+        let jumps = report.skipped.iter().find(|s| s.reason == "time jumps ahead").unwrap();
+        assert_eq!(jumps.count as usize, length - usize::from(from == 300), "{from} {length}");
+    }
+    // More of them are a gap, behind which nothing may go back.
+    let text: String = (0..100).map(|k| format!("{},{k}\n", if k < 50 { k } else { 3600 + k })).collect();
+    assert_eq!(read(TV, format!("t,v\n{text}").as_bytes()).unwrap().0.len(), 100);
+}
+
+#[test]
 fn an_hour_without_rows_is_a_gap_and_the_end_of_the_source_is_where_it_is_declared() {
     let text = "t,v\n0,0\n1,1\n2,2\n3602,3\n3603,4\n3604,5\n";
     assert_eq!(read(TV, text.as_bytes()).unwrap().0.len(), 6);
