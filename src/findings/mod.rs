@@ -72,10 +72,8 @@ const UNCERTAIN: f64 = 8.0 * core::f64::consts::PI / 180.0;
 const LATE: f64 = 0.25;
 /// A heading that is so far from another is another one, and no better estimate of it: as health has it \[rad\].
 const ANOTHER: f64 = 15.0 * core::f64::consts::PI / 180.0;
-/// More samples of the input than these that are taken for spikes are none: a unit has one now and then.
-const SPIKES: u64 = 4;
-/// The same as a share of all, where nothing tells what became of the estimate.
-const SPIKE_SHARE: f64 = 1e-4;
+/// More samples of the input than these out of range are more than a blow or two.
+const BLOWS: u64 = 4;
 /// So many samples of the input outside its declared range, as a share of all, are more than a blow or two.
 const BEYOND: f64 = 1e-3;
 /// A stretch without rows that is worth a word: so many intervals of its source, and seconds.
@@ -168,7 +166,11 @@ impl Judged<'_> {
         let disturbed = self.disturbed();
         let input = self.all_disagree().or_else(|| self.all_refused());
         let start = self.poor_start();
-        let spikes = self.spikes();
+        let (spikes, few_spikes) = match self.spikes() {
+            Some((true, spikes)) => (Some(spikes), None),
+            Some((false, spikes)) => (None, Some(spikes)),
+            None => (None, None),
+        };
         let (input_far, far) = match self.far_parameter().filter(|_| input.is_none()) {
             Some((true, far)) => (Some(far), None),
             Some((false, far)) => (None, Some(far)),
@@ -225,6 +227,8 @@ impl Judged<'_> {
             .chain(rest().filter_map(|(i, s)| self.lasting(i, s)))
             .chain(self.beyond_chance())
             .chain(self.unlearnt())
+            .chain(few_spikes)
+            .chain(self.coasted())
             .chain(self.gaps())
             .collect()
     }
@@ -303,7 +307,7 @@ impl Judged<'_> {
     fn beyond_range(&self) -> Option<Finding> {
         let process = self.summary.consumers.iter().find(|c| c.name == "process")?;
         let (beyond, rows) = (process.out_of_range, process.rows);
-        (beyond > SPIKES && beyond as f64 > BEYOND * rows as f64).then(|| Finding {
+        (beyond > BLOWS && beyond as f64 > BEYOND * rows as f64).then(|| Finding {
             about: "process".to_owned(),
             evidence: format!(
                 "{beyond} of {rows} samples of `{}` are outside the declared range and were not used",
@@ -459,27 +463,36 @@ impl Judged<'_> {
         })
     }
 
-    /// Samples of the input that were taken for spikes, and are too many to be any.
-    fn spikes(&self) -> Option<Finding> {
-        let process = self.summary.consumers.iter().find(|c| c.name == "process" && c.spikes > SPIKES)?;
-        let mut nees = Measures::ALL.into_iter().filter_map(|what| self.nees(what)).peekable();
-        let is_harmful = if nees.peek().is_some() {
-            nees.any(is_large)
-        } else {
-            process.spikes as f64 > SPIKE_SHARE * process.rows as f64
-        };
+    /// The stream of the process input, where no declared fault disturbs it.
+    fn undisturbed_input(&self) -> Option<&str> {
+        let process = self.summary.consumers.iter().find(|c| c.name == "process")?;
         let has_faults = |s: &crate::run::SourceStatistics| s.name == process.stream && !s.report.disturbed.is_empty();
-        if !is_harmful || self.summary.sources.iter().any(has_faults) {
-            return None;
-        }
-        Some(Finding {
+        let is_declared = self.summary.faults.iter().any(|fault| fault.stream == process.stream);
+        (!is_declared && !self.summary.sources.iter().any(has_faults)).then_some(&process.stream)
+    }
+
+    /// Samples of the input that were taken for spikes; and whether the estimate is worse than it says.
+    fn spikes(&self) -> Option<(bool, Finding)> {
+        let stream = self.undisturbed_input()?;
+        let process = self.summary.consumers.iter().find(|c| c.name == "process" && c.spikes > 0)?;
+        let is_harmful = Measures::ALL.into_iter().filter_map(|what| self.nees(what)).any(is_large);
+        let finding = Finding {
             about: "process".to_owned(),
-            evidence: format!(
-                "{} samples of `{}` were taken for spikes and not used",
-                process.spikes, process.stream
-            ),
-            advice: "the vehicle moves faster than `process.agility` says: raise its `acceleration` and `angular_rate`, unless the unit \
-                     does have such faults"
+            evidence: format!("{} samples of `{stream}` were taken for spikes and not used", process.spikes),
+            advice: "if the unit has no such faults, the vehicle moves faster than `process.agility` says: raise its `acceleration` and \
+                     `angular_rate`"
+                .to_owned(),
+        };
+        Some((is_harmful, finding))
+    }
+
+    /// Gaps of the input that no fault explains.
+    fn coasted(&self) -> Option<Finding> {
+        let (stream, coasted) = (self.undisturbed_input()?, self.summary.coasted);
+        (coasted > 0.0).then(|| Finding {
+            about: "process".to_owned(),
+            evidence: format!("`{stream}` had no usable sample for {coasted:.2} s, and the filter coasted"),
+            advice: "look for rows of the unit that are missing or were not used; `process.agility` says what the vehicle may do meanwhile"
                 .to_owned(),
         })
     }

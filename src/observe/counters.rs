@@ -5,6 +5,8 @@ use fusion_core::memory::Memory;
 use fusion_core::runner::{Discard, Event, Halt};
 use fusion_core::state::{Belief, Kind, StateRole};
 
+/// The name of the process as a consumer.
+const PROCESS: &str = "process";
 /// Failures that are told with their reason.
 const REASONS: usize = 10;
 
@@ -21,6 +23,13 @@ pub struct Counters {
     pub unused_rows: Vec<(String, u64)>,
     /// Samples of the input that were taken for spikes.
     pub spikes: u64,
+    /// Samples of the input that were refused for what they are: spikes, out of range, frozen, not finite, or stamped
+    /// far ahead.
+    pub refused: u64,
+    /// The length of all gaps of the input that have ended \[s\].
+    coasted: f64,
+    /// The length of the present gap so far \[s\].
+    gap: f64,
     /// Why a filter could not go on: the first ten.
     pub failures: Vec<String>,
     /// How many more there were.
@@ -28,6 +37,18 @@ pub struct Counters {
 }
 
 impl Counters {
+    /// How long the filter coasted without input \[s\].
+    #[must_use]
+    pub fn coasted(&self) -> f64 {
+        self.coasted + self.gap
+    }
+
+    /// Counts a sample of the input that was not used.
+    fn refuse(&mut self, why: &Discard) {
+        self.spikes += u64::from(matches!(why, Discard::Spike { .. }));
+        self.refused += u64::from(!matches!(why, Discard::Late { .. }));
+    }
+
     fn not_used(&mut self, consumer: String) {
         match self.unused_rows.iter_mut().find(|(name, _)| *name == consumer) {
             Some((_, count)) => *count += 1,
@@ -55,6 +76,9 @@ fusion_core::memory!(Counters {
     epochs,
     unused_rows,
     spikes,
+    refused,
+    coasted,
+    gap,
     failures,
     further_failures
 });
@@ -76,8 +100,15 @@ impl RunObserver for Counters {
                     why: Discard::BeforeStart, ..
                 } => {}
                 Event::Discarded { consumer, why, .. } => {
-                    self.spikes += u64::from(filter.is_outermost() && matches!(why, Discard::Spike { .. }));
+                    if filter.is_outermost() && *consumer == PROCESS {
+                        self.refuse(why);
+                    }
                     self.not_used(filter.named(consumer));
+                }
+                Event::Coasting { since, time } if filter.is_outermost() => self.gap = time.seconds_since(*since),
+                Event::Resumed { since, time } | Event::Stopped { since, time } if filter.is_outermost() => {
+                    self.coasted += time.seconds_since(*since);
+                    self.gap = 0.0;
                 }
                 Event::Failed { .. } if self.failures.len() >= REASONS => self.further_failures += 1,
                 Event::Failed { error } => {

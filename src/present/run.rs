@@ -63,6 +63,15 @@ impl Summary {
             None => t.row(["started", "never"]),
         }
         t.row([Cell::text("epochs"), Cell::Count(self.epochs)]);
+        if self.refused_samples > 0 {
+            t.row([Cell::text("input samples refused"), Cell::Count(self.refused_samples)]);
+        }
+        if self.coasted > 0.0 {
+            t.row_in(
+                Unit::of_si("s"),
+                [Cell::text("coasted without input"), Cell::Fixed(self.coasted, 3)],
+            );
+        }
         if let Some(bank) = &self.hypotheses {
             let each = format!("{} at the end, {} at most", bank.count, bank.most);
             t.row(["hypotheses", &each]);

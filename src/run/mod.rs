@@ -286,6 +286,7 @@ impl<'a> Run<'a> {
         let score = scores.next();
         let inside = filters.iter().filter(|f| !f.is_outermost()).zip(scores);
         let judge = crate::design::of_a_sensor(self.design);
+        let coasted = counters.coasted();
         let mut summary = Summary {
             description: self.design.run.description.clone(),
             provenance: Provenance::of(self.design, self.options.seed),
@@ -300,6 +301,8 @@ impl<'a> Run<'a> {
             detectors: runner.tested().into_iter().map(Detector::from).collect(),
             held_back: if rewinds { 0.0 } else { runner.lag() },
             epochs: counters.epochs,
+            refused_samples: counters.refused,
+            coasted,
             hypotheses: self.design.filter.bank.map(|_| hypotheses),
             judged_by: judge.map(|(source, _)| source.to_owned()),
             judged_by_used_rows: judge.is_some_and(|(_, is_used)| is_used),

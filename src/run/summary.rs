@@ -139,6 +139,11 @@ pub struct Summary {
     pub held_back: f64,
     /// Estimates made.
     pub epochs: u64,
+    /// Samples of the process input that were refused for what they are: spikes, out of range, frozen, not finite, or
+    /// stamped far ahead.
+    pub refused_samples: u64,
+    /// How long the filter coasted without process input \[s\].
+    pub coasted: f64,
     /// What became of the hypotheses of a bank; none without one.
     pub hypotheses: Option<Hypotheses>,
     /// The source of a sensor whose other rows are the reference, where they are: the slow errors of both are the same.

@@ -386,16 +386,22 @@ fn rows_that_a_fault_disturbed_are_told_before_errors() {
 }
 
 #[test]
-fn samples_that_are_taken_for_spikes_are_told_where_they_do_harm() {
-    let of = |spikes, rows, nees: Option<f64>| {
+fn samples_that_are_taken_for_spikes_and_gaps_of_the_input_are_told() {
+    let of = |spikes, coasted, nees: Option<f64>, fault: bool| {
+        let report = crate::rows::SourceReport {
+            disturbed: if fault { vec![("gap".to_owned(), 6)] } else { Vec::new() },
+            ..Default::default()
+        };
         let summary = Summary {
             consumers: vec![ConsumerCounts {
                 name: "process".to_owned(),
                 stream: "imu".to_owned(),
-                rows,
+                rows: 9000,
                 spikes,
                 ..ConsumerCounts::default()
             }],
+            coasted,
+            sources: vec![crate::run::SourceStatistics::new("imu", &report)],
             score: nees.map(|mean| Score {
                 nees_position: Some(consistency(mean)),
                 ..Score::default()
@@ -403,11 +409,15 @@ fn samples_that_are_taken_for_spikes_are_told_where_they_do_harm() {
             ..Summary::default()
         };
         let all = judged(&[], &summary).findings();
-        all.first()
-            .is_some_and(|f| f.evidence.starts_with("6 samples of `imu`") && f.advice.contains("`process.agility`"))
+        let at = |word: &str| all.iter().position(|f| f.evidence.contains(word));
+        (at("6 samples of `imu`"), at("for 0.29 s"))
     };
-    assert!(of(6, 9000, Some(90.0)) && of(6, 9000, None));
-    assert!(!of(6, 9000, Some(3.0)) && !of(6, 900_000, None) && !of(4, 9000, Some(90.0)));
+    // Harmful ones come first, before the errors that follow from them.
+    assert_eq!(of(6, 0.0, Some(90.0), false), (Some(0), None));
+    assert!(of(6, 0.0, Some(3.0), false).0.is_some() && of(6, 0.0, None, false).0.is_some());
+    assert!(of(0, 0.29, None, false).1.is_some());
+    assert_eq!(of(6, 0.29, None, true), (None, None));
+    assert_eq!(of(0, 0.0, Some(3.0), false), (None, None));
 }
 
 #[test]
