@@ -18,6 +18,8 @@ use std::sync::Arc;
 
 /// How far ahead of all others a stamp may be where nothing is declared \[s\].
 const LONGEST_JUMP: f64 = 10.0;
+/// How long the filter may be lost, if not declared \[s\]: as long as gates take to re-acquire.
+const RESTART_LOST: f64 = 30.0;
 
 /// A design, built.
 #[derive(Debug)]
@@ -159,6 +161,9 @@ impl<'a, P> Assembler<'a, P> {
         let mut assembly = self.finish(process?, parts, infos)?;
         let longest = self.design.run.longest_jump.map_or(LONGEST_JUMP, |t| t.si());
         assembly.runner.limit_jumps(longest);
+        assembly
+            .runner
+            .restart_lost(self.design.run.restart_lost.map_or(RESTART_LOST, |v| v.si()));
         if let Some(silence) = self.design.run.restart_after {
             assembly.runner.restart_after(silence.si());
         }

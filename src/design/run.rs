@@ -89,6 +89,9 @@ pub struct RunSpec {
     /// its initialisers and keeps its calibration. For a process without input; of one with input
     /// `process.input.longest_gap` says it.
     pub restart_after: Option<Positive<dim::Duration>>,
+    /// How long the filter may be lost; after that it starts anew by its initialisers and keeps the calibration of
+    /// before. 30 s by default; a filter with an initialiser that reads no stream never does.
+    pub restart_lost: Option<Positive<dim::Duration>>,
     /// How far out of order live rows may arrive: so long every row waits for others. With
     /// `order = "rewind"` a few milliseconds of it save going back for rows that are a little late.
     pub reorder: NonNegative<dim::Duration>,

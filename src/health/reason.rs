@@ -10,7 +10,7 @@ use serde::{Serialize, Serializer};
 /// A reason for the health of a filter, in the names of the design.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct NamedReason {
-    /// What it is: `no_input`, `stopped`, `refused`, `unsound`, `floor`, `calibration`,
+    /// What it is: `no_input`, `stopped`, `gave_up`, `refused`, `unsound`, `floor`, `calibration`,
     /// `pulled`, `jumped`, `innovations`, `biased`, `rejected`, `reacquired`, `silent`, `ahead`, `unaided`, `undecided`.
     pub reason: &'static str,
     /// The sensor, stream or block; empty where it is the filter as a whole.
@@ -21,10 +21,11 @@ pub struct NamedReason {
 }
 
 /// Every word that a reason can have.
-const WORDS: [&str; 22] = [
+const WORDS: [&str; 23] = [
     "",
     "no_input",
     "stopped",
+    "gave_up",
     "refused",
     "unsound",
     "floor",
@@ -60,6 +61,7 @@ impl NamedReason {
         match (self.reason, self.state) {
             ("no_input", _) => "no input",
             ("stopped", _) => "stopped for want of input",
+            ("gave_up", _) => "lost for long, and waits to start anew",
             ("refused", _) => "a step was refused",
             ("unsound", _) => "the belief is not sound",
             ("floor", _) => "σ below its floor",
@@ -121,6 +123,7 @@ impl Names {
         let (word, all, number) = match reason {
             Reason::InputGap => ("no_input", None, 0),
             Reason::Stopped => ("stopped", None, 0),
+            Reason::GaveUp => ("gave_up", None, 0),
             Reason::Refused => ("refused", None, 0),
             Reason::Unsound => ("unsound", None, 0),
             Reason::Floor { block } => ("floor", Some(&self.blocks), block),

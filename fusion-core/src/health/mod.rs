@@ -84,6 +84,8 @@ pub enum Reason {
     InputGap,
     /// The input has been missing for too long: the filter waits for its initialisers.
     Stopped,
+    /// The filter was lost for too long and has given up: it waits for its initialisers.
+    GaveUp,
     /// A step of the estimator was refused, because it would not have been finite.
     Refused,
     /// A number of the belief is not finite, or a variance is negative.
@@ -181,6 +183,7 @@ impl Memory for Reason {
             Self::Undecided => (17, 0),
             Self::Jumped { block } => (18, block),
             Self::Biased { sensor } => (19, sensor),
+            Self::GaveUp => (20, 0),
         };
         kind.remember(tape);
         of.remember(tape);
@@ -207,6 +210,7 @@ impl Memory for Reason {
             17 => Self::Undecided,
             18 => Self::Jumped { block: of },
             19 => Self::Biased { sensor: of },
+            20 => Self::GaveUp,
             12 | 16 => Self::Silent {
                 sensor: of,
                 replaced: kind == 16,
@@ -231,7 +235,7 @@ impl Reason {
         match self {
             Self::Undecided => State::Aligning,
             Self::InputGap => State::Coasting,
-            Self::Stopped | Self::Refused | Self::Unsound => State::Lost,
+            Self::Stopped | Self::GaveUp | Self::Refused | Self::Unsound => State::Lost,
             Self::Innovations { lost: true, .. } | Self::Rejected { lost: true, .. } => State::Lost,
             Self::Silent { replaced: true, .. } => State::Good,
             _ => State::Degraded,

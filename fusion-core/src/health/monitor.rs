@@ -66,7 +66,10 @@ impl Memory for Monitor {
             held.remember(tape);
         }
         self.blocks.remember(tape);
-        tape.choice(&mut self.phase, &[Phase::Waiting, Phase::Stopped, Phase::Aligning, Phase::Aligned]);
+        tape.choice(
+            &mut self.phase,
+            &[Phase::Waiting, Phase::Stopped, Phase::GaveUp, Phase::Aligning, Phase::Aligned],
+        );
         self.rivals.remember(tape);
         self.was_undecided.remember(tape);
         self.now.remember(tape);
@@ -86,6 +89,7 @@ impl Memory for Monitor {
 enum Phase {
     Waiting,
     Stopped,
+    GaveUp,
     Aligning,
     Aligned,
 }
@@ -167,6 +171,10 @@ impl Monitor {
             }
             Event::Stopped { time, .. } => {
                 (self.phase, self.gap) = (Phase::Stopped, None);
+                *time
+            }
+            Event::GaveUp { time, .. } => {
+                (self.phase, self.gap) = (Phase::GaveUp, None);
                 *time
             }
             Event::Ahead { stream, .. } => {
@@ -282,6 +290,8 @@ impl Monitor {
             }
         } else if self.phase == Phase::Stopped {
             reasons.push(Reason::Stopped);
+        } else if self.phase == Phase::GaveUp {
+            reasons.push(Reason::GaveUp);
         }
         let least = if self.phase == Phase::Aligned {
             State::Good

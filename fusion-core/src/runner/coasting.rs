@@ -158,7 +158,7 @@ impl Runner {
     }
 
     /// The initialisers begin anew; what is known of the calibration is kept for them.
-    fn begin_again(&mut self) {
+    pub(super) fn begin_again(&mut self) {
         self.started = false;
         self.last = Some(self.estimator.belief().clone());
         self.begin_anew();

@@ -1,7 +1,7 @@
 //! What the runner tells: typed events, to observers that are independent of each other.
 
 use crate::filter::{FilterError, Rivals, Step, Update};
-use crate::health::Health;
+use crate::health::{Health, State};
 use crate::runner::StreamId;
 use crate::state::Belief;
 use crate::time::Time;
@@ -160,6 +160,14 @@ pub enum Event<'a> {
         /// When the filter stopped.
         time: Time,
     },
+    /// The filter has been lost for longer than is declared: it has given up and waits for its initialisers. A new
+    /// [`Event::Started`] follows when they are ready.
+    GaveUp {
+        /// Since when it was lost.
+        since: Time,
+        /// When it gave up.
+        time: Time,
+    },
     /// The estimator could not go on; the belief is the last sound one.
     Failed {
         /// Why.
@@ -190,6 +198,11 @@ pub trait Observer {
     /// Whether it receives [`Event::Step`]; steps are kept only if an observer does.
     fn wants_steps(&self) -> bool {
         false
+    }
+
+    /// The state of the filter's health, where it is known: a runner asks its own watch.
+    fn health(&self) -> Option<State> {
+        None
     }
 }
 

@@ -34,6 +34,7 @@ impl Runner {
             self.initialisers.iter_mut().for_each(|unit| unit.initialiser.remember(tape));
         }
         self.remember_last(tape);
+        self.restart.remember(self.estimator.belief(), tape);
         self.quarantine.remember(tape);
         self.ahead_of_input.remember(tape);
         self.window.remember(tape);

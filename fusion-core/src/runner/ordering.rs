@@ -6,6 +6,7 @@ use super::intake::Intake;
 use super::offset::Window;
 use super::parts::Emitted;
 use super::quarantine::{Admission, Held, Quarantine};
+use super::restart::Restart;
 use super::rewind::Rewind;
 use super::rows::{Consumer, Entry, Queue, Row, Rows};
 use super::{
@@ -59,6 +60,8 @@ pub struct Runner {
     pub(super) pristine: Vec<u8>,
     /// What was believed before the filter stopped.
     pub(super) last: Option<Belief>,
+    /// What becomes of a filter that is lost.
+    pub(super) restart: Restart,
     pub(super) quarantine: Quarantine,
     /// How far the input is beside the other rows.
     pub(super) ahead_of_input: Ahead,
@@ -124,6 +127,7 @@ impl Runner {
             initialisers: Vec::new(),
             pristine: Vec::new(),
             last: None,
+            restart: Restart::default(),
             quarantine: Quarantine::new(f64::INFINITY),
             ahead_of_input: Ahead::default(),
             buffer,
@@ -521,6 +525,7 @@ impl Runner {
                 self.tell_epoch(observer)?;
             }
             self.dispatch(entry, observer)?;
+            self.follow_health(observer)?;
         }
     }
 }

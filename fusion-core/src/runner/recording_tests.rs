@@ -135,3 +135,47 @@ fn a_silence_within_a_recording_and_one_that_nothing_is_declared_of_are_bridged(
     assert!(belief.x[0] > 80.0 && belief.x[0] < 90.0, "{:?}", belief.x);
     assert_eq!(told(&mut runner(), 100).0, ["started 0.000000 s at 5"]);
 }
+
+/// A minute at 5 with the calibration measured as 2, then positions and calibrations without sense for 20 s; what is
+/// told of ends and starts.
+fn lost(runner: &mut Runner) -> Vec<String> {
+    let mut told = Vec::new();
+    let mut observer = |event: &Event<'_>| match event {
+        Event::Started { belief, .. } => told.push(format!("started {} at {:.3}", belief.time, belief.x[1])),
+        Event::GaveUp { since, time } => told.push(format!("gave up {}", time.seconds_since(*since))),
+        _ => {}
+    };
+    for s in 0..80_i64 {
+        let (time, sign) = (Time::from_nanos(s * 1_000_000_000), if s % 2 == 0 { 1.0 } else { -1.0 });
+        let [position, scale] = if s < 60 { [5.0, 2.0] } else { [1e6 * sign, 50.0] };
+        runner.feed(&Row::new(0, time, &[position]), &mut observer).unwrap();
+        runner.feed(&Row::new(1, time, &[scale]), &mut observer).unwrap();
+    }
+    runner.finish(&mut observer).unwrap();
+    told
+}
+
+#[test]
+fn a_filter_that_is_lost_for_long_starts_anew_with_the_calibration_of_before() {
+    assert_eq!(lost(&mut runner()), ["started 0.000000 s at 1.000"]);
+    let mut patient = runner();
+    patient.restart_lost(30.0);
+    assert_eq!(lost(&mut patient).len(), 1);
+    let mut hasty = runner();
+    hasty.restart_lost(5.0);
+    let told = lost(&mut hasty);
+    assert_eq!(
+        told[..2],
+        ["started 0.000000 s at 1.000".to_owned(), "gave up 5".to_owned()],
+        "{told:?}"
+    );
+    // Measured sixty times as 2 with an R of 0.01.
+    let scale: f64 = told[2].rsplit(' ').next().unwrap().parse().unwrap();
+    assert!((scale - 2.0).abs() < 0.01, "{told:?}");
+    // An initialiser that reads nothing would put the vehicle where it was in the beginning.
+    let mut fixed = runner();
+    fixed.restart_lost(5.0);
+    fixed.initialisers[0].inputs.clear();
+    fixed.initialisers[0].initialiser = Box::new(First(Some(5.0)));
+    assert_eq!(lost(&mut fixed).len(), 1);
+}

@@ -1,7 +1,7 @@
 //! The runner's own health: every event passes its monitor on the way to the observer.
 
 use super::{Event, Halt, Observer, Row, RunError, Runner, StreamId};
-use crate::health::{Health, Limits, Monitor, Watched};
+use crate::health::{Health, Limits, Monitor, State, Watched};
 use crate::time::Time;
 
 /// Lets a monitor hear every event first, and tells what changes of the health.
@@ -30,6 +30,10 @@ impl Observer for Watch<'_, '_> {
 
     fn wants_steps(&self) -> bool {
         self.observer.wants_steps()
+    }
+
+    fn health(&self) -> Option<State> {
+        Some(self.monitor.health().state)
     }
 }
 
