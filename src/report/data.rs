@@ -4,6 +4,7 @@ use super::consistency::{Judged, Normalised, Share as Inside, band};
 use super::intervals::Bar;
 use super::page::Run;
 use super::parameters::ParameterTrack;
+use super::path::Path;
 use super::recording::{InputTrack, Quantity, Recording, mounted_attitude};
 use super::sensor::SensorTrack;
 use super::table::TableData;
@@ -13,6 +14,7 @@ use crate::present::{Unit, residual_rows};
 use crate::run::{FaultWindow, Summary};
 use crate::score::Score;
 use fusion_core::geometry::so3;
+use fusion_core::health::State;
 use fusion_models::earth::LocalFrame;
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -27,6 +29,8 @@ const BUCKETS: (usize, usize) = (8192, 64);
 pub(super) struct Data {
     /// First and last time \[s\].
     span: (f64, f64),
+    /// The least and the greatest north and east that the map shows \[m\].
+    extent: [[f64; 2]; 2],
     runs: Vec<RunData>,
 }
 
@@ -52,6 +56,8 @@ struct RunData {
     details: Vec<(String, [f64; 2], f64)>,
     /// The heading that a controller wanted, from each time on \[deg\].
     wanted: TableData,
+    /// The path that the mission asked for: the ends of each part, north and east \[m\].
+    asked: Vec<[[f64; 2]; 2]>,
     /// From, to and state of the design's own filter.
     health: Vec<(f64, f64, &'static str)>,
 }
@@ -189,7 +195,7 @@ fn capacity(runs: &[Run<'_>]) -> usize {
             let series = series + if runs.len() > 1 { points(r.states.iter().count(), 9) } else { 0 };
             let fixes = r.sensors.iter().flat_map(|s| &s.fixes).map(|f| points(f.iter().count(), 3));
             let paths = [&r.path, &r.true_path].into_iter().chain(beside.map(|s| &s.path));
-            let paths = paths.map(|p| points(p.iter().count(), 2));
+            let paths = paths.map(|p| points(p.points().len(), 2));
             series + mounted + fixes.sum::<usize>() + paths.sum::<usize>()
         })
         .sum()
@@ -212,7 +218,44 @@ pub(super) fn data(runs: &[Run<'_>]) -> Data {
     };
     Data {
         span,
+        extent: share.extent(runs),
         runs: runs.iter().map(|run| share.run(run, runs[0].recording)).collect(),
+    }
+}
+
+/// The least and the greatest north and east of points.
+struct Extent([[f64; 2]; 2]);
+
+impl Default for Extent {
+    fn default() -> Self {
+        Self([[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]])
+    }
+}
+
+impl Extent {
+    fn add(&mut self, point: &[f64; 2]) {
+        let [low, high] = &mut self.0;
+        for (k, value) in point.iter().enumerate().filter(|(_, value)| value.is_finite()) {
+            low[k] = low[k].min(*value);
+            high[k] = high[k].max(*value);
+        }
+    }
+
+    fn is_empty(&self) -> bool {
+        let [low, high] = self.0;
+        low[0] > high[0]
+    }
+
+    /// Larger by its size on each side, and by a metre at least.
+    fn doubled(&self) -> Self {
+        let [low, high] = self.0;
+        let size = [0, 1].map(|k| (high[k] - low[k]).max(1.0));
+        Self([[0, 1].map(|k| low[k] - size[k]), [0, 1].map(|k| high[k] + size[k])])
+    }
+
+    fn has(&self, point: &[f64; 2]) -> bool {
+        let [low, high] = self.0;
+        (0..2).all(|k| (low[k]..=high[k]).contains(&point[k]))
     }
 }
 
@@ -230,7 +273,6 @@ impl Share {
     fn run(&self, run: &Run<'_>, first: &Recording) -> RunData {
         let r = run.recording;
         let shift = self.shift(r);
-        let points = |samples: &Samples<2>| TableData::of_samples(samples, self.capacity, shift.as_slice());
         let smoothed = r.smoothed.as_deref().filter(|_| self.bands);
         let smoothed = smoothed
             .zip(run.summary.smoothed.as_ref())
@@ -239,8 +281,8 @@ impl Share {
         RunData {
             name: run.name.to_owned(),
             quantities: self.quantities(r, run.summary.score.as_ref()),
-            path: points(&r.path),
-            true_path: points(&r.true_path),
+            path: self.path(r, &r.path),
+            true_path: self.path(r, &r.true_path),
             withheld: run.summary.judged_by.clone().filter(|_| !run.summary.judged_by_used_rows),
             smoothed,
             sensors: sensors.map(|s| self.sensor(s, run.summary, &shift)).collect(),
@@ -250,10 +292,53 @@ impl Share {
             differences: self.differences(r, first, &shift),
             details: r.details.iter().map(|d| (d.title.clone(), d.centre.si(), d.size.si())).collect(),
             wanted: wanted(run.summary),
+            asked: asked(run.summary, &shift),
             health: health(run.summary),
             outages: run.summary.score.iter().flat_map(|s| &s.drift).map(|d| (d.from, d.to)).collect(),
             faults: faults(run.summary),
         }
+    }
+
+    /// The map spans the truth, the path asked for, the used fixes of the first run and what was estimated in good health.
+    /// Other estimates and rejected fixes count where they are no farther away than the size of this; none counts that was
+    /// made while the run was lost. Where nothing is sound, all estimates count.
+    fn extent(&self, runs: &[Run<'_>]) -> [[f64; 2]; 2] {
+        let (mut sound, mut all) = (Extent::default(), Extent::default());
+        let mut doubtful: Vec<[f64; 2]> = Vec::new();
+        for (i, run) in runs.iter().enumerate() {
+            let (r, spells) = (run.recording, health(run.summary));
+            let shift = self.shift(r);
+            let moved = |point: &[f64; 2]| [point[0] + shift.x, point[1] + shift.y];
+            let state = |t: f64| {
+                spells
+                    .iter()
+                    .find(|(from, to, _)| (*from..=*to).contains(&t))
+                    .map(|(.., state)| *state)
+            };
+            let smoothed = r.smoothed.iter().filter(|_| self.bands).flat_map(|s| s.path.points());
+            for (t, point) in r.path.points().iter().chain(smoothed) {
+                let (point, state) = (moved(point), state(*t));
+                all.add(&point);
+                if state.is_none_or(|state| state == State::Good.word()) {
+                    sound.add(&point);
+                } else if state != Some(State::Lost.word()) {
+                    doubtful.push(point);
+                }
+            }
+            r.true_path.points().iter().for_each(|(_, point)| sound.add(&moved(point)));
+            asked(run.summary, &shift).iter().flatten().for_each(|point| sound.add(point));
+            for sensor in r.sensors.iter().filter(|_| i == 0) {
+                let [used, rejected] = &sensor.fixes;
+                used.iter().for_each(|(_, [n, e, _])| sound.add(&moved(&[*n, *e])));
+                doubtful.extend(rejected.iter().map(|(_, [n, e, _])| moved(&[*n, *e])));
+            }
+        }
+        if sound.is_empty() {
+            return if all.is_empty() { [[0.0; 2]; 2] } else { all.0 };
+        }
+        let near = sound.doubled();
+        doubtful.iter().filter(|point| near.has(point)).for_each(|point| sound.add(point));
+        sound.0
     }
 
     /// From the origin of the page to that of a recording.
@@ -271,8 +356,13 @@ impl Share {
                 truth: TableData::default(),
                 ..q
             }),
-            path: TableData::of_samples(&r.path, self.capacity, self.shift(r).as_slice()),
+            path: self.path(r, &r.path),
         }
+    }
+
+    /// A path of a recording.
+    fn path(&self, r: &Recording, path: &Path) -> TableData {
+        TableData::of_points(&path.shaping(self.capacity), self.shift(r).as_slice())
     }
 
     /// Position, velocity, attitude.
@@ -410,6 +500,14 @@ fn wanted(summary: &Summary) -> TableData {
     })
 }
 
+/// The path that the mission asked for, moved by `shift`.
+fn asked(summary: &Summary, shift: &Vector3<f64>) -> Vec<[[f64; 2]; 2]> {
+    let parts = summary.control.iter().flat_map(|record| &record.path);
+    parts
+        .map(|ends| ends.map(|[north, east]| [north + shift.x, east + shift.y]))
+        .collect()
+}
+
 /// When which fault was at work.
 fn faults(summary: &Summary) -> Vec<(f64, f64, String)> {
     let name = |f: &FaultWindow| format!("{} of {}", f.fault, f.stream);
@@ -449,12 +547,50 @@ impl BandData {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::health::Transition;
     use crate::observe::{Innovations, SensorStatistics};
     use crate::report::table::base64;
     use crate::report::{Frame, Recording};
     use fusion_core::filter::{Update, Verdict};
     use fusion_core::gate::Mode;
     use fusion_core::time::Time;
+
+    #[test]
+    fn a_run_that_is_lost_does_not_scale_the_map() {
+        let mut recording = Recording::new(Frame::default());
+        for (t, north) in [(0.0, 0.0), (5.0, 10.0), (12.0, 18.0), (15.0, 500.0), (20.0, 5.0e6)] {
+            recording.path.push(t, [north, -north]);
+        }
+        let extent = |changes: &[(f64, State)]| {
+            let change = |(time, state): &(f64, State)| Transition {
+                time: *time,
+                state: *state,
+                ..Transition::default()
+            };
+            let health = FilterHealth {
+                transitions: changes.iter().map(change).collect(),
+                until: 20.0,
+                ..FilterHealth::default()
+            };
+            let summary = Summary {
+                health: vec![health],
+                ..Summary::default()
+            };
+            let run = Run {
+                name: "a",
+                recording: &recording,
+                summary: &summary,
+            };
+            data(&[run]).extent
+        };
+        // 500 m are no estimate that a path of 10 m is drawn for, 18 m are.
+        let (whole, near) = ([[0.0, -5.0e6], [5.0e6, 0.0]], [[0.0, -18.0], [18.0, 0.0]]);
+        assert_eq!(extent(&[(0.0, State::Good)]), whole);
+        assert_eq!(extent(&[(0.0, State::Good), (10.0, State::Degraded)]), near);
+        assert_eq!(extent(&[(0.0, State::Good), (11.0, State::Lost)]), [[0.0, -10.0], [10.0, 0.0]]);
+        // Where there is nothing else, all of it.
+        assert_eq!(extent(&[(0.0, State::Lost)]), whole);
+    }
 
     #[test]
     fn innovations_have_the_names_and_units_of_the_tables_and_a_band_where_a_run_is_alone() {

@@ -12,6 +12,7 @@ mod data;
 mod intervals;
 mod page;
 mod parameters;
+mod path;
 mod recording;
 mod sensor;
 mod table;

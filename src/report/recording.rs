@@ -2,6 +2,7 @@
 
 use super::consistency::Judged;
 use super::parameters::Parameters;
+use super::path::Path;
 use super::sensor::SensorTrack;
 use super::trace::{Samples, Trace};
 use crate::assembly::{Assembly, StreamChannel, StreamLayout};
@@ -71,8 +72,8 @@ pub struct Recording {
     /// Whole estimates, for runs beside each other: position, velocity, roll pitch yaw; those of equal times are of
     /// equal numbers in all of them.
     pub(super) states: Samples<9>,
-    pub(super) path: Samples<2>,
-    pub(super) true_path: Samples<2>,
+    pub(super) path: Path,
+    pub(super) true_path: Path,
     pub(super) sensors: Vec<SensorTrack>,
     pub(super) inputs: Vec<InputTrack>,
     pub(super) parameters: Parameters,
@@ -207,8 +208,8 @@ impl Recording {
             attitude: Quantity::new(),
             mounted: Samples::new(POINTS),
             states: Samples::new(STATES),
-            path: Samples::new(POINTS),
-            true_path: Samples::new(POINTS),
+            path: Path::new(POINTS),
+            true_path: Path::new(POINTS),
             sensors: Vec::new(),
             inputs: Vec::new(),
             parameters: Parameters::default(),

@@ -1,5 +1,6 @@
 //! Columns of numbers in a page.
 
+use super::path::Point;
 use super::trace::{Columns, Samples, Trace};
 use serde::Serialize;
 
@@ -38,6 +39,15 @@ impl TableData {
                 .for_each(|((v, s), c)| c.push((v + s) as f32));
         }
         Self::of(&columns)
+    }
+
+    /// The points of a path, moved by `shift`.
+    pub(super) fn of_points(points: &[Point], shift: &[f64]) -> Self {
+        let column = |k: usize| points.iter().map(|(_, p)| (p[k] + shift[k]) as f32).collect();
+        Self::of(&Columns {
+            time: points.iter().map(|(t, _)| *t).collect(),
+            values: [0, 1].map(column).into(),
+        })
     }
 
     pub(super) fn of_trace(trace: &Trace, capacity: usize, shift: &[f64], breaks: bool) -> Self {

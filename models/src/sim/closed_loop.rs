@@ -39,6 +39,8 @@ pub struct ClosedLoop {
     tasks: VecDeque<Box<dyn Task>>,
     leg: Option<Running>,
     record: Record,
+    /// Where the path asked for has come to; none where only the run shows it.
+    asked: Option<Vector2<f64>>,
     start: Vector3<f64>,
     command: Command,
     /// What was asked for so far, or will be.
@@ -80,6 +82,7 @@ impl ClosedLoop {
             tasks: crew.tasks.into(),
             leg: None,
             record: Record::default(),
+            asked: Some(motion.position.xy()),
             start: motion.position,
             command: Command::default(),
             script: Script::default(),
@@ -120,8 +123,12 @@ impl ClosedLoop {
     fn motion_at(&self, time: Time) -> Motion {
         let ((t0, from), (t1, to)) = (&self.before, &self.after);
         let (dt, whole) = (time.seconds_since(*t0), t1.seconds_since(*t0));
-        if time == *t1 || whole <= 0.0 {
+        if whole <= 0.0 {
             return *to;
+        }
+        let rpy_rate = (to.rpy - from.rpy) / whole;
+        if time == *t1 {
+            return Motion { rpy_rate, ..*to };
         }
         let share = dt / whole;
         let change = to.velocity - from.velocity;
@@ -129,6 +136,7 @@ impl ClosedLoop {
             position: from.position + (from.velocity + 0.5 * share * change) * dt,
             velocity: from.velocity + share * change,
             rpy: from.rpy + share * (to.rpy - from.rpy),
+            rpy_rate,
             ..*to
         }
     }
@@ -152,6 +160,13 @@ impl ClosedLoop {
         while let Some(task) = self.tasks.front_mut() {
             if self.leg.is_none() {
                 task.begin(seen);
+                let path = task.path(&self.asked.unwrap_or(seen.position));
+                self.record.path.extend(path.map(|ends| ends.map(Into::into)));
+                self.asked = if task.is_on_the_spot() {
+                    self.asked
+                } else {
+                    path.map(|[_, end]| end)
+                };
                 self.control.begin();
                 self.leg = Some(Running::new(task.name(), task.target(), self.truth.time));
             }
@@ -337,6 +352,7 @@ mod tests {
         }
         let record = world.record().unwrap();
         assert!(record.is_done && record.legs.len() == 3, "{record:?}");
+        assert_eq!(record.path, [[[0.0, 0.0], [8.0, 3.0]], [[8.0, 3.0], [8.0, -6.0]]]);
         let line = record.legs[2].across.unwrap();
         // Six look-ahead distances lie between the corner and the end. 10 cm: a slip of 3 % that differs from
         // side to side turns the vehicle by 0.6 deg/s, against which the heading law stands off by 1 deg.

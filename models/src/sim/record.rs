@@ -149,6 +149,10 @@ pub struct Record {
     /// none. Changes below a tenth of a degree are left out. Drawn, not tabulated.
     #[serde(skip)]
     pub headings: Vec<(f64, Option<f64>)>,
+    /// The path that the tasks asked for: the ends of each part, north and east of the origin of the run \[m\]. Drawn,
+    /// not tabulated.
+    #[serde(skip)]
+    pub path: Vec<[[f64; 2]; 2]>,
 }
 
 /// A heading that has changed by less is the same \[rad\]: a tenth of a degree, the width of a drawn line.

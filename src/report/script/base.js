@@ -48,7 +48,8 @@ const show = v => {
   const a = Math.abs(v);
   return minus(a !== 0 && (a < 1e-3 || a >= 1e6) ? v.toExponential(2) : a >= 1000 ? v.toFixed(0) : v.toFixed(a >= 100 ? 1 : a >= 10 ? 2 : 3));
 };
-const heading = v => { const w = ((v % 360) + 360) % 360; return w > 180 ? w - 360 : w; };
+/** An angle within a turn: a heading from 0° to 360°, any other one within ±180°. */
+const within = (v, kind) => { const w = ((v % 360) + 360) % 360; return w > 180 && kind !== "heading" ? w - 360 : w; };
 const el = (tag, attributes = {}, ...children) => {
   const e = document.createElement(tag);
   for (const [k, v] of Object.entries(attributes)) e.setAttribute(k, v);

@@ -1,15 +1,18 @@
 "use strict";
 // The map: the path over north and east. Dragging zooms to an area, with Shift it pans, Ctrl and the wheel zoom about
 // the pointer; the cursor of the time plots marks the place, and the pointer on the path the time.
-function makeMap({ canvas, host, out, part, follow, title, hidden }, true_path, lines, fixes) {
-  const all = lines.concat(true_path ?? []).concat(fixes.flatMap(s => [s.used, s.rejected]));
-  let low = [Infinity, Infinity], high = [-Infinity, -Infinity];
-  for (const d of all) for (let i = 0; i < d.t.length; i++) for (const k of [0, 1]) {
-    const v = d.c[k][i];
-    if (v < low[k]) low[k] = v;
-    if (v > high[k]) high[k] = v;
-  }
+function makeMap({ canvas, host, out, part, follow, title, hidden }, true_path, lines, fixes, asked) {
+  const [low, high] = data.extent;
   const whole = () => part ? { ...part } : ({ n: (low[0] + high[0]) / 2, e: (low[1] + high[1]) / 2, h: Math.max(high[0] - low[0], 1) * 1.08, w: Math.max(high[1] - low[1], 1) * 1.06 });
+  /** Where the path `d` is at time t, on the line between two of its points. */
+  const place = (d, t) => {
+    let i = d.t.findIndex(u => u >= t);
+    if (i < 0) i = d.t.length - 1;
+    if (i === 0 || d.t[i] <= t) return d.c.map(c => c[i]);
+    const share = (t - d.t[i - 1]) / (d.t[i] - d.t[i - 1]);
+    return d.c.map(c => c[i - 1] + share * (c[i] - c[i - 1]));
+  };
+  const isWithin = (d, t) => d.t.length > 0 && t >= d.t[0] && t <= d.t.at(-1);
   let view = whole(), drag = null, marked = null, box = null, follows = false;
   const shows = group => !hidden.has(group);
   const px = devicePixelRatio;
@@ -84,18 +87,25 @@ function makeMap({ canvas, host, out, part, follow, title, hidden }, true_path, 
         ctx.globalAlpha = zoomed && !now ? 0.25 : 1;
         ctx.lineWidth = now ? width : 1;
         ctx.beginPath();
-        let pen = false;
-        for (let i = 0; i < d.t.length; i++) {
-          if (zoomed && now && !inRange(d.t[i])) { pen = false; continue; }
-          const x = X(d.c[1][i]), y = Y(d.c[0][i]);
-          if (pen) ctx.lineTo(x, y); else ctx.moveTo(x, y);
-          pen = true;
-        }
+        const put = (n, e) => ctx.lineTo(X(e), Y(n));
+        const part = zoomed && now;
+        if (part && isWithin(d, range[0])) put(...place(d, range[0]));
+        for (let i = 0; i < d.t.length; i++) if (!part || inRange(d.t[i])) put(d.c[0][i], d.c[1][i]);
+        if (part && isWithin(d, range[1])) put(...place(d, range[1]));
         ctx.stroke();
       }
       ctx.setLineDash([]);
       ctx.globalAlpha = 1;
     };
+    if (shows("asked")) {
+      ctx.strokeStyle = color("bad");
+      ctx.lineWidth = 2;
+      ctx.setLineDash([2, 3]);
+      ctx.beginPath();
+      for (const [[n0, e0], [n1, e1]] of asked) { ctx.moveTo(X(e0), Y(n0)); ctx.lineTo(X(e1), Y(n1)); }
+      ctx.stroke();
+      ctx.setLineDash([]);
+    }
     const under = lines.filter(d => shows(d.group)).reverse();
     for (const d of under) line(d, d.color, d.width, []);
     const reference = true_path && shows("truth") ? true_path : null;
@@ -125,10 +135,10 @@ function makeMap({ canvas, host, out, part, follow, title, hidden }, true_path, 
     ctx.fillRect(X(way.c[1][end]) - 5, Y(way.c[0][end]) - 5, 10, 10);
     if (marked != null) {
       for (const d of (reference ? [{ ...reference, color: "truth" }] : []).concat(under)) {
-        const i = nearest(d.t, marked);
-        if (i < 0) continue;
+        if (!d.t.length) continue;
+        const [n, e] = place(d, marked);
         ctx.beginPath();
-        ctx.arc(X(d.c[1][i]), Y(d.c[0][i]), 5.5, 0, 7);
+        ctx.arc(X(e), Y(n), 5.5, 0, 7);
         ctx.fillStyle = color(d.color);
         ctx.fill();
         ctx.lineWidth = 2;
@@ -153,12 +163,17 @@ function makeMap({ canvas, host, out, part, follow, title, hidden }, true_path, 
   /** The nearest moment of the first path, if the pointer is on it. */
   const moment = (n, east) => {
     const d = lines[0] ?? true_path;
-    let best = -1, distance = (25 / box.k) ** 2;
-    for (let i = 0; i < d.t.length; i++) {
-      const q = (d.c[0][i] - n) ** 2 + (d.c[1][i] - east) ** 2;
-      if (q < distance && d.t[i] >= range[0] && d.t[i] <= range[1]) { distance = q; best = i; }
+    let best = null, distance = (25 / box.k) ** 2;
+    for (let i = 1; i < d.t.length; i++) {
+      const dn = d.c[0][i] - d.c[0][i - 1], de = d.c[1][i] - d.c[1][i - 1], square = dn * dn + de * de;
+      const along = square > 0 ? ((n - d.c[0][i - 1]) * dn + (east - d.c[1][i - 1]) * de) / square : 0;
+      const [from, to] = [0, 1].map(k => (range[k] - d.t[i - 1]) / (d.t[i] - d.t[i - 1]));
+      if (from > 1 || to < 0) continue;
+      const share = Math.min(Math.max(along, 0, from), 1, to);
+      const q = (d.c[0][i - 1] + share * dn - n) ** 2 + (d.c[1][i - 1] + share * de - east) ** 2;
+      if (q < distance) { distance = q; best = d.t[i - 1] + share * (d.t[i] - d.t[i - 1]); }
     }
-    return best < 0 ? null : d.t[best];
+    return best;
   };
   const describe = (n, east, t) => {
     const lines_ = [title, `north ${show(n)} m   east ${show(east)} m`];
@@ -166,8 +181,9 @@ function makeMap({ canvas, host, out, part, follow, title, hidden }, true_path, 
     lines_.push([`${show(t)} s`, healthAt(t), ...faultsAt(t)].filter(Boolean).join("   "));
     const named = lines.map(l => [l.name, l]).concat(true_path ? [[trueName, true_path]] : []);
     for (const [name, d] of named) {
-      const i = nearest(d.t, t);
-      if (i >= 0) lines_.push(`${name}: north ${show(d.c[0][i])}   east ${show(d.c[1][i])}`);
+      if (!d.t.length) continue;
+      const [n, e] = place(d, t);
+      lines_.push(`${name}: north ${show(n)}   east ${show(e)}`);
     }
     return lines_;
   };
@@ -216,8 +232,10 @@ function makeMap({ canvas, host, out, part, follow, title, hidden }, true_path, 
   });
   canvas.addEventListener("dblclick", reset);
   const center = () => {
-    const d = lines[0] ?? true_path, i = follows && marked != null ? nearest(d.t, marked) : -1;
-    if (i >= 0) view = { ...view, n: d.c[0][i], e: d.c[1][i] };
+    const d = lines[0] ?? true_path;
+    if (!follows || marked == null || !d.t.length) return;
+    const [n, e] = place(d, marked);
+    view = { ...view, n, e };
   };
   follow.onclick = () => {
     follows = !follows;

@@ -64,6 +64,8 @@ const band = (into, run, t, half, center) => {
     const entries = [];
     if (later?.path.t.length) lines.push({ ...later.path, name: "smoothed", color: laterColor, group: "smoothed", width: 1.5 });
     if (true_path) entries.push([trueMark, "truth", trueName, "truth"]);
+    const asked = runs.find(r => r.asked.length)?.asked ?? [];
+    if (asked.length) entries.push(["gate", "bad", "path asked for", "asked"]);
     for (const l of lines) entries.push(["line", l.color, l.name, l.group]);
     for (const [name, s] of fixes) {
       const of = several ? `${name} (${names[0]})` : name;
@@ -78,7 +80,7 @@ const band = (into, run, t, half, center) => {
       const host = el("div", { class: "map" }, canvas);
       const follow = el("button", { type: "button", class: "follow", "aria-pressed": "false", title: "keep the place of the cursor in the middle" }, "Follow");
       box.append(el("div", { class: "plot" }, el("div", { class: "head" }, el("b", {}, `${title}, north over east [m]`), out, follow), host));
-      maps.push(makeMap({ canvas, host, out, part, follow, title, hidden: grid.hiddenGroups }, true_path, lines, [...fixes.values()]));
+      maps.push(makeMap({ canvas, host, out, part, follow, title, hidden: grid.hiddenGroups }, true_path, lines, [...fixes.values()], asked));
     };
     add(grid, "All of it", null);
     const details = el("div", { class: "grid" });
@@ -119,7 +121,7 @@ const band = (into, run, t, half, center) => {
     if (after) addLater(series, after.estimate, a, true, 1.25);
     if (reference) series.push({ kind: withheld ? "dot" : "line", t: reference.t, y: reference.c[a], color: "truth", groups: ["truth"], dash: [6, 4], width: 1.5, size: 2, label: trueName });
     for (const s of fixes) series.push({ kind: "cross", t: s.rejected.t, y: s.rejected.c[a], color: "bad", groups: ["rejected"], size: 3.5, label: "rejected" });
-    panel(grid, `${axis} [${unit}]`, { series, angle: angles[a] });
+    panel(grid, `${axis} [${unit}]`, { series, angle: angles[a] && (axis === "Yaw" ? "heading" : "turn") });
     if (errors) {
       painted.forEach(([r, i]) => { const d = r.quantities[q].error; if (!empty(d)) band(wrong, i, d.t, d.c[a + 3], null); });
       painted.forEach(([r, i]) => {

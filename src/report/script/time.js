@@ -51,7 +51,7 @@ const read = (spec, t) => spec.series.filter(s => s.label && !isHidden(spec, s))
   if (s.kind === "step" && i > 0 && s.t[i] > t) i--;
   if (i < 0 || Math.abs(s.t[i] - t) > (spec.own ? Infinity : Math.max((range[1] - range[0]) / 50, 1.5))) return null;
   if (s.y[i] !== s.y[i]) return null;
-  const v = spec.angle ? heading(s.y[i]) : s.y[i];
+  const v = spec.angle ? within(s.y[i], spec.angle) : s.y[i];
   return `${s.label} ${show(v)}${s.half ? ` ± ${show(s.half[i])}` : ""}`;
 }).filter(Boolean);
 
@@ -253,7 +253,7 @@ const build = (p, width) => {
       { font: font(), stroke: ink, grid, ticks: grid, size: fontSize() + 16, gap: 3, space: fontSize() * 6,
         values: (u, vs) => vs.map((v, i) => v == null ? "" : `${minus(String(spec.own?.shown ? +spec.own.shown(v).toPrecision(2) : +v.toFixed(6)))}${i === vs.length - 1 ? ` ${spec.own ? spec.own.unit : "s"}` : ""}`) },
       { font: font(), stroke: ink, grid, ticks: grid, size: fontSize() * 4.4, gap: 3, space: fontSize() * (spec.angle ? 1.5 : 2.2),
-        ...(spec.scale === "nis" ? { splits: nisSplits, values: (u, vs) => vs.map(v => String(v)), filter: (u, vs) => vs } : spec.angle ? { incrs: angleIncrements, values: (u, vs) => vs.map(v => minus(String(+(vs[1] - vs[0] < 360 ? heading(v) : v).toFixed(3)))) }
+        ...(spec.scale === "nis" ? { splits: nisSplits, values: (u, vs) => vs.map(v => String(v)), filter: (u, vs) => vs } : spec.angle ? { incrs: angleIncrements, values: (u, vs) => vs.map(v => minus(String(+(vs[1] - vs[0] < 360 ? within(v, spec.angle) : v).toFixed(3)))) }
           : { values: (u, vs) => vs.map(v => v == null ? "" : minus(Math.abs(v) >= 1e6 || (v !== 0 && Math.abs(v) < 1e-4) ? v.toExponential(0) : String(+v.toFixed(5)))) }) },
     ],
     series: [{}, ...spec.series.map(s => {

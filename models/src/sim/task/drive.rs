@@ -82,6 +82,13 @@ impl Task for Drive {
         self.begun = (seen.time, seen.position);
     }
 
+    fn path(&self, from: &Vector2<f64>) -> Option<[Vector2<f64>; 2]> {
+        match &self.end {
+            End::Far(distance) => Some([*from, from + self.ahead * *distance]),
+            End::Timed(_) => None,
+        }
+    }
+
     fn goal(&mut self, seen: &Seen) -> Option<Goal> {
         let (time, place) = self.begun;
         let to_go = match &self.end {

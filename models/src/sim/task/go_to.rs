@@ -69,6 +69,10 @@ impl Task for GoTo {
         Some(self.to)
     }
 
+    fn path(&self, from: &Vector2<f64>) -> Option<[Vector2<f64>; 2]> {
+        Some([self.from.unwrap_or(*from), self.to])
+    }
+
     fn begin(&mut self, seen: &Seen) {
         self.begun = self.from.unwrap_or(seen.position);
     }

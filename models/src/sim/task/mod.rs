@@ -33,6 +33,18 @@ pub trait Task: Debug + Send {
         None
     }
 
+    /// The path that it asks for where it begins at `from`, north and east of the origin \[m\]: its two ends. None where
+    /// it moves nothing, or where only the run shows how far.
+    fn path(&self, from: &Vector2<f64>) -> Option<[Vector2<f64>; 2]> {
+        let _ = from;
+        None
+    }
+
+    /// Whether it leaves the vehicle where it is.
+    fn is_on_the_spot(&self) -> bool {
+        false
+    }
+
     /// What it wants now; none once it is done.
     fn goal(&mut self, seen: &Seen) -> Option<Goal>;
 }

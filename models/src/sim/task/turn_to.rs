@@ -57,6 +57,10 @@ impl Task for TurnTo {
         format!("turn to {:.0}°", self.heading.to_degrees())
     }
 
+    fn is_on_the_spot(&self) -> bool {
+        true
+    }
+
     fn begin(&mut self, _: &Seen) {
         self.near_since = None;
     }

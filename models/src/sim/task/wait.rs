@@ -78,6 +78,10 @@ impl Task for Wait {
         !self.ends.has_come(self.begun, now)
     }
 
+    fn is_on_the_spot(&self) -> bool {
+        true
+    }
+
     fn begin(&mut self, seen: &Seen) {
         self.begun = seen.time;
     }
