@@ -649,8 +649,8 @@ impl Estimator for Bank {
         self.move_all(|estimator| estimator.predict(to, input))
     }
 
-    fn coast(&mut self, to: Time, missing: f64) -> Result<(), FilterError> {
-        self.move_all(|estimator| estimator.coast(to, missing))
+    fn coast(&mut self, to: Time, missing: f64, expected: Option<&Input<'_>>) -> Result<(), FilterError> {
+        self.move_all(|estimator| estimator.coast(to, missing, expected))
     }
 
     fn update<'a>(&'a mut self, observed: &Observed<'a>, _: &mut dyn Gate, others: &[Option<Outcome>], loss: &dyn Loss) -> Update<'a> {

@@ -148,11 +148,12 @@ pub trait Estimator: Memory + core::fmt::Debug + Send {
     /// [`FilterError`]; the belief stays sound.
     fn predict(&mut self, to: Time, input: &Input<'_>) -> Result<(), FilterError>;
 
-    /// Moves the belief to `to` without input, which has been missing for `missing` seconds by then.
+    /// Moves the belief to `to` without input, which has been missing for `missing` seconds by then. At the beginning
+    /// of the gap the vehicle moved by the input `expected`; without it, by the latest input.
     ///
     /// # Errors
     /// [`FilterError`]; the belief stays sound.
-    fn coast(&mut self, to: Time, missing: f64) -> Result<(), FilterError>;
+    fn coast(&mut self, to: Time, missing: f64, expected: Option<&Input<'_>>) -> Result<(), FilterError>;
 
     /// Offers a measurement valid now. `others` is the latest outcome of each sensor of the design,
     /// for gates that depend on it; it may be empty.

@@ -252,8 +252,8 @@ impl Filter {
     /// Moves the state through a part of a gap; a process that cannot coast holds its latest sample.
     fn coast_step(&mut self, gap: &Gap) {
         let (process, x) = (&self.process, &mut self.belief.x);
-        let sample = self.belief.input.held(process.input_dim());
-        if !process.coast(x, gap, sample, &mut self.transition) {
+        let (motion, sample) = self.belief.input.coast(process.as_ref(), x);
+        if !process.coast(x, gap, motion, sample, &mut self.transition) {
             let (held, dt) = (Input::held(sample), gap.duration());
             process.linearise(x, &held, dt, &mut self.transition);
             process.propagate(x, &held, dt);
@@ -601,7 +601,10 @@ impl Estimator for Filter {
         self.advance(to, |_, _| Drive::Input(*input))
     }
 
-    fn coast(&mut self, to: Time, missing: f64) -> Result<(), FilterError> {
+    fn coast(&mut self, to: Time, missing: f64, expected: Option<&Input<'_>>) -> Result<(), FilterError> {
+        if let Some(expected) = expected.filter(|_| !self.belief.input.is_coasting()) {
+            self.belief.input.take(expected);
+        }
         let before = missing - to.seconds_since(self.belief.time);
         self.advance(to, |from, to| {
             Drive::Nothing(Gap {

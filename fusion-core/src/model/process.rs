@@ -35,8 +35,10 @@ impl<'a> Input<'a> {
 pub struct LastInput {
     pub(crate) sample: Vec<f64>,
     pub(crate) interval: f64,
+    /// The result of [`Process::motion`] at the beginning of a gap.
+    motion: Vec<f64>,
 }
-crate::memory!(LastInput { sample, interval });
+crate::memory!(LastInput { sample, interval, motion });
 
 impl LastInput {
     /// Of `dim` zeros: no step was taken.
@@ -45,11 +47,13 @@ impl LastInput {
         Self {
             sample: vec![0.0; dim],
             interval: 0.0,
+            motion: Vec::new(),
         }
     }
 
     /// Becomes `input`.
     pub fn take(&mut self, input: &Input<'_>) {
+        self.motion.clear();
         self.sample.clear();
         self.sample.extend_from_slice(input.sample);
         self.interval = input.interval;
@@ -64,11 +68,29 @@ impl LastInput {
         }
     }
 
-    /// The sample, of `dim` numbers at least, to be held from now on and changed.
-    pub(crate) fn held(&mut self, dim: usize) -> &mut [f64] {
+    /// Whether the motion at the beginning of a gap is known.
+    pub(crate) const fn is_coasting(&self) -> bool {
+        !self.motion.is_empty()
+    }
+
+    /// For a step without input: the motion at the beginning of the gap, which `process` evaluates at `x`, and the
+    /// sample, which is held from now on and may be changed.
+    pub(crate) fn coast(&mut self, process: &dyn Process, x: &[f64]) -> (&[f64], &mut [f64]) {
+        let dim = process.input_dim();
+        if self.motion.is_empty() && self.fits(dim) {
+            let Self { sample, interval, motion } = self;
+            process.motion(
+                x,
+                &Input {
+                    sample,
+                    interval: *interval,
+                },
+                motion,
+            );
+        }
         self.interval = 0.0;
         self.sample.resize(self.sample.len().max(dim), 0.0);
-        &mut self.sample
+        (&self.motion, &mut self.sample)
     }
 
     /// Whether a process that reads `dim` numbers can do with it.
@@ -199,12 +221,18 @@ pub trait Process: Debug + Send + Sync {
         &[]
     }
 
-    /// Moves the process's blocks of `x` through a part of a gap in the input, as the vehicle would
-    /// most likely go on, and writes to `out` Φ of that step and as noise what the vehicle may have
-    /// changed by. Writes to `sample` the input under which it goes on so: the signals are evaluated
+    /// Adds the vehicle's motion at `x` to `motion`, for [`Process::coast`]: the latest sample minus the sample of a
+    /// vehicle at constant velocity and attitude. Adds nothing where coasting does not depend on the motion.
+    fn motion(&self, x: &[f64], input: &Input<'_>, motion: &mut Vec<f64>) {
+        let _ = (x, input, motion);
+    }
+
+    /// Moves the process's blocks of `x` through a part of a gap in the input, along the most likely path after the
+    /// `motion` at the beginning of the gap. Writes Φ of that step to `out`, and as noise the changes of motion that
+    /// the vehicle may have made. Writes to `sample` the input that belongs to this path: the signals are evaluated
     /// with it. False, with nothing changed, where the process cannot do without input.
-    fn coast(&self, x: &mut [f64], gap: &Gap, sample: &mut [f64], out: &mut Transition) -> bool {
-        let _ = (x, gap, sample, out);
+    fn coast(&self, x: &mut [f64], gap: &Gap, motion: &[f64], sample: &mut [f64], out: &mut Transition) -> bool {
+        let _ = (x, gap, motion, sample, out);
         false
     }
 

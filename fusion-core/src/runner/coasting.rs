@@ -106,7 +106,8 @@ impl Runner {
         }
         self.tell_epoch(observer)?;
         let since = self.input.as_ref().and_then(|input| input.end()).unwrap_or(now);
-        if let Err(error) = self.estimator.coast(to, to.seconds_since(since)) {
+        let expected = self.expectation.next(&self.process.rates());
+        if let Err(error) = self.estimator.coast(to, to.seconds_since(since), expected.as_ref()) {
             observer.on(&Event::Failed { error })?;
         }
         self.tell_steps(observer)

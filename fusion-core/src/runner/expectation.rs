@@ -108,6 +108,18 @@ impl Expectation {
         self.count = 0.0;
     }
 
+    /// The sample that is expected after the one in force; none before the second. For the beginning of a gap: the
+    /// sample in force is no longer known as it was expected.
+    pub(super) fn next(&mut self, rates: &Range<usize>) -> Option<Input<'_>> {
+        if self.count <= 1.0 {
+            return None;
+        }
+        for (expected, rate) in self.sample[rates.clone()].iter_mut().zip(&self.rates) {
+            *expected = rate.best();
+        }
+        Some(Input::held(&self.sample))
+    }
+
     /// The sample in force as it was expected; none before the second.
     pub(super) fn input(&self) -> Option<Input<'_>> {
         (self.count > 1.0).then_some(Input {
@@ -120,9 +132,7 @@ impl Expectation {
 impl Runner {
     /// Notes that a sample comes into force.
     pub(super) fn expect(&mut self, sample: &Sample) {
-        if self.reads_signals {
-            self.expectation.take(sample.end, &sample.input(), &self.process.rates());
-        }
+        self.expectation.take(sample.end, &sample.input(), &self.process.rates());
     }
 }
 

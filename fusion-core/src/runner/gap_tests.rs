@@ -32,7 +32,7 @@ impl Process for Agile {
     fn agility(&self) -> &[f64] {
         &[2.0]
     }
-    fn coast(&self, x: &mut [f64], gap: &Gap, sample: &mut [f64], out: &mut Transition) -> bool {
+    fn coast(&self, x: &mut [f64], gap: &Gap, _: &[f64], sample: &mut [f64], out: &mut Transition) -> bool {
         let dt = gap.duration();
         sample[0] = 0.0;
         self.0.propagate(x, &Input::held(&[0.0]), dt);

@@ -157,8 +157,9 @@ impl Guard {
         self.changes = (self.changes + 1.0).min(MEMORY);
         let is_known = self.changes > LEAST;
         let agility = process.agility();
-        for (c, mean) in self.change.iter_mut().enumerate() {
-            let change = (sample[c] - self.passed[c]).abs();
+        let pairs = sample.iter().zip(&self.passed);
+        for (c, (mean, (x, p))) in self.change.iter_mut().zip(pairs).enumerate() {
+            let change = (x - p).abs();
             let most = agility.get(c).filter(|_| is_known).map_or(change, |a| limit(*a, *mean));
             *mean += (change.min(most) - *mean) / self.changes;
         }

@@ -88,9 +88,8 @@ pub struct Runner {
     pub(super) waiting: VecDeque<Waiting>,
     /// The latest input, for sensors whose time offset is estimated.
     pub(super) window: Window,
-    /// The input as it was expected, for sensors that read signals of it, and whether there are such sensors.
+    /// The input as it was expected, for sensors that read signals of it and for gaps.
     pub(super) expectation: Expectation,
-    pub(super) reads_signals: bool,
     pub(super) emitted: Emitted,
     /// Rows that each stage has emitted so far.
     pub(super) emissions: Vec<u64>,
@@ -147,7 +146,6 @@ impl Runner {
             waiting: VecDeque::with_capacity(64),
             window: Window::default(),
             expectation: Expectation::default(),
-            reads_signals: false,
             emitted: Emitted::default(),
             emissions: Vec::new(),
             epoch: None,
@@ -215,7 +213,6 @@ impl Runner {
         if self.noise.len() < m * m {
             self.noise.resize(m * m, 0.0);
         }
-        self.reads_signals |= self.is_driven() && sensor.model.reads_signals();
         self.sensors.push(sensor);
         self.outcomes.push(None);
         self.rank_sensors();

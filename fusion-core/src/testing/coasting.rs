@@ -13,12 +13,14 @@ struct Coasting<'a> {
     layout: &'a Layout,
     /// Where in the gap it coasts \[s\].
     from: f64,
+    /// The motion at the beginning of the gap.
+    motion: &'a [f64],
 }
 
 impl Coasting<'_> {
     fn step(&self, x: &mut [f64], dt: f64, sample: &mut [f64], out: &mut Transition) -> bool {
         let (from, to) = (self.from, self.from + dt);
-        self.process.coast(x, &Gap { from, to }, sample, out)
+        self.process.coast(x, &Gap { from, to }, self.motion, sample, out)
     }
 }
 
@@ -37,6 +39,9 @@ impl Process for Coasting<'_> {
     }
 }
 
+/// A motion at the beginning of the gap, in the numbers of [`Process::motion`].
+const MOTION: [f64; 8] = [0.3, -0.2, 0.5, 1.0, -2.0, 0.7, 0.4, -0.6];
+
 /// A process that coasts moves, at the beginning of a gap and after ten seconds, as the law of processes
 /// asks of one with input; its noise grows with the gap, no axis without; and the input under which it
 /// says it goes on does move it so.
@@ -48,11 +53,16 @@ pub fn check_coasting(layout: &Layout, process: &dyn Process, x: &[f64], dt: f64
     let mut sample = vec![0.0; process.input_dim()];
     let mut coasted = x.to_vec();
     let gap = Gap { from: 0.0, to: dt };
-    if process.input_dim() == 0 || !process.coast(&mut coasted, &gap, &mut sample, &mut Transition::new(layout)) {
+    if process.input_dim() == 0 || !process.coast(&mut coasted, &gap, &MOTION, &mut sample, &mut Transition::new(layout)) {
         return Ok(());
     }
-    for from in [0.0, 10.0] {
-        let coasting = Coasting { process, layout, from };
+    for (from, motion) in [(0.0, &MOTION[..]), (10.0, &MOTION), (0.0, &[])] {
+        let coasting = Coasting {
+            process,
+            layout,
+            from,
+            motion,
+        };
         let of = |why: String| format!("coasting from {from} s: {why}");
         check_steps(layout, &coasting, x, &nothing, dt).map_err(of)?;
         check_noise(layout, &coasting, x, &nothing, dt).map_err(of)?;
@@ -84,7 +94,7 @@ fn check_growth(layout: &Layout, process: &dyn Process, x: &[f64], dt: f64) -> R
     let diagonal = |to: f64| {
         let mut t = Transition::new(layout);
         let mut sample = vec![0.0; process.input_dim()];
-        process.coast(&mut x.to_vec(), &Gap { from: 0.0, to }, &mut sample, &mut t);
+        process.coast(&mut x.to_vec(), &Gap { from: 0.0, to }, &MOTION, &mut sample, &mut t);
         t.settle(|_| 0.0);
         let mut q = vec![0.0; layout.dim()];
         for (i, j, value) in t.noise_before().chain(t.noise_after()) {

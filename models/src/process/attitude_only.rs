@@ -156,10 +156,19 @@ impl Process for AttitudeOnly {
         &self.changes[..3]
     }
 
-    fn coast(&self, x: &mut [f64], gap: &Gap, sample: &mut [f64], out: &mut Transition) -> bool {
+    fn motion(&self, x: &[f64], input: &Input<'_>, motion: &mut Vec<f64>) {
+        let steady = self.attitude.read(x).inverse_transform_vector(&self.w_ie_n);
+        motion.extend_from_slice((self.rate(x, input) - steady).as_slice());
+    }
+
+    fn coast(&self, x: &mut [f64], gap: &Gap, motion: &[f64], sample: &mut [f64], out: &mut Transition) -> bool {
         let (variance, bound) = self.agility.attitude(gap, f64::INFINITY);
         out.noise_up_to(self.attitude, &variance, &bound);
-        let rate = self.attitude.read(x).inverse_transform_vector(&self.w_ie_n) + kinematic::value(&self.gyro_bias, x);
+        let fading = self.agility.fading(gap, motion);
+        out.set(self.attitude, self.attitude, &so3::rotation(&fading.turn.inverse()));
+        let q = self.attitude.read(x) * fading.turn;
+        self.attitude.write(&q, x);
+        let rate = q.inverse_transform_vector(&self.w_ie_n) + fading.w + kinematic::value(&self.gyro_bias, x);
         sample.copy_from_slice(rate.as_slice());
         true
     }

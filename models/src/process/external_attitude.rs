@@ -22,7 +22,7 @@ use crate::block::{Build, BuildError, Channel, ProcessSpec};
 use crate::earth::{Gravity, LocalEarth};
 use crate::param::VectorParam;
 use crate::process::agility::{Agility, AgilitySpec};
-use crate::process::kinematic::{Kinematic, psd, value};
+use crate::process::kinematic::{Felt, Kinematic, psd, value};
 use crate::process::strapdown::discrete::Slots;
 use crate::process::strapdown::error_model::{self, Blocks};
 use crate::process::strapdown::mechanisation::{self, Nav};
@@ -208,8 +208,16 @@ impl Process for ExternalAttitude {
         &self.changes
     }
 
-    fn coast(&self, x: &mut [f64], gap: &Gap, sample: &mut [f64], out: &mut Transition) -> bool {
-        let felt = self.kinematic.coast(x, gap, &self.agility, self.gravity, out);
+    fn motion(&self, x: &[f64], input: &Input<'_>, motion: &mut Vec<f64>) {
+        let s = self.step(x, input);
+        // The rate is left out: it is the difference of two attitudes, with the noise of both.
+        let w_ib_b = s.w_ib_b - s.w_nb_b;
+        let felt = Felt { w_ib_b, f_ib_b: s.f_ib_b };
+        self.kinematic.motion(x, &felt, self.gravity, motion);
+    }
+
+    fn coast(&self, x: &mut [f64], gap: &Gap, motion: &[f64], sample: &mut [f64], out: &mut Transition) -> bool {
+        let felt = self.kinematic.coast(x, gap, motion, &self.agility, self.gravity, out);
         // A sample that is held turns nothing, whatever its attitude.
         let f_m = felt.f_ib_b + value(&self.accel_bias, x);
         sample[..3].copy_from_slice(f_m.as_slice());

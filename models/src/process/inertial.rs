@@ -8,7 +8,7 @@
 //!            known Q gains what a change from the neighbour's rate and force may move attitude and
 //!            velocity by within it: (T Δw)²/8, (T Δf)²/8 per axis and sample
 
-use super::kinematic::{psd, value};
+use super::kinematic::{Felt, psd, value};
 use super::strapdown::discrete::{Slots, times_diagonal};
 use super::strapdown::increments;
 use super::strapdown::pairing::{Mode, Pairing, neighbour};
@@ -254,6 +254,15 @@ impl Inertial {
         }
         let (slow_gyro, slow_accel) = within_sample(input);
         (gyro + slow_gyro, accel + slow_accel)
+    }
+
+    /// Rate and force, free of the known errors of the sensors.
+    pub(super) fn felt(&self, x: &[f64], input: &Input<'_>) -> Felt {
+        let (w, f) = self.corrected(x, input);
+        Felt {
+            w_ib_b: w.rate,
+            f_ib_b: f.rate,
+        }
     }
 
     /// The sample under which the sensors feel `rate` and `force`.

@@ -1,6 +1,6 @@
 //! What the processes of inertial navigation have in common.
 
-use super::agility::Agility;
+use super::agility::{Agility, Fading};
 use super::strapdown::discrete::Slots;
 use super::strapdown::error_model;
 use super::strapdown::mechanisation::Nav;
@@ -32,32 +32,55 @@ impl Kinematic {
         Ok(Self { slots })
     }
 
-    /// Moves them through a part of a gap in the input: velocity and attitude stay, up to the vehicle's
-    /// agility. Returns what inertial sensors without errors would feel.
-    pub(super) fn coast(&self, x: &mut [f64], gap: &Gap, agility: &Agility, gravity: Gravity, out: &mut Transition) -> Felt {
+    /// The motion for [`Kinematic::coast`]: `felt` minus the rate and force of a vehicle at constant velocity and attitude.
+    pub(super) fn motion(&self, x: &[f64], felt: &Felt, gravity: Gravity, motion: &mut Vec<f64>) {
+        let steady = Felt::unmoved(&self.read(x), gravity);
+        motion.extend_from_slice((felt.w_ib_b - steady.w_ib_b).as_slice());
+        motion.extend_from_slice((felt.f_ib_b - steady.f_ib_b).as_slice());
+    }
+
+    /// Moves them through a part of a gap in the input: the `motion` at its beginning fades away, and the vehicle's
+    /// agility is the noise. Returns the rate and force that inertial sensors without errors would feel.
+    pub(super) fn coast(
+        &self,
+        x: &mut [f64],
+        gap: &Gap,
+        motion: &[f64],
+        agility: &Agility,
+        gravity: Gravity,
+        out: &mut Transition,
+    ) -> Felt {
         let (nav, dt) = (self.read(x), gap.duration());
-        let felt = Felt::unmoved(&nav, gravity);
-        let b = error_model::continuous(&nav, &felt.w_ib_b, &felt.f_ib_b, gravity);
+        let steady = Felt::unmoved(&nav, gravity);
+        let fading = agility.fading(gap, motion);
+        let b = error_model::continuous(&nav, &steady.w_ib_b, &steady.f_ib_b, gravity);
         let one = Matrix3::identity();
         out.set(self.slots.position, self.slots.position, &(one + b.rr * dt));
         out.set(self.slots.position, self.slots.velocity, &(b.rv * dt));
-        out.noise_trapezoid(
-            self.slots.velocity,
-            self.slots.velocity,
-            &agility.velocity(gap, &so3::rotation(&nav.q_nb)),
-        );
+        let c_nb = so3::rotation(&nav.q_nb);
+        self.slots.fade(&fading, &c_nb, out);
+        out.set(self.slots.position, self.slots.attitude, &(-b.rv * c_nb * so3::skew(&fading.path)));
+        out.noise_trapezoid(self.slots.velocity, self.slots.velocity, &agility.velocity(gap, &c_nb));
         let (variance, bound) = agility.attitude(gap, nav.v_eb_n.xy().norm());
         out.noise_up_to(self.slots.attitude, &variance, &bound);
         // The radii of mid-step, as the mechanisation takes them.
-        let travelled = nav.v_eb_n * dt;
+        let travelled = nav.v_eb_n * dt + c_nb * fading.path;
         let earth = LocalEarth::at(&nav.position.offset(&(travelled * 0.5)));
         let position = Place {
             lat: nav.position.lat + travelled.x / earth.meridian,
             lon: so3::wrap_angle(nav.position.lon + travelled.y / (earth.normal * earth.cos_lat)),
             height: nav.position.height - travelled.z,
         };
-        self.slots.position.write(&position, x);
-        felt
+        let next = Nav {
+            position,
+            v_eb_n: nav.v_eb_n + c_nb * fading.velocity,
+            q_nb: nav.q_nb * fading.turn,
+        };
+        self.write(&next, x);
+        Felt {
+            w_ib_b: steady.w_ib_b + fading.w,
+            f_ib_b: Felt::unmoved(&next, gravity).f_ib_b + fading.f,
+        }
     }
 
     /// Reads them from state storage.
@@ -80,6 +103,12 @@ impl Kinematic {
 }
 
 impl<P: Manifold> Slots<P> {
+    /// Writes Φ of velocity and attitude over a part of a gap in which a motion fades away.
+    pub(super) fn fade(&self, fading: &Fading, c_nb: &Matrix3<f64>, out: &mut Transition) {
+        out.set(self.velocity, self.attitude, &(-c_nb * so3::skew(&fading.velocity)));
+        out.set(self.attitude, self.attitude, &so3::rotation(&fading.turn.inverse()));
+    }
+
     /// Declares the position under this name, `velocity` and `attitude`; initialisers write them and
     /// their variances.
     pub(super) fn declare(b: &mut Build<'_>, position: QuantityName<'_, P>, at: P::Value) -> Result<Self, BuildError> {

@@ -198,19 +198,29 @@ impl Process for StrapdownLocal {
         &self.changes
     }
 
-    fn coast(&self, x: &mut [f64], gap: &Gap, sample: &mut [f64], out: &mut Transition) -> bool {
+    fn motion(&self, x: &[f64], input: &Input<'_>, motion: &mut Vec<f64>) {
+        let felt = self.inertial.felt(x, input);
+        let steady = -self.slots.attitude.read(x).inverse_transform_vector(&self.gravity);
+        motion.extend_from_slice(felt.w_ib_b.as_slice());
+        motion.extend_from_slice((felt.f_ib_b - steady).as_slice());
+    }
+
+    fn coast(&self, x: &mut [f64], gap: &Gap, motion: &[f64], sample: &mut [f64], out: &mut Transition) -> bool {
         let (v, q, dt) = (self.slots.velocity.read(x), self.slots.attitude.read(x), gap.duration());
+        let (c_nb, fading) = (so3::rotation(&q), self.agility.fading(gap, motion));
         out.set(self.slots.position, self.slots.velocity, &(Matrix3::identity() * dt));
-        out.noise_trapezoid(
-            self.slots.velocity,
-            self.slots.velocity,
-            &self.agility.velocity(gap, &so3::rotation(&q)),
-        );
+        out.set(self.slots.position, self.slots.attitude, &(-c_nb * so3::skew(&fading.path)));
+        self.slots.fade(&fading, &c_nb, out);
+        out.noise_trapezoid(self.slots.velocity, self.slots.velocity, &self.agility.velocity(gap, &c_nb));
         let (variance, bound) = self.agility.attitude(gap, v.xy().norm());
         out.noise_up_to(self.slots.attitude, &variance, &bound);
-        self.slots.position.write(&(self.slots.position.read(x) + v * dt), x);
-        let felt = -q.inverse_transform_vector(&self.gravity);
-        self.inertial.feel(x, &Vector3::zeros(), &felt, sample);
+        let position = self.slots.position.read(x) + v * dt + c_nb * fading.path;
+        let q = q * fading.turn;
+        self.slots.position.write(&position, x);
+        self.slots.velocity.write(&(v + c_nb * fading.velocity), x);
+        self.slots.attitude.write(&q, x);
+        let steady = -q.inverse_transform_vector(&self.gravity);
+        self.inertial.feel(x, &fading.w, &(steady + fading.f), sample);
         true
     }
 

@@ -206,8 +206,12 @@ impl Process for Strapdown {
         &self.changes
     }
 
-    fn coast(&self, x: &mut [f64], gap: &Gap, sample: &mut [f64], out: &mut Transition) -> bool {
-        let felt = self.kinematic.coast(x, gap, &self.agility, self.gravity, out);
+    fn motion(&self, x: &[f64], input: &Input<'_>, motion: &mut Vec<f64>) {
+        self.kinematic.motion(x, &self.inertial.felt(x, input), self.gravity, motion);
+    }
+
+    fn coast(&self, x: &mut [f64], gap: &Gap, motion: &[f64], sample: &mut [f64], out: &mut Transition) -> bool {
+        let felt = self.kinematic.coast(x, gap, motion, &self.agility, self.gravity, out);
         self.inertial.feel(x, &felt.w_ib_b, &felt.f_ib_b, sample);
         true
     }
