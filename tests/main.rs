@@ -2,6 +2,9 @@
 
 #![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
+/// Heading from the Earth's rotation at rest.
+#[path = "suite/alignment.rs"]
+mod alignment;
 /// The noises of an inertial unit from a log at rest.
 #[path = "suite/allan.rs"]
 mod allan;

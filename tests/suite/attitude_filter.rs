@@ -266,3 +266,12 @@ fn a_heading_taken_for_measured_drowns_the_compass() {
     let (whole, vertical) = (sigma("all"), sigma("tilt"));
     assert!(whole < 0.2 * vertical, "{whole} {vertical}");
 }
+
+#[test]
+fn the_published_cascade_has_the_fifteen_states_of_the_paper() {
+    let design = crate::steered::design("ins-gps-outlier.toml", &["cascaded"], &[]);
+    let assembly = assemble(&design, declared_streams(&design).unwrap()).unwrap_or_else(|d| panic!("{d}"));
+    let names: Vec<&str> = assembly.layout.blocks().iter().map(|block| block.name.as_str()).collect();
+    assert_eq!(names, ["position", "velocity", "attitude", "accel_bias", "gyro_bias"]);
+    assert_eq!(assembly.layout.dim(), 15);
+}

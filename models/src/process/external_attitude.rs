@@ -2,12 +2,12 @@
 //!
 //! Input      mean specific force f_m \[m/s²\] over a sample, and the reference's attitude q_nb at
 //!            its end; the sample before gives that at its start
-//! Turning    w_nb_b = Log(q_start⁻¹ ⊗ q_end)/T, constant over the sample: it may be split anywhere
+//! Turning    w_nb_b = Log(q_start⁻¹ ⊗ q_end)/T − b_g, constant over the sample: it may be split anywhere
 //! States     `position` (geodetic), `velocity` v_eb_n, `attitude` q_nb; where estimated
-//!            `accel_bias`,  f = f_m − b_a
+//!            `accel_bias`,  f = f_m − b_a, and `gyro_bias` b_g, with which the reference drifts: 15 in all
 //! Discrete   position and velocity as `strapdown`;  q⁺ = q ⊗ Exp(w_nb_b Δt)
 //! Φ          I + FΔt, F of the strapdown error model but for the attitude, which does not see
-//!            position and velocity:  Φ_aa = Exp(w_nb_b Δt)ᵀ, exact
+//!            position and velocity:  Φ_aa = Exp(w_nb_b Δt)ᵀ, Φ_ag = −J_r(w_nb_b Δt) Δt, exact
 //! Signals    `angular_rate` w_ib_b = w_nb_b + C_nbᵀ w_in_n \[rad/s\], `acceleration` \[m/s²\]
 //! Cascaded   an attitude filter, the stage `filter`, drives this process; the sensor `attitude` on the same
 //!            stage holds the attitude to the reference's. With a small sigma the attitude is the
@@ -16,7 +16,7 @@
 //!            a filter that owns the attitude
 //! Mind       the same gyros come in twice: `attitude_noise` and the sensor's sigma must hold what
 //!            the reference's errors have in common
-//! Not here   gyro biases, which the reference takes out or does not
+//! Drift      a reference that takes its gyro bias out, or is held by a compass, does not drift: leave b_g out
 
 use crate::block::{Build, BuildError, Channel, ProcessSpec};
 use crate::earth::{Gravity, LocalEarth};
@@ -40,7 +40,7 @@ use serde::Deserialize;
 use super::strapdown::GravitySpec;
 
 /// Strapdown navigation that takes its rotation from an attitude reference: states position,
-/// velocity, attitude and, where declared, accelerometer bias; driven by the channels
+/// velocity, attitude and, where declared, accelerometer and gyro bias; driven by the channels
 /// `specific_force` and `attitude` of its source.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -52,6 +52,9 @@ pub struct ExternalAttitudeSpec {
     /// Accelerometer bias; estimated as the state `accel_bias`.
     #[serde(default)]
     accelerometer_bias: VectorParam<dim::Acceleration>,
+    /// Bias of the reference's gyros, with which its attitude drifts; estimated as the state `gyro_bias`.
+    #[serde(default)]
+    gyro_bias: VectorParam<dim::AngularRate>,
     /// The gravity model.
     #[serde(default)]
     gravity: GravitySpec,
@@ -68,6 +71,7 @@ crate::register!(
 attitude_noise = "0.1 deg/sqrt(s)"
 accelerometer_noise = "70 ug/sqrt(Hz)"
 accelerometer_bias = { estimate = true, initial = [0, 0.1, 0], sigma = "10 mg", correlation_time = "1000 s" }
+gyro_bias = { estimate = true, initial = [0, 0, 0.001], sigma = "1 deg/h" }
 gravity = "somigliana"
 "#
 );
@@ -84,6 +88,7 @@ impl ProcessSpec for ExternalAttitudeSpec {
         Ok(Box::new(ExternalAttitude {
             kinematic: Kinematic::declare(b)?,
             accel_bias: b.body_param(state::ACCEL_BIAS, "accelerometer_bias", &self.accelerometer_bias)?,
+            gyro_bias: b.body_param(state::GYRO_BIAS, "gyro_bias", &self.gyro_bias)?,
             angular_rate: b.signal(state::ANGULAR_RATE)?,
             acceleration: b.signal(state::ACCELERATION)?,
             attitude_psd: psd(self.attitude_noise.si()),
@@ -107,14 +112,12 @@ fn changes(agility: &Agility) -> [f64; SAMPLE] {
     [x, y, z, any, any, any, any]
 }
 
-/// w_nb_b \[rad/s\] over a sample of specific force and attitude.
-fn turning(input: &Input<'_>) -> Vector3<f64> {
+/// The rate of the reference \[rad/s\] over a sample of specific force and attitude; none over a sample that is held.
+fn turning(input: &Input<'_>) -> Option<Vector3<f64>> {
     let attitude = |s: &[f64]| so3::from_scalar_first(&Vector4::new(s[3], s[4], s[5], s[6]));
-    // A sample that is held turns nothing; the neighbours here come before.
-    match neighbour(input, SAMPLE) {
-        Some(other) if input.interval > 0.0 => so3::log(&(attitude(other.sample).inverse() * attitude(input.sample))) / input.interval,
-        _ => Vector3::zeros(),
-    }
+    // The neighbours here come before.
+    let other = neighbour(input, SAMPLE).filter(|_| input.interval > 0.0)?;
+    Some(so3::log(&(attitude(other.sample).inverse() * attitude(input.sample))) / input.interval)
 }
 
 /// The runtime model.
@@ -122,6 +125,7 @@ fn turning(input: &Input<'_>) -> Vector3<f64> {
 struct ExternalAttitude {
     kinematic: Kinematic,
     accel_bias: Param<Vector<3>>,
+    gyro_bias: Param<Vector<3>>,
     angular_rate: Signal<Vector<3>>,
     acceleration: Signal<Vector<3>>,
     attitude_psd: Matrix3<f64>,
@@ -136,6 +140,8 @@ struct ExternalAttitude {
 struct Step {
     nav: Nav,
     w_nb_b: Vector3<f64>,
+    /// Whether the reference turned it, and drifted.
+    is_turned: bool,
     w_ib_b: Vector3<f64>,
     f_ib_b: Vector3<f64>,
 }
@@ -143,13 +149,15 @@ struct Step {
 impl ExternalAttitude {
     fn step(&self, x: &[f64], input: &Input<'_>) -> Step {
         let nav = self.kinematic.read(x);
-        let w_nb_b = turning(input);
+        let turning = turning(input);
+        let w_nb_b = turning.map_or_else(Vector3::zeros, |w| w - value(&self.gyro_bias, x));
         let earth = LocalEarth::at(&nav.position);
         let w_in_n = earth.earth_rate_n() + earth.transport_rate_n(&nav.v_eb_n);
         let w_ib_b = w_nb_b + nav.q_nb.inverse_transform_vector(&w_in_n);
         Step {
             nav,
             w_nb_b,
+            is_turned: turning.is_some(),
             w_ib_b,
             f_ib_b: Vector3::from_column_slice(&input.sample[..3]) - value(&self.accel_bias, x),
         }
@@ -199,6 +207,9 @@ impl Process for ExternalAttitude {
         if let Param::State(bias) = &self.accel_bias {
             out.set(v, *bias, &(b.v_accel * dt));
         }
+        if let (Param::State(bias), true) = (&self.gyro_bias, s.is_turned) {
+            out.set(a, *bias, &(so3::right_jacobian(&(s.w_nb_b * dt)) * -dt));
+        }
         let c_nb = so3::rotation(&s.nav.q_nb);
         out.noise_trapezoid(v, v, &(c_nb * self.accel_psd * c_nb.transpose() * dt));
         out.noise_trapezoid(a, a, &(self.attitude_psd * dt));
@@ -239,6 +250,9 @@ impl Process for ExternalAttitude {
         out.add(self.angular_rate, self.kinematic.slots.position, &-b.ar);
         out.add(self.angular_rate, self.kinematic.slots.velocity, &-b.av);
         out.add(self.angular_rate, self.kinematic.slots.attitude, &so3::skew(&(s.w_ib_b - s.w_nb_b)));
+        if s.is_turned {
+            out.add_quantity(self.angular_rate, &self.gyro_bias, &-Matrix3::identity());
+        }
         out.add(self.acceleration, self.kinematic.slots.position, &b.vr);
         out.add(self.acceleration, self.kinematic.slots.velocity, &b.vv);
         out.add(self.acceleration, self.kinematic.slots.attitude, &b.va);
@@ -257,7 +271,8 @@ mod tests {
     fn built() -> (LayoutBuilder, Box<dyn Process>) {
         let mut layout = LayoutBuilder::new();
         let spec: ExternalAttitudeSpec = toml::from_str(
-            "attitude_noise = 1e-3\naccelerometer_noise = 1e-2\naccelerometer_bias = { estimate = true, initial = [0, 0, 0], sigma = 0.1 }",
+            "attitude_noise = 1e-3\naccelerometer_noise = 1e-2\naccelerometer_bias = { estimate = true, initial = [0, 0, 0], sigma = 0.1 }\n\
+             gyro_bias = { estimate = true, initial = [0, 0, 0], sigma = 0.01 }",
         )
         .unwrap();
         let origin = Some(Place::new(0.63, 2.26, -20.0));
