@@ -155,6 +155,9 @@ mod trajectories;
 /// Simulated sensors of which the filter is wrong.
 #[path = "suite/truth.rs"]
 mod truth;
+/// Variants of the shipped designs, alone and two at a time.
+#[path = "suite/variants.rs"]
+mod variants;
 /// Track odometry of a skidding robot: parameters learnt on some of its log, judged on the rest.
 #[path = "suite/warthog.rs"]
 mod warthog;

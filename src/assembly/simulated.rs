@@ -36,8 +36,9 @@ pub(super) fn simulated_streams<P>(design: &Design<P>, simulation: &SimulationDe
     if simulation.world.track_speeds.is_some() {
         streams.push(StreamLayout::of(TRACK_SPEEDS, None, &track_channels()));
     }
-    if let Some(ship) = &simulation.world.ship {
-        streams.extend(ship.streams().map(|(i, name)| StreamLayout::of(name, None, &ship_channels(i))));
+    for (platform, ship) in simulation.world.ships() {
+        let own = ship.streams(platform);
+        streams.extend(own.map(|(i, name)| StreamLayout::of(&name, None, &ship_channels(i))));
     }
     for (sensor, source, channels) in simulated(design, simulation) {
         // A sensor that reads what a stage makes leaves the stream of its name to that stage.
@@ -48,9 +49,10 @@ pub(super) fn simulated_streams<P>(design: &Design<P>, simulation: &SimulationDe
     streams
 }
 
-/// The sensors of a design that are simulated: name, source, what they read.
+/// The sensors of a design that are simulated, those among them that the filter leaves out too: name, source, what they
+/// read.
 fn simulated<'a, P>(design: &'a Design<P>, simulation: &'a SimulationDesign) -> impl Iterator<Item = (&'a str, &'a str, Vec<Channel>)> {
-    design.sensors.iter().filter_map(|named| {
+    design.sensors.iter().chain(&design.left_out).filter_map(|named| {
         let channels = named.block.model.reading().channels().to_vec();
         let simulated = !channels.is_empty() && simulation.world.sensor.contains_key(&named.name);
         simulated.then_some((named.name.as_str(), named.block.common.source.as_str(), channels))

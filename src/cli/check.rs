@@ -14,7 +14,7 @@ use fusion::models::units::Dimension;
 use fusion::present::{Cell, Column, Page, Section, Table, Unit, short};
 use fusion::provenance::Provenance;
 use fusion::run::{Options, data_dir};
-use fusion::world::{INSTRUMENTS, SimulatedRows};
+use fusion::world::SimulatedRows;
 use std::path::Path;
 
 #[derive(Debug, Args)]
@@ -483,9 +483,10 @@ fn faults(design: &Design) -> Table {
         add(&named.node, &named.name);
     }
     let simulation = design.simulation.as_ref().map(|s| &s.node);
-    for (stream, table) in INSTRUMENTS {
-        if let Some(table) = simulation.and_then(|s| s.at(table)) {
-            add(table, stream);
+    let own = design.simulation.as_ref().map(|s| s.block.world.instruments());
+    for (stream, table) in own.into_iter().flatten() {
+        if let Some(table) = simulation.and_then(|s| s.at(&table)) {
+            add(table, &stream);
         }
     }
     if let Some(sensors) = simulation.and_then(|s| s.get("sensor")) {

@@ -21,6 +21,7 @@ mod filter;
 mod health;
 mod input;
 mod leaders;
+mod left_out;
 mod names;
 mod nested;
 mod noise;

@@ -2,7 +2,7 @@
 
 use super::Draft;
 use crate::config::{Diagnostic, Diagnostics, Entry, INCLUDE, Node};
-use fusion_models::sim::{INSTRUMENTS, REFERENCE, SimulationSpec};
+use fusion_models::sim::{REFERENCE, SimulationSpec};
 
 /// Tables that may stand at the top of a design.
 pub(super) const TABLES: [&str; 12] = [
@@ -77,7 +77,7 @@ fn check_streams(design: &Draft, d: &mut Diagnostics) {
 /// Whether a stream of this name is that of an instrument of the world; those of a ship are free without one.
 fn is_instrument(world: &SimulationSpec, name: &str) -> bool {
     let is_free = |table: &str| world.ship.is_none() && table.starts_with("ship.");
-    INSTRUMENTS.iter().any(|(stream, table)| *stream == name && !is_free(table))
+    world.instruments().iter().any(|(stream, table)| stream == name && !is_free(table))
 }
 
 /// What is simulated is a sensor.

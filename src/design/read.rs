@@ -8,7 +8,7 @@ use crate::config::{Diagnostic, Diagnostics, Document, Entry, Node, Value, did_y
 use fusion_core::covariance::Kernel;
 use fusion_models::block::{InitialiserSpec, StageSpec};
 use fusion_models::registry::{self, Role};
-use fusion_models::sim::INSTRUMENTS;
+use fusion_models::sim::instruments;
 use serde::Deserialize;
 
 /// A whole design.
@@ -28,6 +28,8 @@ pub struct Design<P = Named<ProcessDesign>> {
     pub process: P,
     /// `[sensor.*]`, those enabled.
     pub sensors: Vec<Named<SensorDesign>>,
+    /// `[sensor.*]` with `enabled = false`.
+    pub(crate) left_out: Vec<Named<SensorDesign>>,
     /// `[stage.*]`, but for the filters among them.
     pub stages: Vec<Named<Box<dyn StageSpec>>>,
     /// `[stage.*]` that are designs.
@@ -113,7 +115,8 @@ impl Draft {
         draft.sources = sources;
         draft.unread.streams.extend(unread_sources);
         if is_simulated(&root) {
-            draft.simulation = one(&root, "simulation", d, |n, d| read_simulation(n, &draft.document, d));
+            let kept = root.get("simulation").map_or_else(Vec::new, |n| draft.leave_out(n));
+            draft.simulation = one(&root, "simulation", d, |n, d| read_simulation(n, &draft.document, &kept, d));
             draft.unread.simulation = draft.simulation.is_none();
         }
         draft.reference = one(&root, "reference", d, ReferenceSpec::read);
@@ -144,13 +147,16 @@ impl Draft {
         let (initialisers, unread_initialisers) = each(&root, "initial", d, |n, d| read_optional(n, "initialiser", Role::Initialiser, d));
         leaders::check(&root, &sensors, d);
         let is_filter_unread = filter.is_none();
+        let is_left_out = |s: &Named<SensorDesign>| s.block.common.enabled == Some(false);
+        let (left_out, sensors) = sensors.into_iter().partition(is_left_out);
         Self {
             document,
             run,
             filter: filter.unwrap_or_default(),
             health,
             process,
-            sensors: in_order(sensors.into_iter().filter(|s| s.block.common.enabled != Some(false)).collect()),
+            sensors: in_order(sensors),
+            left_out,
             stages,
             filters,
             initialisers: enabled(initialisers),
@@ -181,6 +187,7 @@ impl Draft {
                 filter: self.filter,
                 health: self.health,
                 sensors: self.sensors,
+                left_out: self.left_out,
                 stages: self.stages,
                 filters: self.filters,
                 initialisers: self.initialisers,
@@ -434,9 +441,9 @@ fn is_simulated(root: &Node) -> bool {
     root.get("simulation").is_some_and(|s| moves(s) || root.get("source").is_none())
 }
 
-fn read_simulation(node: &Node, document: &Document, d: &mut Diagnostics) -> Option<SimulationDesign> {
+fn read_simulation(node: &Node, document: &Document, kept: &[String], d: &mut Diagnostics) -> Option<SimulationDesign> {
     let (mut own, root) = (node.clone(), document.root());
-    // A sensor that is left out is not simulated either.
+    // A sensor that is left out is not simulated either, unless another block reads its stream.
     let is_off = |e: &&Entry| matches!(e.node.get("enabled").map(Node::value), Some(Value::Boolean(false)));
     let off: Vec<&str> = root
         .get("sensor")
@@ -444,16 +451,18 @@ fn read_simulation(node: &Node, document: &Document, d: &mut Diagnostics) -> Opt
         .iter()
         .filter(is_off)
         .map(|e| e.key.as_str())
+        .filter(|name| !kept.iter().any(|k| k == name))
         .collect();
     if let Some(sensors) = own.get_mut("sensor") {
         drop(sensors.split_off(&off));
     }
-    let truth = Truth::take(&mut own, document, d);
+    let truth = Truth::take(&mut own, document, kept, d);
     let mut faults = Vec::new();
-    for (stream, table) in INSTRUMENTS {
+    let platforms = node.get("platform").map_or(&[][..], Node::entries);
+    for (stream, table) in instruments(platforms.iter().map(|p| p.key.as_str())) {
         let found = table.split('.').try_fold(&mut own, |node, key| node.get_mut(key));
         let Some(table) = found else { continue };
-        faults.push((stream.to_owned(), read_faults(table.take("fault").as_ref(), d)));
+        faults.push((stream, read_faults(table.take("fault").as_ref(), d)));
     }
     if let Some(sensors) = own.get_mut("sensor") {
         for sensor in sensors.entries_mut() {

@@ -31,15 +31,20 @@ pub struct Truth {
 }
 
 impl Truth {
-    /// Takes the tables `truth` out of `simulation`, and reads the design that they make of `document`; none where there is none.
-    pub(super) fn take(simulation: &mut Node, document: &Document, d: &mut Diagnostics) -> Option<Self> {
+    /// Takes the tables `truth` out of `simulation`, and reads the design that they make of `document`, if there are any. The
+    /// sensors `kept`, which the filter leaves out, are enabled in it.
+    pub(super) fn take(simulation: &mut Node, document: &Document, kept: &[String], d: &mut Diagnostics) -> Option<Self> {
         let is_wet = simulation.at("sea.current").is_some();
         let mut told: Vec<(String, Node)> = Vec::new();
         for Entry { key, node } in simulation.get_mut("sensor").map_or(&mut [][..], Node::entries_mut) {
             let truth = node.take(TRUTH).unwrap_or_else(|| node.emptied());
             told.push((key.clone(), truth));
         }
-        let (mut of_truth, mut given, mut is_other) = (document.root().clone(), Vec::new(), false);
+        let (mut of_truth, mut given, mut is_other) = (document.root().clone(), Vec::new(), !kept.is_empty());
+        for name in kept {
+            let sensor = of_truth.get_mut("sensor").and_then(|sensors| sensors.get_mut(name));
+            drop(sensor.and_then(|sensor| sensor.take("enabled")));
+        }
         let before = d.iter().count();
         for (name, truth) in &mut told {
             let Some(sensor) = of_truth.get_mut("sensor").and_then(|sensors| sensors.get_mut(name)) else {

@@ -10,6 +10,7 @@ use crate::config::{Diagnostics, Document, Files};
 use crate::health::{Health, NamedReason, Names};
 use crate::observe::Filters;
 use crate::rows::{Aboard, Pose};
+use crate::run::aboard::Carried;
 use crate::run::examine::build;
 use crate::solution::{Solution, SolutionReader};
 use fusion_core::memory::{self, Memory, Tape};
@@ -510,7 +511,13 @@ impl Navigator {
 /// Carried by a vehicle of a simulated world, which it steers.
 impl Aboard for Navigator {
     fn pose(&mut self, now: Time) -> Option<Pose> {
-        Pose::of(&self.predict(now.seconds())?)
+        let (runner, reader) = (&mut self.assembly.runner, &mut self.reader);
+        Carried {
+            runner,
+            reader,
+            said: None,
+        }
+        .pose(now)
     }
 }
 

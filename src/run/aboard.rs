@@ -7,11 +7,11 @@ use fusion_core::time::Time;
 
 /// A runner between two of its rows.
 #[derive(Debug)]
-pub(super) struct Carried<'a> {
-    pub(super) runner: &'a mut Runner,
-    pub(super) reader: &'a mut SolutionReader,
+pub(crate) struct Carried<'a> {
+    pub(crate) runner: &'a mut Runner,
+    pub(crate) reader: &'a mut SolutionReader,
     /// What it has said, for a run that is saved.
-    pub(super) said: Option<&'a mut Vec<Option<Pose>>>,
+    pub(crate) said: Option<&'a mut Vec<Option<Pose>>>,
 }
 
 impl Carried<'_> {

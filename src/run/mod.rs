@@ -1,6 +1,6 @@
 //! Running a design over its data.
 
-mod aboard;
+pub(crate) mod aboard;
 pub mod examine;
 mod files;
 mod recorded;

@@ -12,7 +12,7 @@ use fusion_core::time::{Time, nanos};
 use fusion_models::block::{Channel, Shape};
 use fusion_models::fault::{FaultContext, FaultSpec, ProvidedChannel, derive_seed};
 use fusion_models::registry::{self, Role};
-use fusion_models::sim::{INSTRUMENTS, REFERENCE, UNITS};
+use fusion_models::sim::{REFERENCE, UNITS};
 use fusion_models::units::{Dimension, Dimensional, dim};
 
 /// A fault, or a pair of them, on a design.
@@ -129,11 +129,12 @@ pub(super) fn targets<'a>(design: &Design, assembly: &'a Assembly) -> Vec<Target
     let readers = ["process", "sensor", "stage", "initial"].map(|table| root.get(table));
     let is_read = |name: &str| readers.iter().flatten().any(|table| table.any(&|node| node.as_str() == Some(name)));
     let input = root.at("process.source").and_then(Node::as_str);
+    let own = design.simulation.as_ref().map_or_else(Vec::new, |s| s.block.world.instruments());
     let mut targets = Vec::new();
     for (stream, layout) in assembly.streams.iter().enumerate() {
         let name = layout.name.as_str();
         let is_reference = name == REFERENCE || design.reference.as_ref().is_some_and(|r| r.block.source.has(name));
-        let own = INSTRUMENTS.into_iter().find(|(stream, _)| stream_of(design, stream) == name);
+        let own = own.iter().find(|(stream, _)| stream_of(design, stream) == name);
         let path = if design.simulation.is_none() {
             format!("source.{name}.fault")
         } else if let Some((_, table)) = own {

@@ -9,7 +9,7 @@ mod simulated;
 mod tests;
 
 pub(crate) use check::check;
-pub use fusion_models::sim::{INSTRUMENTS, REFERENCE};
+pub use fusion_models::sim::REFERENCE;
 pub use record::{LOG_DESIGN, LoggedStream, record};
 pub use simulated::SimulatedRows;
 pub(crate) use simulated::drawn_start;

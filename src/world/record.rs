@@ -4,14 +4,14 @@
 //!          first has its name, and the others have those of the sensors
 //! Numbers  in full precision, so that the filter over the log does what it does in simulation; latitude and
 //!          longitude in degrees, all else in SI, units in the headers
-//! Not here a vehicle that is steered by the filter that is run: without the filter it stands still
+//! Steered  a vehicle that the filter steers goes where the filter over the same rows leads it
 
-use super::{REFERENCE, SimulatedRows};
+use super::{REFERENCE, SimulatedRows, pilot};
 use crate::assembly::{StreamChannel, StreamLayout, assemble, declared_streams};
 use crate::config::{Diagnostic, Diagnostics, Node};
 use crate::design::Design;
 use crate::output::Unwritable;
-use crate::rows::Nobody;
+use crate::rows::{Aboard, Nobody};
 use fusion_core::time::Time;
 use fusion_models::block::{Listen, Shape};
 use fusion_models::vocabulary::channel as known;
@@ -38,33 +38,36 @@ pub struct LoggedStream {
 /// reads them; `seed` stands instead of the design's.
 ///
 /// # Errors
-/// A design without a simulated world, or with a vehicle that is steered by its filter; mistakes of the world; a row
-/// with a number that is none; a file that cannot be written.
+/// A design without a simulated world; mistakes of the world, and of the filter where that steers; a row with a number
+/// that is none; a file that cannot be written.
 pub fn record(design: &Design, folder: &Path, seed: Option<u64>) -> Result<Vec<LoggedStream>, Diagnostics> {
     let Some(simulation) = &design.simulation else {
         let help = "it has a log already: `[simulation]` declares a world";
         let message = "this design has no simulated world to record";
         return Err(Diagnostic::error(message).at(design.document.root().place()).help(help).into());
     };
-    let world = &simulation.block.world;
-    if world.vehicle.is_some() && world.steered_by.is_none() {
-        let help = "declare a `trajectory`, or `steered_by`";
-        let message = "the way of this vehicle is known only while the filter steers it";
-        return Err(Diagnostic::error(message).at(simulation.node.place_of("vehicle")).help(help).into());
-    }
     let streams = declared_streams(design)?;
     let names = names(&streams);
     let text = reading(design, &streams, &names)?;
     let assembly = assemble(design, streams.clone())?;
     let mut rows = SimulatedRows::new(design, simulation, &assembly, seed)?;
+    let mut pilot = pilot::aboard(design, simulation, seed)?;
     std::fs::create_dir_all(folder).map_err(|e| Unwritable::new(folder, e))?;
     let created = names.iter().zip(&streams).map(|(name, stream)| Log::create(folder, name, stream));
     let mut logs: Vec<Log<'_>> = created.collect::<Result<_, _>>()?;
     let log_of = |stream: &StreamLayout| streams.iter().position(|s| s.name == stream.name);
     let log_of: Vec<Option<usize>> = assembly.streams.iter().map(log_of).collect();
-    while let Some(row) = rows.next(&mut Nobody) {
+    loop {
+        let aboard: &mut dyn Aboard = match &mut pilot {
+            Some(pilot) => pilot,
+            None => &mut Nobody,
+        };
+        let Some(row) = rows.next(aboard) else { break };
         if let Some(log) = log_of[row.stream] {
             logs[log].write(row.time, row.values)?;
+        }
+        if let Some(pilot) = &mut pilot {
+            pilot::hear(pilot, &row).map_err(|e| Diagnostic::error(format!("the filter, which steers the vehicle: {e}")))?;
         }
     }
     let written = logs.into_iter().map(Log::finish).collect::<Result<_, _>>()?;
@@ -183,6 +186,12 @@ fn reading(design: &Design, streams: &[StreamLayout], names: &[String]) -> Resul
     let mut document = design.document.clone();
     for table in ["simulation", "source"] {
         document.remove(table);
+    }
+    // Those that served only sensors that are left out.
+    let kept = |stage: &str| design.stages.iter().any(|s| s.name == stage) || design.filters.iter().any(|f| f.name == stage);
+    let stages = design.document.root().get("stage").map_or(&[][..], Node::entries);
+    for stage in stages.iter().filter(|stage| !kept(&stage.key)) {
+        document.set(&format!("stage.{}.enabled=false", stage.key))?;
     }
     for (path, name) in renamed(design, streams, names) {
         document.set(&format!("{path}=\"{name}\""))?;

@@ -17,7 +17,7 @@ use fusion_models::sim::{
     DrawnStart, Next, Record, Script, Seen, Setup, SharedCourse, SimulatedSensor, SimulatedStream, SimulationSpec, Simulator,
 };
 use fusion_models::vocabulary::state;
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 
 /// Rows of a simulated world.
 #[derive(Debug)]
@@ -27,6 +27,8 @@ pub struct SimulatedRows {
     outlets: Vec<Outlet>,
     values: Vec<f64>,
     frame: LocalFrame,
+    /// From the vehicle's reference point to the inertial unit, in body axes \[m\].
+    unit: Vector3<f64>,
     /// The instant at which the world is steered next, once it has come as far.
     steers: Option<Time>,
 }
@@ -79,6 +81,7 @@ impl SimulatedRows {
             outlets,
             values: Vec::new(),
             frame: LocalFrame::new(origin.into()),
+            unit: Vector3::from(world.unit.si()),
             steers: None,
         })
     }
@@ -152,9 +155,9 @@ impl SimulatedRows {
         self.simulator.script()
     }
 
-    /// The part of a pose that steers.
+    /// The part of a pose that steers: where the vehicle's reference point is taken to be.
     fn seen(&self, now: Time, pose: &Pose) -> Seen {
-        let position = self.frame.to_ned(&pose.position);
+        let position = self.frame.to_ned(&pose.position) - pose.attitude * self.unit;
         Seen {
             time: now,
             position: Vector2::new(position.x, position.y),

@@ -9,7 +9,7 @@ use fusion::core::filter::{Update, Verdict};
 use fusion::core::geometry::wgs84::Geodetic;
 use fusion::core::runner::{Event, Halt};
 use fusion::observe::{RunEvent, RunObserver};
-use fusion::run::Run;
+use fusion::run::{Options, Run, run};
 use fusion::solution::Solution;
 
 /// Horizontal errors at the positions of the reference, north and east \[m\], each with its time \[s\].
@@ -338,4 +338,34 @@ fn another_diver_captures_the_gate_seldom_and_the_bank_never_whatever_the_tuning
     // At a rate of 5 % 7 or fewer of 80 draws come with a probability of 96 %.
     assert!(gate.len() <= 7, "{gate:?}");
     assert_eq!(captured(&["bank"]).unwrap(), []);
+}
+
+/// A buoy on its mooring, 60 m away from the ship, with a second transceiver.
+const BUOY: [&str; 5] = [
+    "sensor.buoy={ type = \"vessel_pose\", source = \"buoy\", noise = { sigma = [0.5, 0.5, 0.5, 0.005, 0.005, 0.01] } }",
+    "sensor.usbl_under_buoy={ type = \"usbl\", source = \"second\", vessel = \"buoy\", transceiver = [0, 0, 2], noise = { sigma = [0.5, 0.004, 0.004] } }",
+    "simulation.platform.buoy={ position = [60, 0, -20], heading = 0, watch_circle = { radius = 3, period = 60 }, antenna = [0, 0, -2], gps = { rate = 1 } }",
+    "simulation.sensor.buoy={ rate = 5, white = [0.5, 0.5, 0.5, 0.005, 0.005, 0.01] }",
+    "simulation.sensor.usbl_under_buoy={ rate = 1, white = [0.5, 0.004, 0.004] }",
+];
+
+#[test]
+fn a_vehicle_is_measured_from_a_ship_and_from_a_buoy() {
+    let design = crate::steered::design("templates/auv.toml", &["ship"], &BUOY);
+    let streams = fusion::assembly::declared_streams(&design).unwrap();
+    assert!(streams.iter().any(|stream| stream.name == "buoy_gps"), "{streams:?}");
+    let summary = run(&design, &Options::default(), &mut |_| {}).unwrap_or_else(|d| panic!("{d}"));
+    for (name, dof) in [("ship", 6.0), ("buoy", 6.0), ("usbl_under_ship", 3.0), ("usbl_under_buoy", 3.0)] {
+        let sensor = summary.sensors.iter().find(|s| s.name == name).unwrap();
+        let nis = sensor.nis.unwrap().mean / dof;
+        // A pose taken from the other one would be 70 m off. The poses are walks that follow every row.
+        let least = if name.starts_with("usbl") { 0.7 } else { 0.0 };
+        assert!(sensor.accepted > 100 && (least..1.3).contains(&nis), "{name}: {nis}");
+    }
+    let place = |name: &str| summary.parameters.iter().find(|p| p.name == name).map(|p| p.value.clone()).unwrap();
+    let (ship, buoy) = (place("ship.position"), place("buoy.position"));
+    // 6.4e6 m of radius: the buoy stays within 3 m of its mooring, 60 m north.
+    let origin = design.run.origin.unwrap().latitude.si();
+    let north = [ship[0], buoy[0]].map(|lat| (lat - origin) * 6.4e6);
+    assert!((north[1] - 60.0).abs() < 6.0 && (north[0] - north[1]).abs() > 5.0, "{north:?}");
 }

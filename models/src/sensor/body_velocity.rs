@@ -158,7 +158,7 @@ crate::register!(
     "nonholonomic",
     NonholonomicSpec,
     r#"
-lever_arm = ["-1.2 m", 0, "0.4 m"]
+lever_arm = { estimate = true, initial = ["-1.2 m", 0, "0.4 m"], sigma = "10 cm" }
 mounting = { estimate = true, initial = [0, 0, 0], sigma = [0, "1 deg", "1 deg"] }
 axes = "both"
 current = { estimate = true, initial = [0, 0, 0], sigma = ["0.5 m/s", "0.5 m/s", 0], correlation_time = "20 min" }

@@ -6,7 +6,7 @@
 //! Predicted  h(x) = the two states
 //! Jacobian   I₆; the attitude about the vessel's axes, exact at r = 0
 //! Order      it is used before the sensors that read it at a time that they share
-//! Simulated  its true pose is that of `[simulation.ship]`; the first 1σ only says that nothing is known yet
+//! Simulated  its true pose is that of the platform of its name, or of `[simulation.ship]`; the first 1σ only says that nothing is known yet
 //! Not here   how the vessel moves between two of its rows: give its pose at the time of the ping
 
 use super::attitude::unit;
@@ -28,7 +28,7 @@ const PLACE: usize = 3;
 const UNKNOWN: (f64, f64) = (1e4, 2.0);
 
 /// Pose of another vessel, whose position and attitude become states: `NAME.position`, `NAME.attitude`. In a simulation it
-/// is the ship of `[simulation.ship]`.
+/// is the platform `[simulation.platform.NAME]`, or without one of this name the ship of `[simulation.ship]`.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct VesselPoseSpec {

@@ -148,7 +148,7 @@ pub fn pair_before_correction(wanted: [(&Sample, f64); 2]) -> [Sample; 2] {
 mod tests {
     use super::super::segment::{Junction, SegmentSpec};
     use super::super::trajectory::Trajectory;
-    use super::super::world::{OpenLoop, World};
+    use super::super::world::{OpenLoop, Plane, World};
     use super::*;
     use crate::process::strapdown::mechanisation::step;
     use fusion_core::Time;
@@ -170,7 +170,7 @@ mod tests {
             speed: 0.0,
         };
         let trajectory = Trajectory::new(start, &file.trajectory).unwrap();
-        OpenLoop::new(trajectory, Geodetic::new(0.63, 2.2593, -23.0), G)
+        OpenLoop::new(trajectory, Plane::new(Geodetic::new(0.63, 2.2593, -23.0), G))
     }
 
     const MOVING: &str = "{ rest = { duration = 10 } }, { straight = { distance = 60, speed = 3, acceleration = 1 } }, \

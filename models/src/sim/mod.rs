@@ -38,10 +38,10 @@ pub use odometry::OdometryErrorSpec;
 pub use record::{Errors, HeadingErrors, Leg, Record};
 pub use sea::{SeaSpec, WavesSpec};
 pub use segment::{Junction, Motion, Segment, SegmentSpec};
-pub use ship::{SHIP_STREAMS, ShipSpec, ship_channels};
+pub use ship::{SHIP_STREAMS, ShipSpec, ship_channels, ship_instruments};
 pub use simulator::{
     IMU, INSTRUMENTS, Next, ODOMETRY, REFERENCE, Setup, SharedCourse, SimulatedSensor, SimulatedStream, Simulator, TRACK_SPEEDS, UNITS,
-    odometry_channels, reference_channels, track_channels,
+    instruments, odometry_channels, reference_channels, track_channels,
 };
 pub use spec::{SimulationSpec, StartSpec};
 pub use start::DrawnStart;

@@ -1,4 +1,5 @@
-//! A ship, moored or under way, and what it carries: GPS, attitude reference, acoustic system.
+//! A ship, moored or under way, and what it carries: GPS, attitude reference, acoustic system. A platform is one of
+//! several, with a name.
 //!
 //! Ship       its reference point goes along the mean heading at a steady speed, and runs round a circle about that
 //!            way; roll, pitch and yaw are sines. The phases are drawn. Axes of the ship forward-right-down
@@ -77,13 +78,15 @@ impl ShipSpec {
         }
     }
 
-    /// The streams of its instruments: their numbers in [`SHIP_STREAMS`], and their names.
-    pub fn streams(&self) -> impl Iterator<Item = (usize, &'static str)> {
-        SHIP_STREAMS.into_iter().enumerate().filter(|(i, _)| self.has(*i))
+    /// The streams of its instruments: their numbers in [`SHIP_STREAMS`], and their names; `platform` is its own name,
+    /// which the ship has not.
+    pub fn streams(&self, platform: Option<&str>) -> impl Iterator<Item = (usize, String)> {
+        let names = ship_instruments(platform).map(|(stream, _)| stream);
+        names.into_iter().enumerate().filter(|(i, _)| self.has(*i))
     }
 
-    /// Refuses an instrument that is nowhere.
-    pub(super) fn check(&self) -> Result<(), BuildError> {
+    /// Refuses an instrument that is nowhere; `table` is that of the ship.
+    pub(super) fn check(&self, table: &str) -> Result<(), BuildError> {
         let places = [
             ("antenna", "gps", self.antenna, self.has(0)),
             ("transceiver", "usbl", self.transceiver, self.has(ACOUSTIC)),
@@ -92,7 +95,7 @@ impl ShipSpec {
             None => Ok(()),
             Some((key, of, ..)) => {
                 let help = format!("add `{key} = [\"… m\", \"… m\", \"… m\"]`, forward, right and down of the reference point of the ship");
-                Err(BuildError::at(format!("ship.{of}"), format!("`{of}` needs the place of its {key} on the ship")).help(help))
+                Err(BuildError::at(format!("{table}.{of}"), format!("`{of}` needs the place of its {key} on the ship")).help(help))
             }
         }
     }
@@ -213,6 +216,19 @@ impl UnheardSpec {
 /// The streams of a ship with all its instruments; [`ship_channels`] has what is in them.
 pub const SHIP_STREAMS: [&str; 3] = ["ship_gps", "ship_attitude", "transceiver"];
 
+/// The streams of the ship, or of the platform of that name, each with its table under `[simulation]`.
+#[must_use]
+pub fn ship_instruments(platform: Option<&str>) -> [(String, String); 3] {
+    let tables = ["gps", "attitude", "usbl"];
+    core::array::from_fn(|i| match platform {
+        None => (SHIP_STREAMS[i].to_owned(), format!("ship.{}", tables[i])),
+        Some(name) => {
+            let stream = SHIP_STREAMS[i].trim_start_matches("ship_");
+            (format!("{name}_{stream}"), format!("platform.{name}.{}", tables[i]))
+        }
+    })
+}
+
 /// The acoustic system among them.
 pub(super) const ACOUSTIC: usize = 2;
 
@@ -267,8 +283,10 @@ pub(super) struct Ship {
 }
 
 impl Ship {
-    pub(super) fn new(spec: &ShipSpec, origin: Geodetic, seed: u64) -> Self {
-        let random = |what: &str| Random::new(seed, &format!("ship/{what}"));
+    /// `platform` is its own name, which the ship has not.
+    pub(super) fn new(spec: &ShipSpec, platform: Option<&str>, origin: Geodetic, seed: u64) -> Self {
+        let of = platform.map_or_else(|| "ship".to_owned(), |name| format!("platform/{name}"));
+        let random = |what: &str| Random::new(seed, &format!("{of}/{what}"));
         let mut phases = random("phases");
         let mut circle = Sine::new(None, &mut phases);
         if let Some(c) = spec.watch_circle {
@@ -375,7 +393,7 @@ mod tests {
              antenna = [-3, 1, -8]\ntransceiver = [4, -2, 3]\nmounting = [0, 0, '45 deg']\ntransponder = [0.5, 0, -1]\n\
              gps = {{ rate = 5 }}\nattitude = {{ rate = 10 }}\nusbl = {{ sound_speed = 1500, {usbl} }}"
         );
-        Ship::new(&toml::from_str(&text).unwrap(), ORIGIN, 3)
+        Ship::new(&toml::from_str(&text).unwrap(), None, ORIGIN, 3)
     }
 
     #[test]

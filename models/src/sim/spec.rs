@@ -41,6 +41,14 @@ pub struct SimulationSpec {
     /// A ship near the vehicle: what a sensor `vessel_pose` measures, and the streams `ship_gps`, `ship_attitude` and
     /// `transceiver` of the instruments that it has.
     pub ship: Option<ShipSpec>,
+    /// Further ships, platforms or vehicles, by name: a sensor `vessel_pose` of the same name measures them. They have the
+    /// streams `NAME_gps`, `NAME_attitude` and `NAME_transceiver` of their instruments.
+    #[serde(default)]
+    pub platform: BTreeMap<String, ShipSpec>,
+    /// Where the inertial unit is, from the vehicle's reference point, in body axes. This point moves along the path; without
+    /// it the unit does. A lever arm from the unit to the point is the opposite: that of `nonholonomic`, for one.
+    #[serde(default)]
+    pub unit: Vec3Of<dim::Length>,
     /// Rows per second of the `reference` stream: the truth; at most 1e9 rows in a run.
     #[serde(default = "reference_rate")]
     pub reference_rate: Positive<dim::Frequency>,
@@ -206,14 +214,44 @@ impl SimulationSpec {
     /// [`BuildError`] of the trajectory, or of the vehicle and its mission.
     pub fn world(&self, origin: Geodetic, gravity: Gravity, seed: u64, script: Option<Script>) -> Result<Box<dyn World>, BuildError> {
         let Some(vehicle) = &self.vehicle else {
-            return Ok(Box::new(OpenLoop::new(self.trajectory()?, origin, gravity)));
+            return Ok(Box::new(OpenLoop::new(self.trajectory()?, self.plane(origin, gravity))));
         };
         let crew = self.crew(vehicle.0.as_ref(), seed)?;
-        let plane = Plane::new(origin, gravity);
+        let plane = self.plane(origin, gravity);
         Ok(Box::new(match script {
             Some(script) => ClosedLoop::replayed(crew, plane, script),
             None => ClosedLoop::new(crew, plane),
         }))
+    }
+
+    /// The ship, which has no name, and the platforms.
+    pub fn ships(&self) -> impl Iterator<Item = (Option<&str>, &ShipSpec)> {
+        let ship = self.ship.iter().map(|ship| (None, ship));
+        ship.chain(self.platform.iter().map(|(name, platform)| (Some(name.as_str()), platform)))
+    }
+
+    /// The streams of its instruments, whether it has them or not, each with its table under `[simulation]`.
+    #[must_use]
+    pub fn instruments(&self) -> Vec<(String, String)> {
+        super::instruments(self.platform.keys().map(String::as_str))
+    }
+
+    /// The plane that the world lies on, for an inertial unit at its place.
+    pub(super) fn plane(&self, origin: Geodetic, gravity: Gravity) -> Plane {
+        Plane::new(origin, gravity).carrying(Vector3::from(self.unit.si()))
+    }
+
+    /// Refuses an instrument that is read where the vehicle is, and moves the body as if it were at the unit.
+    fn check_place(&self) -> Result<(), BuildError> {
+        if self.odometry.is_none() || self.unit.si() == [0.0; 3] {
+            return Ok(());
+        }
+        let help = "remove `unit`: the position of the filter is then that of the vehicle";
+        Err(BuildError::at(
+            "unit",
+            "odometry measures at the vehicle's reference point, and moves the filter there",
+        )
+        .help(help))
     }
 
     /// What is wrong with the run for a process whose samples consist of `input`, as far as the
@@ -221,9 +259,27 @@ impl SimulationSpec {
     #[must_use]
     pub fn mistakes(&self, input: &[Channel]) -> Vec<BuildError> {
         let rates = self.duration().and_then(|duration| self.check_rates(duration));
-        let ship = self.ship.as_ref().map_or(Ok(()), ShipSpec::check);
-        let all = [rates, self.check_unit(input), self.check_mission(), ship];
-        all.into_iter().filter_map(Result::err).collect()
+        let ships = self.ships().map(|(platform, ship)| match platform {
+            None => ship.check("ship"),
+            Some(name) => ship.check(&format!("platform.{name}")),
+        });
+        let all = [
+            rates,
+            self.check_unit(input),
+            self.check_mission(),
+            self.check_place(),
+            self.check_platforms(),
+        ];
+        all.into_iter().chain(ships).filter_map(Result::err).collect()
+    }
+
+    /// Refuses a platform whose streams would be those of the ship.
+    fn check_platforms(&self) -> Result<(), BuildError> {
+        if self.platform.contains_key("ship") {
+            let help = "rename the platform, or declare it as `[simulation.ship]`";
+            return Err(BuildError::at("platform.ship", "`ship` is already the name of `[simulation.ship]`").help(help));
+        }
+        Ok(())
     }
 
     /// Refuses tasks that nothing carries out.
@@ -257,10 +313,10 @@ impl SimulationSpec {
         let odometry = self.odometry.iter().map(|odometry| ("odometry.rate".to_owned(), odometry.rate));
         let tracks = self.track_speeds.iter().map(|tracks| ("track_speeds.rate".to_owned(), tracks.rate));
         let sensors = self.sensor.iter().map(|(name, s)| (format!("sensor.{name}.rate"), s.rate));
-        let ship = self.ship.iter().flat_map(|ship| {
-            let gps = ship.gps.map(|gps| ("ship.gps.rate".to_owned(), gps.rate));
-            gps.into_iter()
-                .chain(ship.attitude.map(|attitude| ("ship.attitude.rate".to_owned(), attitude.rate)))
+        let ship = self.ships().flat_map(|(platform, ship)| {
+            let [gps, attitude, _] = super::ship_instruments(platform).map(|(_, table)| format!("{table}.rate"));
+            let gps = ship.gps.map(|unit| (gps, unit.rate));
+            gps.into_iter().chain(ship.attitude.map(|unit| (attitude, unit.rate)))
         });
         let reference = ("reference_rate".to_owned(), self.reference_rate);
         let most = MOST_ROWS / duration.max(1.0);

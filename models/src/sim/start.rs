@@ -65,7 +65,7 @@ impl DrawnStart {
         let begins = if spec.vehicle.is_some() {
             Begins::Standing(*spec.world(origin, gravity, seed, None)?.truth())
         } else {
-            Begins::On(Arc::new(OpenLoop::new(spec.trajectory()?, origin, gravity)))
+            Begins::On(Arc::new(OpenLoop::new(spec.trajectory()?, spec.plane(origin, gravity))))
         };
         Ok(Self {
             begins,

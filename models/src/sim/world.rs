@@ -20,7 +20,7 @@ use crate::process::strapdown::mechanisation::Nav;
 use core::fmt::Debug;
 use fusion_core::Time;
 use fusion_core::geometry::wgs84::Geodetic;
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 /// What is true at one instant.
 #[derive(Clone, Copy, Debug)]
@@ -91,6 +91,8 @@ pub struct Plane {
     /// From the local axes to Earth-centred ones; none where the Earth is a plane.
     c_el: Option<Matrix3<f64>>,
     gravity: Gravity,
+    /// The inertial unit from the point that moves along the path, in body axes \[m\].
+    unit: Vector3<f64>,
 }
 
 impl Plane {
@@ -102,7 +104,14 @@ impl Plane {
             frame: LocalFrame::new(origin),
             c_el: (!is_flat).then(|| rotation_en(origin.lat, origin.lon)),
             gravity,
+            unit: Vector3::zeros(),
         }
+    }
+
+    /// The same for an inertial unit at this place of a vehicle, whose reference point moves along the path.
+    #[must_use]
+    pub fn carrying(self, unit: Vector3<f64>) -> Self {
+        Self { unit, ..self }
     }
 
     /// The gravity over it.
@@ -111,10 +120,11 @@ impl Plane {
         self.gravity
     }
 
-    /// Geodetic position, and velocity and attitude in the axes there, of a motion in local axes; in
-    /// those where the Earth is a plane.
+    /// Geodetic position, and velocity and attitude in the axes there, of the inertial unit where the vehicle has a motion
+    /// in local axes; in those where the Earth is a plane.
     #[must_use]
     pub fn nav(&self, motion: &Motion) -> Nav {
+        let motion = &motion.carried_at(&self.unit);
         let position = self.frame.to_geodetic(&motion.position);
         let Some(c_el) = &self.c_el else {
             return Nav {
@@ -147,10 +157,9 @@ pub struct OpenLoop {
 pub(super) const FIRST_STEP: f64 = 1e-3;
 
 impl OpenLoop {
-    /// `trajectory` in the local axes at `origin`.
+    /// `trajectory` over `plane`.
     #[must_use]
-    pub fn new(trajectory: Trajectory, origin: Geodetic, gravity: Gravity) -> Self {
-        let plane = Plane::new(origin, gravity);
+    pub fn new(trajectory: Trajectory, plane: Plane) -> Self {
         let truth = Truth {
             time: Time::default(),
             nav: plane.nav(&trajectory.at(0.0)),
@@ -212,7 +221,6 @@ impl World for OpenLoop {
 mod tests {
     use super::super::segment::{Junction, SegmentSpec};
     use super::*;
-    use nalgebra::Vector3;
 
     #[derive(serde::Deserialize)]
     struct File {
@@ -229,7 +237,7 @@ mod tests {
         };
         let trajectory = Trajectory::new(start, &file.trajectory).unwrap();
         let origin = Geodetic::new(0.63, 2.2593, 0.0);
-        let mut world = OpenLoop::new(trajectory, origin, Gravity::default());
+        let mut world = OpenLoop::new(trajectory, Plane::new(origin, Gravity::default()));
         let before = world.advance(Time::from_seconds(1499.5)).nav;
         let here = world.advance(Time::from_seconds(1500.0)).nav;
         let after = world.advance(Time::from_seconds(1500.5)).nav;
@@ -240,5 +248,39 @@ mod tests {
         // 1e-5 m/s: both charts end half a step away, (15 m)²/R = 3.5e-5 m of second order, which cancels.
         let moved = after.position.difference(&here.position) - before.position.difference(&here.position);
         assert!((moved - here.v_eb_n).norm() < 1e-5, "{moved}");
+    }
+
+    #[test]
+    fn the_reference_point_keeps_to_the_path_and_the_unit_swings_round_it() {
+        let text = "trajectory = [{ straight = { distance = 20, speed = 5, acceleration = 2 } }, { turn = { angle = 1.5, radius = 8 } }]";
+        let file: File = toml::from_str(text).unwrap();
+        let start = Junction {
+            position: Vector3::new(3.0, -2.0, 0.0),
+            heading: 0.3,
+            speed: 0.0,
+        };
+        let plane = Plane::new(Geodetic::new(0.63, 2.2593, 0.0), Gravity::default());
+        let unit = Vector3::new(1.2, -0.3, -0.4);
+        let world = |plane| OpenLoop::new(Trajectory::new(start, &file.trajectory).unwrap(), plane);
+        let (mut vehicle, mut carried) = (world(plane.clone()), world(plane.carrying(unit)));
+        let mut turning = 0.0;
+        for k in 1..=400 {
+            let time = Time::from_seconds(0.02 * f64::from(k));
+            let (point, before) = (vehicle.advance(time).nav, carried.truth().nav);
+            let truth = *carried.advance(time);
+            // 1e-6 m: the axes at both places differ by a metre over the radius of the Earth.
+            let arm = truth.nav.position.difference(&point.position) - point.q_nb * unit;
+            assert!(arm.norm() < 1e-6, "{arm}");
+            // The constraint of motion holds at the reference point: l from the unit to it is −unit.
+            let w = (before.q_nb.inverse() * truth.nav.q_nb).scaled_axis() / 0.02;
+            let there = truth.nav.q_nb.inverse() * truth.nav.v_eb_n + w.cross(&-unit);
+            if time.seconds() < 5.0 || time.seconds() > 5.5 {
+                // 1e-3 m/s: the mean rate over a step, and the rate of the Earth is not in it.
+                assert!(there.y.abs() < 1e-3 && there.z.abs() < 1e-3, "{} s: {there}", time.seconds());
+            }
+            turning = f64::max(turning, (truth.nav.q_nb.inverse() * truth.nav.v_eb_n).y.abs());
+        }
+        // At the unit itself it does not: 5 m/s over 8 m, times 1.2 m.
+        assert!((turning - 0.75).abs() < 0.05, "{turning}");
     }
 }

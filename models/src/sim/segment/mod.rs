@@ -89,6 +89,20 @@ impl Motion {
     pub fn angular_rate(&self) -> Vector3<f64> {
         so3::body_rate_of_euler(self.rpy.x, self.rpy.y) * self.rpy_rate
     }
+
+    /// Position, velocity and attitude of a unit at this place of the body \[m\]. The acceleration is still the body's.
+    #[must_use]
+    pub fn carried_at(&self, place: &Vector3<f64>) -> Self {
+        if *place == Vector3::zeros() {
+            return *self;
+        }
+        let q = self.attitude();
+        Self {
+            position: self.position + q * place,
+            velocity: self.velocity + q * self.angular_rate().cross(place),
+            ..*self
+        }
+    }
 }
 
 /// A segment as it runs.

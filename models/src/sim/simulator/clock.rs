@@ -9,7 +9,8 @@ pub(super) enum Source {
     Imu,
     Odometry,
     TrackSpeeds,
-    Ship(usize),
+    /// A ship, and its instrument.
+    Ship(usize, usize),
     Sensor(usize),
     Reference,
     Control,

@@ -5,12 +5,12 @@
 //! there. A row stamped later than it is valid waits in a queue, so memory is bounded by the
 //! longest delay, not by the length of the run.
 //!
-//! Streams  `imu`, `odometry`, `track_speeds`, those of a ship, one per sensor, `reference`. All but the reference carry
+//! Streams  `imu`, `odometry`, `track_speeds`, those of ships, one per sensor, `reference`. All but the reference carry
 //!          errors
 //! x_true   blocks named `position` (geodetic or local), `local_position`, `velocity`,
 //!          `attitude`, `heading`, `speed`, `yaw_rate` from the world; `gyro_bias`, `accel_bias`,
 //!          `gyro_scale`, `accel_scale` from the simulated unit; a log's `current` from the sea, where that has one; the pose
-//!          of a vessel from the ship;
+//!          of a vessel is that of the platform with the name of its sensor, or else that of the ship;
 //!          every other block at its declared
 //!          initial value, or, where that is not [given](Setup::given) as the true one, drawn about it; moved by its own
 //!          dynamics (`draw_parameters`)
@@ -33,7 +33,7 @@ use super::inverse::Sample;
 use super::noise::SensorError;
 use super::odometry::Odometry;
 use super::record::Record;
-use super::ship::{ACOUSTIC, SHIP_STREAMS, Ship, ship_channels};
+use super::ship::{ACOUSTIC, SHIP_STREAMS, Ship, ship_channels, ship_instruments};
 use super::spec::SimulationSpec;
 use super::tracks::TrackSpeeds;
 use super::world::{Truth, World};
@@ -127,6 +127,13 @@ pub const INSTRUMENTS: [(&str, &str); 6] = [
     (SHIP_STREAMS[1], "ship.attitude"),
     (SHIP_STREAMS[ACOUSTIC], "ship.usbl"),
 ];
+/// The same, and those of these platforms.
+pub fn instruments<'a>(platforms: impl IntoIterator<Item = &'a str>) -> Vec<(String, String)> {
+    let own = INSTRUMENTS.map(|(stream, table)| (stream.to_owned(), table.to_owned()));
+    let of_platforms = platforms.into_iter().flat_map(|name| ship_instruments(Some(name)));
+    own.into_iter().chain(of_platforms).collect()
+}
+
 /// The stream of the truth.
 pub const REFERENCE: &str = "reference";
 
@@ -143,8 +150,8 @@ pub struct Simulator {
     imu: Option<ImuError>,
     odometry: Option<(Odometry, usize)>,
     track_speeds: Option<(TrackSpeeds, usize)>,
-    /// And its streams, where it has the instrument.
-    ship: Option<(Ship, [Option<usize>; SHIP_STREAMS.len()])>,
+    /// The ships with their streams, where they have the instrument.
+    ships: Vec<(Ship, [Option<usize>; SHIP_STREAMS.len()])>,
     sensors: Vec<Sensor>,
     queue: BinaryHeap<Reverse<Row>>,
     spare: Vec<Vec<f64>>,
@@ -225,7 +232,8 @@ impl Simulator {
             let help = format!("sensors to simulate: {known}");
             return Err(BuildError::at(format!("sensor.{name}"), "no sensor of this name takes data").help(help));
         }
-        let is_own = |name: &str| name == REFERENCE || INSTRUMENTS.iter().any(|(stream, _)| *stream == name);
+        let own = spec.instruments();
+        let is_own = |name: &str| name == REFERENCE || own.iter().any(|(stream, _)| stream == name);
         if let Some(sensor) = setup.sensors.iter().find(|s| is_own(&s.name)) {
             let taken = format!("`{}` is the name of a stream of the simulator's own", sensor.name);
             return Err(BuildError::at("sensor", taken).help("give the sensor another name"));
@@ -264,20 +272,22 @@ impl Simulator {
             });
             (TrackSpeeds::new(unit, seed), streams.len() - 1)
         });
-        let ship = spec.ship.as_ref().map(|ship| {
+        let mut ships = Vec::new();
+        for (platform, ship) in spec.ships() {
             let rates = [ship.gps.map(|gps| gps.rate.si()), ship.attitude.map(|attitude| attitude.rate.si())];
             let mut places = [None; SHIP_STREAMS.len()];
-            for (i, name) in ship.streams() {
+            for (i, name) in ship.streams(platform) {
                 // An acoustic system asks for ranges at drawn instants.
-                clocks.add(Source::Ship(i), rates.get(i).copied().flatten().unwrap_or(f64::INFINITY), 0);
+                let rate = rates.get(i).copied().flatten().unwrap_or(f64::INFINITY);
+                clocks.add(Source::Ship(ships.len(), i), rate, 0);
                 places[i] = Some(streams.len());
                 streams.push(SimulatedStream {
-                    name: name.to_owned(),
+                    name,
                     channels: ship_channels(i),
                 });
             }
-            (Ship::new(ship, setup.origin, seed), places)
-        });
+            ships.push((Ship::new(ship, platform, setup.origin, seed), places));
+        }
         let duration = world.end().seconds();
         for sensor in setup.sensors {
             let Some(simulated) = spec.sensor.get(&sensor.name) else { continue };
@@ -313,7 +323,7 @@ impl Simulator {
             imu,
             odometry,
             track_speeds,
-            ship,
+            ships,
             least_delay: sensors.iter().map(|s| s.delay.least(truth.state())).min().unwrap_or(0).min(0),
             truth,
             sensors,
@@ -332,7 +342,7 @@ impl Simulator {
     #[must_use]
     pub fn share(mut self, shared: &SharedCourse) -> Self {
         // An acoustic system asks for ranges at drawn instants.
-        if self.ship.as_ref().is_none_or(|(_, streams)| streams[ACOUSTIC].is_none()) {
+        if self.ships.iter().all(|(_, streams)| streams[ACOUSTIC].is_none()) {
             self.free.share(shared, &self.clocks);
         }
         self
@@ -458,15 +468,17 @@ impl Simulator {
                 data.extend_from_slice(&measured);
                 self.put(time, stream, data);
             }
-            Source::Ship(i) => {
-                let Some((ship, streams)) = &mut self.ship else { return };
+            Source::Ship(number, i) => {
+                let Some((ship, streams)) = self.ships.get_mut(number) else {
+                    return;
+                };
                 let measured = ship.measure(i, time, &self.free.truth().nav);
                 let (Some((stamp, data)), Some(stream)) = (measured, streams[i]) else {
                     return;
                 };
                 if let Some(interval) = (i == ACOUSTIC).then(|| ship.interval(time)).flatten() {
                     // Its clock has no rate: each interval begins where the one before has ended.
-                    self.clocks.restart(Source::Ship(ACOUSTIC), time.shifted(interval).nanos());
+                    self.clocks.restart(Source::Ship(number, ACOUSTIC), time.shifted(interval).nanos());
                 }
                 self.put(stamp, stream, data);
             }

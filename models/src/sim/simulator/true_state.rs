@@ -3,7 +3,7 @@
 use super::super::inverse::Sample;
 use super::super::random::Random;
 use super::super::sea::SeaSpec;
-use super::super::ship::Ship;
+use super::super::ship::{Ship, ShipSpec};
 use super::super::spec::SimulationSpec;
 use super::super::world::Truth;
 use super::Setup;
@@ -37,9 +37,8 @@ pub(super) struct TrueState {
     /// What carries a boat, and where the state has its velocity.
     sea: Option<SeaSpec>,
     currents: Vec<Range<usize>>,
-    /// The ship, where the state has its pose.
-    ship: Option<Ship>,
-    poses: Vec<Pose>,
+    /// The ships of which the state has the pose.
+    ships: Vec<(Ship, Pose)>,
     parameters: Vec<Parameter>,
     /// Names of the blocks that are truly at their declared initial value.
     undrawn: Vec<String>,
@@ -197,6 +196,16 @@ fn yaw_rate(truth: &Truth, gravity: Gravity) -> f64 {
     (so3::euler_rate_of_body(rpy.x, rpy.y) * w_nb_b).z
 }
 
+/// The platform whose pose a block is, by the name of the sensor, or else the ship.
+fn vessel<'a>(spec: &'a SimulationSpec, block: &'a Block) -> Result<(Option<&'a str>, &'a ShipSpec), BuildError> {
+    let own = spec
+        .platform
+        .get(&block.owner)
+        .map(|platform| (Some(block.owner.as_str()), platform));
+    own.or_else(|| spec.ship.as_ref().map(|ship| (None, ship)))
+        .ok_or_else(|| no_ship(block))
+}
+
 /// A vessel's pose as a state, and no vessel in the world: the first 1σ of such a state says that nothing is known yet,
 /// not where a ship may be.
 fn no_ship(block: &Block) -> BuildError {
@@ -214,7 +223,7 @@ impl TrueState {
         let layout = setup.layout;
         let mut x = layout.initial().to_vec();
         let (mut known, mut currents, mut parameters, mut undrawn) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        let mut poses = Vec::new();
+        let mut ships = Vec::new();
         let sea = spec.sea.as_ref().filter(|sea| sea.has_current());
         let is_of_others = |block: &str| {
             block
@@ -226,10 +235,8 @@ impl TrueState {
             if let Some(k) = Known::of(layout, block)? {
                 known.push(k);
             } else if let Some(pose) = Pose::of(layout, block).filter(|_| !is_of_others(&block.name)) {
-                if spec.ship.is_none() {
-                    return Err(no_ship(block));
-                }
-                poses.push(pose);
+                let (platform, ship) = vessel(spec, block)?;
+                ships.push((Ship::new(ship, platform, setup.origin, seed), pose));
             } else if sea.is_some() && is_current(block) {
                 currents.push(block.storage_range());
             } else if spec.draw_parameters && !is_of_others(&block.name) {
@@ -272,12 +279,7 @@ impl TrueState {
             known,
             sea: sea.cloned(),
             currents,
-            ship: spec
-                .ship
-                .as_ref()
-                .filter(|_| !poses.is_empty())
-                .map(|ship| Ship::new(ship, setup.origin, seed)),
-            poses,
+            ships,
             parameters,
             undrawn,
             moved: Time::default(),
@@ -332,13 +334,11 @@ impl TrueState {
                 x[block.clone()].copy_from_slice(current.as_slice());
             }
         }
-        if let Some(ship) = &self.ship {
+        for (ship, pose) in &self.ships {
             let (place, attitude) = ship.pose(truth.time);
-            for pose in &self.poses {
-                match pose {
-                    Pose::Position(slot) => slot.write(&place, x),
-                    Pose::Attitude(slot) => slot.write(&attitude, x),
-                }
+            match pose {
+                Pose::Position(slot) => slot.write(&place, x),
+                Pose::Attitude(slot) => slot.write(&attitude, x),
             }
         }
         self.sample.clear();
