@@ -235,6 +235,26 @@ fn who_cannot_steer_is_told() {
     );
 }
 
+#[test]
+fn the_square_is_driven_by_each_instrument_and_by_the_navigator_as_printed() {
+    for variants in [&["tcm"][..], &["usbl"], &["chna-literal"], &["tcm", "chna-literal"]] {
+        let summary = summary(&design("utv-square.toml", variants, &[]), 1);
+        let record = summary.control.unwrap();
+        assert!(record.is_done && record.legs.len() == 8, "{variants:?}: {record:?}");
+        // The square that was asked for.
+        let corners: Vec<[f64; 2]> = record.path.iter().map(|[_, end]| end.map(f64::round)).collect();
+        assert_eq!(corners, [[10.0, 0.0], [10.0, 10.0], [0.0, 10.0], [0.0, 0.0]]);
+        let used = |name: &str| summary.sensors.iter().any(|s| s.name == name && s.accepted > 100);
+        assert_eq!(used("compass"), variants.contains(&"tcm"), "{variants:?}");
+        assert_eq!(used("usbl"), variants.iter().any(|v| *v != "tcm"), "{variants:?}");
+        let last = record.legs[7].heading.unwrap();
+        // The last of the headings that the paper plots, 0 to 270°. As printed the heading is known to 1°, and with the
+        // compass to its deviation of 0.5°.
+        assert_eq!(last.wanted.to_degrees().round().rem_euclid(360.0), 270.0);
+        assert!(last.errors.last.to_degrees().abs() < 3.0, "{variants:?}: {last:?}");
+    }
+}
+
 /// A vehicle whose constraint of motion holds 1.5 m behind the unit and 0.3 m below it.
 const BEHIND: [&str; 2] = ["sensor.sideways.lever_arm=[-1.5, 0, 0.3]", "sensor.tracks.lever_arm=[-1.5, 0, 0.3]"];
 
