@@ -51,6 +51,8 @@ pub mod parameter {
     pub const BIAS: &str = "bias";
     /// Velocity of the water over ground, north, east, down \[m/s\].
     pub const CURRENT: &str = "current";
+    /// The share of their speed that the tracks of a vehicle lose.
+    pub const SLIP: &str = "slip";
 }
 
 /// Channels of streams: name, width, dimension and shape.

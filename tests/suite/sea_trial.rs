@@ -102,6 +102,11 @@ fn the_figures_of_the_sea_trial_are_those_of_the_paper() {
         100.0 * inside
     );
     assert!(is_inside(last) && inside >= 0.95, "{last:?} {inside}");
+    // The table of parameter errors says the same: the true slip is that of the simulated vehicle.
+    let score = summary.score.as_ref().unwrap();
+    let scored = score.blocks.iter().find(|b| b.name == "tracks.slip").unwrap();
+    // 1e-3: half its 1σ; the estimate noted last is some seconds older.
+    assert!((scored.error[0] - (last[0] - 0.04)).abs() < 1e-3, "{scored:?} {last:?}");
     let spent = &summary.health[0].spent;
     let good = spent.of(State::Good) / spent.total();
     println!("health: good {:.1} %", 100.0 * good);

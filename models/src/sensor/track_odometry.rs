@@ -13,7 +13,7 @@
 use crate::block::{Build, BuildError, Reading, SensorSpec};
 use crate::param::{RotationParam, ScalarParam, VectorParam};
 use crate::units::{Dimension, Dimensional, dim};
-use crate::vocabulary::{channel, state};
+use crate::vocabulary::{channel, parameter, state};
 use fusion_core::model::{Exact, ExactModel, ExactView, Measurement, Real, Undefined};
 use fusion_core::state::{Attitude, Param, Quantity, Scalar, Vector, Velocity};
 use schemars::JsonSchema;
@@ -77,7 +77,7 @@ impl SensorSpec for TrackOdometrySpec {
             rate: b.quantity(state::ANGULAR_RATE)?,
             gauge: b.param("gauge", &self.gauge)?,
             centre: b.param("centre", &self.centre)?,
-            slip: b.param("slip", &self.slip)?,
+            slip: b.param(parameter::SLIP, &self.slip)?,
             lever_arm: b.param("lever_arm", &self.lever_arm)?,
             mounting: b.param("mounting", &self.mounting)?,
         })))

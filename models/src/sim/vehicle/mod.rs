@@ -41,4 +41,9 @@ pub trait VehicleSpec: Debug + Send + Sync {
     /// # Errors
     /// [`BuildError`] naming the field.
     fn build(&self, start: &Junction, seed: u64) -> Result<Box<dyn Vehicle>, BuildError>;
+
+    /// The mean share of their speed that its tracks lose, where it runs on tracks: what a filter estimates as `slip`.
+    fn mean_slip(&self) -> Option<f64> {
+        None
+    }
 }

@@ -98,6 +98,10 @@ terrain = { sigma = "1 deg", correlation_length = "2 m" }
 
 #[typetag::deserialize(name = "skid_steer")]
 impl VehicleSpec for SkidSteerSpec {
+    fn mean_slip(&self) -> Option<f64> {
+        Some(self.slip.mean.si())
+    }
+
     fn build(&self, start: &Junction, seed: u64) -> Result<Box<dyn Vehicle>, BuildError> {
         let half = 0.5 * self.gauge.si();
         let (left, right, ahead) = match (self.turn_slip, self.icr) {
