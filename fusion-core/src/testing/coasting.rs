@@ -78,8 +78,9 @@ pub fn check_coasting(layout: &Layout, process: &dyn Process, x: &[f64], dt: f64
     layout.minus(&driven, &coasted, &mut apart);
     layout.minus(&coasted, x, &mut moved);
     let norm = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
-    // The input is that at the end of the step: of second order in dt. 1e-9: rounding of a position.
-    let limit = (1.0 + norm(&moved)) * dt * dt + 1e-9;
+    // The input is that at the end of the step: of second order in dt. By then gravity has turned, ½g|w| = 3, and the
+    // force, ½|w||f| = 0.7, and it has faded, ½|f|/τ = 1.2 for a second. 1e-9: rounding of a position.
+    let limit = (6.0 + norm(&moved)) * dt * dt + 1e-9;
     if norm(&apart) > limit {
         return Err(format!(
             "the input while coasting moves the state {:e} away from where it coasts",

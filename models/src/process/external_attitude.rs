@@ -221,15 +221,20 @@ impl Process for ExternalAttitude {
 
     fn motion(&self, x: &[f64], input: &Input<'_>, motion: &mut Vec<f64>) {
         let s = self.step(x, input);
-        // The rate is left out: it is the difference of two attitudes, with the noise of both.
-        let w_ib_b = s.w_ib_b - s.w_nb_b;
-        let felt = Felt { w_ib_b, f_ib_b: s.f_ib_b };
+        let felt = Felt {
+            w_ib_b: s.w_ib_b,
+            f_ib_b: s.f_ib_b,
+        };
         self.kinematic.motion(x, &felt, self.gravity, motion);
     }
 
     fn coast(&self, x: &mut [f64], gap: &Gap, motion: &[f64], sample: &mut [f64], out: &mut Transition) -> bool {
-        let felt = self.kinematic.coast(x, gap, motion, &self.agility, self.gravity, out);
         // A sample that is held turns nothing, whatever its attitude.
+        let mut force = [0.0; 2 * FORCE];
+        if let Some(motion) = motion.get(FORCE..2 * FORCE) {
+            force[FORCE..].copy_from_slice(motion);
+        }
+        let felt = self.kinematic.coast(x, gap, &force, &self.agility, self.gravity, out);
         let f_m = felt.f_ib_b + value(&self.accel_bias, x);
         sample[..3].copy_from_slice(f_m.as_slice());
         true
