@@ -1,6 +1,6 @@
 //! The covariance alone.
 
-use fusion::core::covariance::{Form, FormKind, Kernel, Lines, Workspace, cholesky};
+use fusion::core::covariance::{Form, FormKind, Lines, Workspace, cholesky};
 use fusion::core::linear::{Jacobian, Transition};
 use fusion::core::state::{Declaration, Dynamics, LayoutBuilder, Quantity, Slot, StateRole, Vector};
 use nalgebra::{Matrix3, Vector3};
@@ -56,7 +56,7 @@ pub struct Composed {
     pub p: Lines,
     transition: Transition,
     jacobian: Jacobian,
-    work: Workspace,
+    pub work: Workspace,
     rows: usize,
     r: Vec<f64>,
 }
@@ -103,12 +103,6 @@ impl Composed {
             rows,
             r: (0..rows * rows).map(|k| if k / rows == k % rows { 1.0 } else { 0.0 }).collect(),
         }
-    }
-
-    /// The same by this kernel.
-    pub fn by(mut self, kernel: Kernel) -> Self {
-        self.work.kernel = kernel;
-        self
     }
 
     pub fn predict(&mut self, steps: usize) {

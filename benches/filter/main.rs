@@ -184,7 +184,8 @@ fn by_kernel(kernel: Kernel, dense: &Dense, samples: &[[f64; 6]]) {
 /// The covariance alone by another kernel, beside dense matrices.
 fn covariance<const N: usize, const B: usize>(kernel: Kernel) {
     let (name, rival) = (kernel.name(), rivals::Dense::<15>::new());
-    let mut own = kernel::Composed::new(B, 6).by(kernel);
+    let mut own = kernel::Composed::new(B, 6);
+    own.work.kernel = kernel;
     let mut dense = || {
         rival.predict(STEPS);
     };
@@ -195,7 +196,8 @@ fn covariance<const N: usize, const B: usize>(kernel: Kernel) {
     };
     let works: [Work<'_>; 2] = [("composed", &mut || own.update(UPDATES)), ("dense", &mut dense)];
     compare(&format!("{name}/covariance/update/m=6/n={N}"), UPDATES, works);
-    let mut own = kernel::Composed::new(B, 3).by(kernel);
+    let mut own = kernel::Composed::new(B, 3);
+    own.work.kernel = kernel;
     let mut dense = || {
         rival.update::<3>(UPDATES);
     };

@@ -51,7 +51,7 @@ pub struct InnovationsSpec {
     pub degraded: Option<Positive<dim::Ratio>>,
     /// Beyond it the filter is lost; 10 by default.
     pub lost: Option<Positive<dim::Ratio>>,
-    /// Their mean is tested, axis by axis: how long a filter without error runs on average until one of its sensors is
+    /// Their mean is tested, axis by axis, and counts where it lasts for the window: how long a filter without error runs on average until one of its sensors is
     /// called biased; 100 h by default.
     pub false_alarm: Option<Positive<dim::Duration>>,
     /// The time that they are averaged over, ten measurements at least; 10 s by default.

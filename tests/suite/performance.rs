@@ -12,6 +12,7 @@ fn read(file: &str) -> String {
 
 const MEASURED: &str = "\
 # A comment.
+measured: 1980-01-01
 processor: 8088, 1 cores, dos x86
 kernel: portable
 compiler: rustc 1.0.0
@@ -64,7 +65,10 @@ fn a_line_of_figures_becomes_a_row_in_the_column_of_its_states() {
     // Another group comes last, under its own name.
     is(10, &["step", "2.0 s user, 2.1 s by the clock"]);
     assert!(section.contains("\nother:\n"), "{section}");
-    assert!(section.contains("Processor: 8088, 1 cores, dos x86; kernel: portable; compiler: rustc 1.0.0; profile: bench"));
+    assert!(
+        section
+            .contains("Measured: 1980-01-01; processor: 8088, 1 cores, dos x86; kernel: portable; compiler: rustc 1.0.0; profile: bench")
+    );
 }
 
 #[test]

@@ -46,7 +46,7 @@ pairs = 2
 
 # Health that says nothing.
 [variant.mute.health]
-innovations = { degraded = 1e9, lost = 1e9 }
+innovations = { degraded = 1e9, lost = 1e9, false_alarm = "1e30 h" }
 rejected = { degraded = "1 h", lost = "1 h" }
 reacquired = 0
 silent.at_least = "1 h"

@@ -180,7 +180,7 @@ impl Evidence {
                 let window = if period > 0.0 { WINDOW.max(limits.window / period) } else { WINDOW };
                 self.degraded.add(update.nis / self.rows, window);
                 self.lost.add(update.nis / self.rows, window);
-                self.means.add(update, period);
+                self.means.add(update, period, limits.window);
                 if let Some((_, used)) = &mut self.reacquired {
                     *used = used.saturating_add(1);
                 }

@@ -221,12 +221,9 @@ impl Memory for Reason {
 }
 
 impl Reason {
-    /// Whether it is a sensor that contradicts the belief.
+    /// Whether it is a sensor that contradicts the belief by single measurements; a mean of them pulls slowly.
     pub(crate) const fn is_contradiction(&self) -> bool {
-        matches!(
-            self,
-            Self::Innovations { .. } | Self::Biased { .. } | Self::Rejected { .. } | Self::Reacquired { .. }
-        )
+        matches!(self, Self::Innovations { .. } | Self::Rejected { .. } | Self::Reacquired { .. })
     }
 
     /// The state that it stands for.

@@ -113,9 +113,11 @@ impl Clock {
         self.log_time(instant, last)
     }
 
-    /// As [`read`](Self::read), of the row after the one at hand.
-    pub(super) fn read_after(&mut self, row: &impl RawRows, number: u64) -> Result<i64, (usize, &'static str)> {
-        let (instant, last) = self.form.read(&self.columns, row, number, self.hand)?;
+    /// As [`read`](Self::read), of a row after the one at hand; `before` is the instant of the latest between them,
+    /// and then its own: a time of day is near that.
+    pub(super) fn read_after(&mut self, row: &impl RawRows, number: u64, before: &mut Option<i128>) -> Result<i64, (usize, &'static str)> {
+        let (instant, last) = self.form.read(&self.columns, row, number, before.or(self.hand))?;
+        *before = Some(instant);
         self.log_time(instant, last)
     }
 

@@ -269,13 +269,13 @@ impl Judge {
         if !self.jumps.is_in_doubt(self.stamp, stamp) {
             return Ok(());
         }
-        let mut after = After::Nothing;
+        let (mut after, mut before) = (After::Nothing, None);
         for later in 1..=jump::LONGEST_RUN {
             if !raw.look(later) {
                 break;
             }
             if raw.malformed().is_none()
-                && let Ok(next) = self.clock.read_after(&*raw, number + later as u64)
+                && let Ok(next) = self.clock.read_after(&*raw, number + later as u64, &mut before)
             {
                 after = After::Stamp(next, later);
                 if self.jumps.goes_back(self.stamp, stamp, next) {
