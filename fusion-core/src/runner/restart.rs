@@ -34,12 +34,12 @@ impl Restart {
             Some([older, newer]) if self.noted > 0 => {
                 if belief.time.nanos().saturating_sub(newer.time.nanos()) >= SPACING {
                     core::mem::swap(older, newer);
-                    newer.clone_from(belief);
+                    copy(belief, newer);
                     self.noted = 2;
                 }
             }
             Some([_, newer]) => {
-                newer.clone_from(belief);
+                copy(belief, newer);
                 self.noted = 1;
             }
             none => {
@@ -69,6 +69,13 @@ impl Restart {
             self.good = None;
         }
     }
+}
+
+/// Copies what calibration is kept from, without a new allocation; the input is not part of it.
+fn copy(from: &Belief, to: &mut Belief) {
+    to.time = from.time;
+    to.x.copy_from_slice(&from.x);
+    to.covariance.copy_from(&from.covariance);
 }
 
 impl Runner {
