@@ -22,7 +22,7 @@ pub enum Unread {
 /// The text of a file.
 ///
 /// # Errors
-/// It is missing, is no file, is larger than [`LONGEST`], or is not UTF-8 text.
+/// It is missing, is no file, is larger than 16 MiB, or is not UTF-8 text.
 pub fn read_text(path: &Path) -> Result<String, Unread> {
     // To open a pipe that nobody writes to would wait for ever; a device has no end.
     if std::fs::metadata(path).is_ok_and(|what| !what.is_file() && !what.is_dir()) {

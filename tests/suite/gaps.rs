@@ -165,7 +165,7 @@ fn a_slow_unit_with_a_hole_in_a_bend_goes_on_turning() {
     let slow = r#"simulation.imu={ rate = "37 Hz", preset = "hg1700" }"#.to_owned();
     let hole = r#"simulation.imu.fault.gap={ type = "outage", window = { from = "43 s", duration = "0.29 s" } }"#.to_owned();
     let heading = |faults: &[String]| drive(faults).score.unwrap().attitude_deg.unwrap().max[2];
-    let (clean, holed) = (heading(&[slow.clone()]), heading(&[slow, hole]));
+    let (clean, holed) = (heading(std::slice::from_ref(&slow)), heading(&[slow, hole]));
     eprintln!("heading: {clean:.2} deg, with the hole {holed:.2} deg");
     // The car turns by 19 deg/s: a heading that stood still would be 5.5 deg off.
     assert!(holed < clean + 2.0, "{clean} {holed}");
