@@ -263,7 +263,7 @@ mod tests {
         let unit = Vector3::new(1.2, -0.3, -0.4);
         let world = |plane| OpenLoop::new(Trajectory::new(start, &file.trajectory).unwrap(), plane);
         let (mut vehicle, mut carried) = (world(plane.clone()), world(plane.carrying(unit)));
-        let mut turning = 0.0;
+        let (mut turning, mut fastest) = (0.0, 0.0);
         for k in 1..=400 {
             let time = Time::from_seconds(0.02 * f64::from(k));
             let (point, before) = (vehicle.advance(time).nav, carried.truth().nav);
@@ -284,8 +284,10 @@ mod tests {
                 assert!(there.y.abs() < 1e-3 && there.z.abs() < 1e-3, "{} s: {there}", time.seconds());
             }
             turning = f64::max(turning, (truth.nav.q_nb.inverse() * truth.nav.v_eb_n).y.abs());
+            fastest = f64::max(fastest, w.z.abs());
         }
-        // At the unit itself it does not: 5 m/s over 8 m, times 1.2 m.
-        assert!((turning - 0.75).abs() < 0.05, "{turning}");
+        // At the unit itself it does not: it moves sideways with the turn times 1.2 m, which is 5 m/s over 8 m on average.
+        // 1e-2 m/s: the mean rate over a step, as above.
+        assert!(turning > 0.75 && (turning - 1.2 * fastest).abs() < 1e-2, "{turning} {fastest}");
     }
 }
