@@ -79,7 +79,7 @@ impl Dense {
         add(2, 0, &b.ar);
         add(2, 1, &b.av);
         add(2, 3, &b.a_gyro);
-        // Of the attitude by itself the turn of the body: I − [ωΔt ×] makes every error of it larger.
+        // The attitude block is the exact turn of the body: I − [ωΔt ×] would enlarge every attitude error.
         phi.fixed_view_mut::<3, 3>(6, 6).copy_from(&so3::rotation(&so3::exp(&(w * -DT))));
         let half = self.q_white * 0.5;
         self.covariance = phi * (self.covariance + half) * phi.transpose() + half + self.q_walk;

@@ -1,6 +1,6 @@
 //! Whether a bench is only tried, each work once: `cargo bench -- --test`.
 
-/// True after `--test`: what must agree is compared, and no time is of use.
+/// True after `--test`: the bench compares results with those of its rivals and measures no times.
 pub fn is_test() -> bool {
     std::env::args().any(|argument| argument == "--test")
 }
