@@ -11,6 +11,7 @@ impl Memory for Runner {
         let mut monitor = monitor.unwrap_or_else(|| Box::new(self.new_monitor()));
         monitor.remember(tape);
         self.monitor = Some(monitor);
+        self.restart.remember(self.estimator.belief(), tape);
         if let Some(rewind) = &mut self.rewind {
             rewind.remember(tape);
         }
@@ -18,7 +19,7 @@ impl Memory for Runner {
 }
 
 impl Runner {
-    /// Everything but the monitor, which is away while a row is processed.
+    /// Everything but the monitor, which is away while a row is processed, and what follows it.
     fn remember_work(&mut self, tape: &mut Tape<'_>) {
         self.remember_progress(tape);
         self.estimator.remember(tape);
@@ -34,7 +35,6 @@ impl Runner {
             self.initialisers.iter_mut().for_each(|unit| unit.initialiser.remember(tape));
         }
         self.remember_last(tape);
-        self.restart.remember(self.estimator.belief(), tape);
         self.quarantine.remember(tape);
         self.ahead_of_input.remember(tape);
         self.window.remember(tape);
