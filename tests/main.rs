@@ -140,6 +140,9 @@ mod smoothing;
 /// Position, velocity and attitude as processes tell them, against a known motion.
 #[path = "suite/solution.rs"]
 mod solution;
+/// Starts at moments of recorded drives: how certain parameters are a minute later.
+#[path = "suite/starts.rs"]
+mod starts;
 /// Vehicles that are steered by the estimate of their own filter.
 #[path = "suite/steered.rs"]
 mod steered;

@@ -33,6 +33,11 @@ pub struct FilterSpec {
     pub form: Option<FormSpec>,
     /// What becomes of the covariance when the state moves by a correction.
     pub reset: Option<ResetSpec>,
+    /// Calibrations get only a share 1/k² of the corrections by a sensor whose NIS is k² times its expectation, beyond what
+    /// chance explains. It is for receivers with large errors after their start. Where the state is wrong and not the sensor,
+    /// calibrations are learnt later.
+    #[serde(default)]
+    pub protect_calibrations: bool,
     /// Carries what may be true as hypotheses until it is known: for sensors whose gate is `hypotheses`, and
     /// for starts without a heading.
     pub bank: Option<BankSpec>,
@@ -232,6 +237,7 @@ impl FilterSpec {
                 *spread = Spread { alpha, beta, kappa };
             }
         }
+        backend.protection = self.protect_calibrations;
         if let Some(form) = self.form {
             backend.form = match form {
                 FormSpec::Joseph => FormKind::Joseph,

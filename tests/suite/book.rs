@@ -144,11 +144,25 @@ fn is_line(shown: &str, printed: &str) -> bool {
     shown.clone().count() == printed.clone().count() && shown.zip(printed).all(|(s, p)| is_word(s, p))
 }
 
-/// The first of the lines shown that was not printed, after those before it.
-fn missing<'a>(shown: &[&'a str], printed: &str) -> Option<&'a str> {
+/// The lines shown that were not printed after those before them, each with the printed line that is most like it.
+fn missing<'a>(shown: &[&'a str], printed: &str) -> Vec<(&'a str, String)> {
     let printed = squeezed(printed);
-    let mut printed = printed.iter();
-    shown.iter().find(|line| !printed.by_ref().any(|p| is_line(line, p))).copied()
+    let (mut rest, mut missing) = (&printed[..], Vec::new());
+    for line in shown {
+        if let Some(at) = rest.iter().position(|p| is_line(line, p)) {
+            rest = &rest[at + 1..];
+            continue;
+        }
+        let alike = |p: &str| {
+            p.split_whitespace()
+                .zip(line.split_whitespace())
+                .filter(|(p, s)| is_word(s, p))
+                .count()
+        };
+        let nearest = rest.iter().rev().max_by_key(|p| alike(p));
+        missing.push((*line, nearest.map_or_else(String::new, |p| p.as_str().to_owned())));
+    }
+    missing
 }
 
 /// The folder of a chapter, and its text.
@@ -170,17 +184,21 @@ impl Chapter {
         (out.status.code(), text)
     }
 
-    fn run(&self, block: &Block, place: &str) {
+    /// What it shows and does not print.
+    fn run(&self, block: &Block, place: &str) -> String {
         let data = if block.is("data") { data() } else { Some(PathBuf::new()) };
-        let Some(data) = data else { return };
+        let (Some(data), mut told) = (data, String::new()) else {
+            return String::new();
+        };
         let exit = block.option("exit").map_or(0, |code| code.parse().unwrap());
         for (command, shown) in commands(&block.text) {
             let (code, printed) = self.shell(command, &data);
             assert_eq!(code, Some(exit), "{place}: {command}\n{printed}");
-            if let Some(line) = missing(&shown, &printed) {
-                panic!("{place}: {command}\ndid not print\n{line}\nbut\n{printed}");
+            for (line, nearest) in missing(&shown, &printed) {
+                told += &format!("{place}: {command}\n- {line}\n+ {nearest}\n");
             }
         }
+        told
     }
 
     fn check(&self, block: &Block, place: &str) {
@@ -198,15 +216,17 @@ impl Chapter {
     }
 
     fn try_out(&self) {
+        let mut told = String::new();
         for block in fenced(&self.path) {
             let place = format!("{}:{}", self.path.display(), block.line);
             match block.words[0].as_str() {
-                "console" => self.run(&block, &place),
+                "console" => told += &self.run(&block, &place),
                 "toml" => self.check(&block, &place),
                 "text" | "rust" => {}
                 other => panic!("{place}: nobody tries out `{other}`"),
             }
         }
+        assert!(told.is_empty(), "the page shows (-) what is not printed; nearest (+):\n{told}");
     }
 }
 
@@ -296,16 +316,17 @@ fn a_chapter_links_within_the_book() {
 #[test]
 fn a_line_is_found_where_numbers_differ_by_one_in_the_last_digit() {
     let printed = "health   good\nposition north [m]   0.3047 1.189 2.84e-4\nlast 12 ms\n";
-    assert_eq!(missing(&["position north [m] 0.3048 1.189 2.85e-4", "last … ms"], printed), None);
+    let missing = |shown: &[&'static str]| missing(shown, printed).into_iter().map(|(line, _)| line).collect::<Vec<_>>();
+    assert!(missing(&["position north [m] 0.3048 1.189 2.85e-4", "last … ms"]).is_empty());
     for wrong in [
         "position north [m] 0.3049 1.189 2.84e-4",
         "position north [m] 0.3047 1.189",
         "position south [m] 0.3047 1.189 2.84e-4",
     ] {
-        assert_eq!(missing(&[wrong], printed), Some(wrong));
+        assert_eq!(missing(&[wrong]), [wrong]);
     }
     // The order counts.
-    assert_eq!(missing(&["last 12 ms", "health good"], printed), Some("health good"));
+    assert_eq!(missing(&["last 12 ms", "health good"]), ["health good"]);
 }
 
 #[test]

@@ -52,6 +52,8 @@ pub struct Backend {
     pub reset: Reset,
     /// What computes; the best that the processor has where none is named.
     pub kernel: Option<Kernel>,
+    /// Whether calibrations get only a share of the corrections by a sensor with larger errors than it declares.
+    pub protection: bool,
 }
 
 impl Backend {
@@ -67,6 +69,7 @@ impl Backend {
         form: FormKind::Joseph,
         reset: Reset::Plain,
         kernel: None,
+        protection: false,
     };
     /// The iterated error-state filter: body-frame error, Gauss-Newton on the manifold.
     pub const IEKF: Self = Self {

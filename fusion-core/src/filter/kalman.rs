@@ -5,6 +5,7 @@ use super::earlier::Earlier;
 use super::estimator::{Estimator, FilterError, Observed, Rivals, Update, Verdict};
 use super::fixes::Fixes;
 use super::own::OwnDynamics;
+use super::protect::Protection;
 use super::reacquire::Growing;
 use super::rule::{Innovation, Problem, UpdateRule};
 use super::sigma::Spread;
@@ -33,6 +34,8 @@ pub struct Parts {
     pub reset: Reset,
     /// What computes.
     pub kernel: Kernel,
+    /// Whether calibrations get only a share of the corrections by a sensor with larger errors than it declares.
+    pub protection: bool,
 }
 
 impl From<Backend> for Parts {
@@ -43,6 +46,7 @@ impl From<Backend> for Parts {
             form: backend.form.form(),
             reset: backend.reset,
             kernel: backend.kernel.unwrap_or_default(),
+            protection: backend.protection,
         }
     }
 }
@@ -75,6 +79,8 @@ pub struct Filter {
     fixes: Fixes,
     /// The motion by which parameters are differentiated.
     earlier: Earlier,
+    /// Which sensors err more than they declare.
+    pub(super) protection: Protection,
     pub(super) belief: Belief,
     pub(super) transition: Transition,
     signals: Signals,
@@ -162,6 +168,7 @@ impl Filter {
             past,
             fixes: Fixes::of(&layout),
             earlier: Earlier::of(&layout),
+            protection: Protection::of(&layout, parts.protection),
             signals: Signals::new(&layout),
             work,
             reset: BlockMatrix::identity(n),
@@ -418,7 +425,7 @@ impl Filter {
             return (Verdict::Unusable, 0.0);
         };
         self.remember();
-        if self.correct(observed) {
+        if self.correct(observed, self.protection.share(observed.sensor)) {
             return (Verdict::Accepted, weight);
         }
         self.restore();
@@ -442,11 +449,14 @@ impl Filter {
     /// Third step, gain, correction and P, and fourth: the chart moves state and P by the
     /// correction. False where what comes out is not sound; state and P are then to be restored from
     /// `x_before` and `p_before`.
-    fn correct(&mut self, observed: &Observed<'_>) -> bool {
+    fn correct(&mut self, observed: &Observed<'_>, share: f64) -> bool {
         let prior = self.prior();
         let (mut problem, work, rule) = self.problem(observed);
         if !rule.condition(&mut problem, work) {
             return false;
+        }
+        if share < 1.0 && self.rule.keeps_covariance() {
+            self.protect(share);
         }
         let is_reset = self.apply();
         if !(self.layout.is_sane(&self.belief.x) && self.belief.covariance.is_positive(&mut self.work.work)) {
@@ -528,6 +538,7 @@ impl Memory for Filter {
         self.past.remember(tape);
         self.fixes.remember(tape);
         self.earlier.remember(tape);
+        self.protection.remember(tape);
         if tape.is_reading() {
             self.signals.forget();
         }
@@ -594,6 +605,7 @@ impl Estimator for Filter {
         self.past.start(&self.belief);
         self.fixes.start();
         self.earlier.start(&self.belief.x);
+        self.protection.start();
         self.signals.forget();
     }
 
@@ -623,6 +635,7 @@ impl Estimator for Filter {
             Ok(nis) => nis,
             Err(verdict) => return self.report(observed, verdict, f64::NAN, NOT_ASKED, 0.0),
         };
+        self.protection.hear(observed.sensor, nis, self.work.rows);
         let mut answer = self.judge(observed.quality, nis, gate, others);
         let (verdict, weight) = match answer.decision {
             Decision::Reject => (Verdict::Rejected, 0.0),
@@ -633,7 +646,7 @@ impl Estimator for Filter {
             }
             Decision::Reacquire => {
                 self.remember();
-                if self.inflate() && self.redraw(observed) && self.correct(observed) {
+                if self.inflate() && self.redraw(observed) && self.correct(observed, 1.0) {
                     (Verdict::Reacquired, 1.0)
                 } else {
                     self.restore();

@@ -15,6 +15,7 @@ mod kalman;
 mod lateness;
 mod outright;
 mod own;
+mod protect;
 mod reacquire;
 mod rule;
 mod sigma;

@@ -14,6 +14,7 @@ use std::sync::Arc;
 mod bank;
 mod input_noise;
 mod late;
+mod protect;
 mod reacquire;
 mod rules;
 mod signals;

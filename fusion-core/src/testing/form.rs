@@ -366,6 +366,7 @@ pub fn check_update_rule(rule: &Arc<dyn UpdateRule>) -> Result<(), String> {
             form: form.clone(),
             reset: Reset::Plain,
             kernel: Kernel::default(),
+            protection: false,
         };
         let mut filter = Filter::of(Arc::new(layout), Arc::new(Still), parts, Size::same(m));
         let mut belief = filter.belief().clone();

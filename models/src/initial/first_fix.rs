@@ -5,6 +5,11 @@
 //! axis the variance of C_nb [l ×] P_att [l ×]ᵀ C_nbᵀ, at most |l|². Where no attitude is known, |l|² and
 //! no shift. The velocity is that of the antenna: a body that turns at the start is not meant.
 //!
+//! Carried   a fix is older than the start by Δt:  r ← r + v Δt, with the velocity v. Where none is taken, the way
+//!           between the latest two fixes tells how far the vehicle goes in that time, which goes into the 1σ
+//! Aged      velocities v_1, v_2 at t_1, t_2: the acceleration |v_2 − v_1| / (t_2 − t_1) times the age of v_2 goes into
+//!           the 1σ of the velocity, and the 1σ of the velocity times Δt into that of the position
+//!
 //! With a 1σ the fix is information of its own. An error that lasts is in the fixes after it too, so that it would count
 //! twice: with the 1σ σ_b of that error and σ of the start, the 1σ of the position is too small by √(1 + σ_b²/σ²).
 
@@ -112,7 +117,8 @@ impl InitialiserSpec for FirstFixSpec {
             height: self.height.map(Length::si),
             median_of: self.median_of.get(),
             fixes: VecDeque::new(),
-            velocity: None,
+            way: Vector3::zeros(),
+            velocity: Latest::default(),
         }))
     }
 }
@@ -126,10 +132,46 @@ struct FirstFix {
     /// Of fixes without one.
     height: Option<f64>,
     median_of: usize,
-    fixes: VecDeque<Geodetic>,
-    velocity: Option<Vector3<f64>>,
+    fixes: VecDeque<Fix>,
+    /// From the fix before the latest one, per second \[m/s\].
+    way: Vector3<f64>,
+    velocity: Latest,
 }
-memory!(FirstFix { fixes, velocity; origin, position_sigma, velocity_sigma, lever_arm, height, median_of });
+
+/// A position and its time.
+#[derive(Clone, Copy, Debug, Default)]
+struct Fix {
+    time: Time,
+    place: Geodetic,
+}
+memory!(Fix { time, place });
+
+/// The latest velocity \[m/s\], its time, and the acceleration \[m/s²\] since the one before.
+#[derive(Clone, Copy, Debug, Default)]
+struct Latest {
+    time: Time,
+    value: Option<Vector3<f64>>,
+    acceleration: Vector3<f64>,
+}
+memory!(Latest { time, value, acceleration });
+
+impl Latest {
+    fn hear(&mut self, time: Time, value: Vector3<f64>) {
+        let dt = time.seconds_since(self.time);
+        if let Some(before) = self.value.filter(|_| dt > 0.0) {
+            self.acceleration = (value - before) / dt;
+        }
+        (self.time, self.value) = (time, Some(value));
+    }
+
+    /// 1σ per axis at `time`, where it was `sigma` when it was measured.
+    fn sigma(&self, time: Time, sigma: &[f64; 3]) -> Vector3<f64> {
+        let changed = self.acceleration * time.seconds_since(self.time);
+        Vector3::from(*sigma).zip_map(&changed, f64::hypot)
+    }
+}
+
+memory!(FirstFix { fixes, way, velocity; origin, position_sigma, velocity_sigma, lever_arm, height, median_of });
 
 impl FirstFix {
     /// From the body to the antenna, in navigation axes, and the variance of what is open of it.
@@ -143,37 +185,52 @@ impl FirstFix {
         (q * l, (slope * p * slope.transpose()).diagonal().map(|v| v.min(most)))
     }
 
-    fn position(&self) -> Option<Geodetic> {
+    /// The fix at `time`, and what its 1σ grows by.
+    fn position(&self, time: Time) -> Option<(Geodetic, Vector3<f64>)> {
+        let velocity = self.velocity.value.unwrap_or_default();
+        let age = |fix: &Fix| time.seconds_since(fix.time);
+        let carried = |fix: &Fix| fix.place.offset(&(velocity * age(fix)));
         let middle = |coordinate: fn(&Geodetic) -> f64| {
-            let mut values: Vec<f64> = self.fixes.iter().map(coordinate).collect();
+            let mut values: Vec<f64> = self.fixes.iter().map(|fix| coordinate(&carried(fix))).collect();
             values.sort_by(f64::total_cmp);
             values.get(values.len() / 2).copied()
         };
-        Some(Geodetic {
+        let place = Geodetic {
             lat: middle(|g| g.lat)?,
             lon: middle(|g| g.lon)?,
             height: middle(|g| g.height)?,
-        })
+        };
+        let age = age(&self.fixes[self.fixes.len() / 2]);
+        let grown = match &self.velocity_sigma {
+            Some(sigma) => self.velocity.sigma(time, sigma) * age,
+            // A median is for a vehicle at rest.
+            None if self.median_of > 1 => Vector3::zeros(),
+            None => self.way * age,
+        };
+        Some((place, grown))
     }
 }
 
 impl Initialiser for FirstFix {
-    fn row(&mut self, input: usize, _: Time, row: &[f64]) {
-        if input == 0 {
-            if self.fixes.len() == self.median_of {
-                self.fixes.pop_front();
-            }
-            self.fixes.push_back(match (self.height, row) {
-                (Some(height), [lat, lon, ..]) => Geodetic {
-                    lat: *lat,
-                    lon: *lon,
-                    height,
-                },
-                _ => Geodetic::read(row),
-            });
-        } else {
-            self.velocity = Some(Vector3::new(row[0], row[1], row[2]));
+    fn row(&mut self, input: usize, time: Time, row: &[f64]) {
+        if input > 0 {
+            self.velocity.hear(time, Vector3::new(row[0], row[1], row[2]));
+            return;
         }
+        let place = match (self.height, row) {
+            (Some(height), [lat, lon, ..]) => Geodetic::new(*lat, *lon, height),
+            _ => Geodetic::read(row),
+        };
+        if let Some(before) = self.fixes.back() {
+            let dt = time.seconds_since(before.time);
+            if dt > 0.0 {
+                self.way = place.difference(&before.place) / dt;
+            }
+        }
+        if self.fixes.len() == self.median_of {
+            self.fixes.pop_front();
+        }
+        self.fixes.push_back(Fix { time, place });
     }
 
     fn waits_for(&self) -> Option<String> {
@@ -184,17 +241,17 @@ impl Initialiser for FirstFix {
                 format!("{} position fixes", self.median_of)
             });
         }
-        (self.velocity_sigma.is_some() && self.velocity.is_none()).then(|| "a velocity".to_owned())
+        (self.velocity_sigma.is_some() && self.velocity.value.is_none()).then(|| "a velocity".to_owned())
     }
 
-    fn write(&self, _: Time, layout: &Layout, belief: &mut Belief) {
-        if let Some(antenna) = self.position() {
+    fn write(&self, time: Time, layout: &Layout, belief: &mut Belief) {
+        if let Some((antenna, grown)) = self.position(time) {
             let (lever, variance) = self.lever(layout, belief);
-            let sigma: [f64; 3] = core::array::from_fn(|i| self.position_sigma[i].hypot(variance[i].sqrt()));
+            let sigma: [f64; 3] = core::array::from_fn(|i| self.position_sigma[i].hypot(variance[i].sqrt()).hypot(grown[i]));
             write_position(layout, belief, self.origin, &antenna.offset(&-lever), &sigma);
         }
-        if let (Some(v), Some(sigma)) = (&self.velocity, &self.velocity_sigma) {
-            write_velocity(layout, belief, v, sigma);
+        if let (Some(v), Some(sigma)) = (&self.velocity.value, &self.velocity_sigma) {
+            write_velocity(layout, belief, v, self.velocity.sigma(time, sigma).as_slice());
         }
     }
 }
@@ -220,7 +277,8 @@ mod tests {
             height: None,
             median_of: 3,
             fixes: VecDeque::new(),
-            velocity: None,
+            way: Vector3::zeros(),
+            velocity: Latest::default(),
         };
         for (k, east) in [500.0, 0.1, 30.0, 0.2].into_iter().enumerate() {
             assert_eq!(f.waits_for().is_none(), k >= 3, "fix {k}");
@@ -228,10 +286,52 @@ mod tests {
             Geodetic::write(&origin.offset(&Vector3::new(0.0, east, 0.0)), &mut row);
             f.row(0, Time::default(), &row);
         }
-        let d = f.position().unwrap().difference(&origin);
+        let d = f.position(Time::default()).unwrap().0.difference(&origin);
         // Of 0.1, 30 and 0.2; 1e-6 m is the rounding of a longitude.
         assert!((d.y - 0.2).abs() < 1e-6, "{d}");
     }
+
+    #[test]
+    fn a_fix_is_carried_to_the_start_by_the_velocity_and_its_age_is_in_the_1_sigma() {
+        let (origin, east) = (Geodetic::new(0.6, 2.2, 10.0), |e: f64| Vector3::new(0.0, e, 0.0));
+        let fix = |velocity_sigma| FirstFix {
+            origin: None,
+            position_sigma: [1.0; 3],
+            velocity_sigma,
+            lever_arm: Vector3::zeros(),
+            height: None,
+            median_of: 1,
+            fixes: VecDeque::new(),
+            way: Vector3::zeros(),
+            velocity: Latest::default(),
+        };
+        let at = Time::from_seconds;
+        let hear = |f: &mut FirstFix, t: f64, e: f64| {
+            let mut row = [0.0; 3];
+            Geodetic::write(&origin.offset(&east(e)), &mut row);
+            f.row(0, at(t), &row);
+        };
+        // 8 m/s, pulling away with 2 m/s²; the latest velocity is 0.4 s old, the fix 1 s.
+        let mut f = fix(Some([0.3; 3]));
+        hear(&mut f, 9.0, 0.0);
+        f.row(1, at(8.6), &[0.0, 6.0, 0.0]);
+        f.row(1, at(9.6), &[0.0, 8.0, 0.0]);
+        let (place, grown) = f.position(at(10.0)).unwrap();
+        // 1e-6 m: the rounding of a longitude.
+        assert!((place.difference(&origin) - east(8.0)).norm() < 1e-6);
+        let velocity = Vector3::new(0.3, 0.3_f64.hypot(0.4 * 2.0), 0.3);
+        assert!((grown - velocity).norm() < 1e-12, "{grown}");
+        // Without a velocity it stays where it was, give or take the way since.
+        let mut f = fix(None);
+        hear(&mut f, 8.0, 0.0);
+        hear(&mut f, 9.0, 7.0);
+        let (place, grown) = f.position(at(9.5)).unwrap();
+        assert!(
+            (place.difference(&origin) - east(7.0)).norm() < 1e-6 && (grown - east(3.5)).norm() < 1e-6,
+            "{grown}"
+        );
+    }
+
     /// Body position and its 1σ, from a fix at the origin, an antenna 2 m above and the attitude that `start`
     /// writes before.
     fn started(start: impl Fn(&Layout, &mut Belief)) -> (Vector3<f64>, Vector3<f64>) {
