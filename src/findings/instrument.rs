@@ -1,7 +1,8 @@
 //! What a sensor is, as far as advice depends on it: from its block, never from its name.
 
+use super::moved::Reports;
 use crate::config::Node;
-use crate::design::Design;
+use crate::design::{Design, Named, SensorDesign};
 use crate::run::FinalState;
 use fusion_models::block::Reading;
 use fusion_models::registry::{self, Role};
@@ -36,6 +37,8 @@ pub(super) struct Instrument {
     pub(super) channels: &'static [&'static str],
     /// What else may be: the other parameters that its block has, fixed or estimated.
     pub(super) parameters: Vec<String>,
+    /// The 1σ that its source may report; none where the sensor takes it, or cannot.
+    pub(super) reports: Option<Reports>,
 }
 
 /// What a design says of the bias of a sensor.
@@ -134,6 +137,7 @@ impl Instrument {
                     &["sign", "unit"]
                 },
                 parameters: parameters(&own),
+                reports: reports(design, sensor),
             }
         });
         sensors.collect()
@@ -232,6 +236,20 @@ pub(super) fn constant_biases(process: &Node) -> Vec<String> {
     };
     let parts = ["gyro", "accelerometer"].into_iter().filter(|part| is_constant(part));
     parts.map(|part| format!("`process.{part}.bias`")).collect()
+}
+
+/// The 1σ that the source of a sensor may report and the sensor does not take.
+fn reports(design: &Design, sensor: &Named<SensorDesign>) -> Option<Reports> {
+    let noise = &sensor.block.common.noise;
+    let channel = sensor.block.model.reported_sigma().filter(|_| !noise.from_source)?;
+    let source = design.sources.iter().find(|s| s.name == sensor.block.common.source)?;
+    let written = sensor.node.get("noise")?;
+    Some(Reports {
+        is_declared: source.node.at(&format!("channels.{}", channel.name)).is_some(),
+        width: channel.width,
+        channel: channel.name.to_string(),
+        sigma: written.get("sigma").unwrap_or(written).inline(),
+    })
 }
 
 /// The axes of the solution that so many rows of a reading tell of.

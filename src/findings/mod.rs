@@ -20,6 +20,7 @@
 
 mod errors;
 mod instrument;
+mod moved;
 mod sensors;
 mod stamps;
 #[cfg(test)]
@@ -181,6 +182,8 @@ impl Judged<'_> {
         let never_held = self.never_held();
         let counted = self.counted();
         let large: Vec<Finding> = self.sensors().filter_map(|(i, s)| self.large(i, s)).collect();
+        let is_told = |name: &str| [&large, &refused].into_iter().flatten().chain(&first).any(|f| f.about == name);
+        let moved = if input.is_some() { Vec::new() } else { self.moved(is_told) };
         // What errors follow from, by the words that refer to it.
         let mut causes: Vec<String> = Vec::new();
         causes.extend(beyond.iter().map(|_| "the range of the input".to_owned()));
@@ -195,6 +198,7 @@ impl Judged<'_> {
             .chain(&far)
             .chain(&never_held)
             .chain(&large)
+            .chain(&moved)
             .chain(&counted);
         for about in told.map(|f| format!("`{}`", f.about)) {
             if !causes.contains(&about) {
@@ -218,6 +222,7 @@ impl Judged<'_> {
             .chain(far)
             .chain(never_held)
             .chain(large)
+            .chain(moved)
             .chain(counted.iter().cloned())
             .chain(self.undecided())
             .chain(self.changed())

@@ -309,6 +309,8 @@ impl Judged<'_> {
         } else {
             format!("{look}; if they are right, raise its `noise` or that of the process")
         };
+        let reported = self.reported(sensor).filter(|_| ratio(nis) <= FAR);
+        let advice = reported.map_or_else(|| advice.clone(), |reported| format!("{advice}; {reported}"));
         // Limits that are too wide let through what is no rest at all.
         let held = self.detector(sensor).filter(|d| d.held > 0).map_or_else(String::new, |d| {
             format!(
@@ -320,10 +322,11 @@ impl Judged<'_> {
         is_large(nis).then(|| Finding {
             about: name.clone(),
             evidence: format!(
-                "NIS of `{name}` is {} of {}, innovations are {} times what is expected{held}",
+                "NIS of `{name}` is {} of {}, innovations are {} times what is expected{held}{}",
                 short(nis.mean),
                 nis.dof,
-                short(nis.error_ratio())
+                short(nis.error_ratio()),
+                self.moved_too(sensor)
             ),
             advice,
         })

@@ -38,6 +38,7 @@ pub use field::Field;
 pub use imu::{Imu, Rest};
 pub use log::{Instances, Log, Repeats};
 pub use pair::Pair;
+pub(crate) use signal::reported_by_name;
 pub use signal::{Kind, Signal};
 pub use stance::Stances;
 pub use standing::Standing;

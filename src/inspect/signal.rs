@@ -3,7 +3,7 @@
 use super::numbers::{Vec3, median, norm, quantile};
 use super::turn;
 use super::words::{Words, contains, is_called, is_height};
-use crate::source::table::Table;
+use crate::source::table::{Column, Table};
 
 /// A quantity that a filter can use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,7 +83,7 @@ impl Kind {
             Self::Quaternion | Self::Euler => "the estimate of another filter is no measurement",
             Self::Wheels => "an odometer takes one speed: add a column with the mean of both",
             Self::Pressure => "a barometer needs an inertial unit with positions that have a height, and air",
-            Self::PositionSigma | Self::VelocitySigma => "the noise is one number in a first design",
+            Self::PositionSigma | Self::VelocitySigma => "rows lack it, the slow error in it is a state, or nothing here needs it",
             Self::Depth => "the positions have one",
             Self::GroundSpeed => "the receiver's own: without a course it is no velocity",
             _ => "this design does not need it",
@@ -126,6 +126,11 @@ impl Signal {
         self.columns.iter().map(name).collect()
     }
 
+    /// Whether the columns hold the squares of a 1σ.
+    fn is_variance(&self) -> bool {
+        matches!(self.kind, Kind::PositionSigma | Kind::VelocitySigma) && self.unit.ends_with("^2")
+    }
+
     /// The value of a row, not yet in SI; missing axes are zero.
     pub(super) fn raw(&self, table: &Table, row: usize) -> Vec3 {
         [0, 1, 2].map(|axis| {
@@ -143,6 +148,7 @@ impl Signal {
             let Some(unit) = self.course else {
                 return match (raw, self.unit.as_str()) {
                     ([latitude, longitude, height], "ddmm") => [of_ddmm(latitude), of_ddmm(longitude), height],
+                    (raw, _) if self.is_variance() => raw.map(f64::sqrt),
                     (raw, _) => raw.map(|v| v * self.factor),
                 };
             };
@@ -232,16 +238,86 @@ struct Finder<'a> {
     found: Vec<Signal>,
 }
 
+/// Words of a variance.
+const VARIANCE: [&str; 3] = ["var", "variance", "cov"];
+
+/// The quantity whose 1σ or variance a name, or its words before an axis, stands for.
+fn sigma_of(stem: &str) -> Option<Kind> {
+    const SIGMA: [&str; 6] = ["sigma", "std", "sd", "stddev", "accuracy", "uncertainty"];
+    const VELOCITY: [&str; 4] = ["v", "vel", "velocity", "speed"];
+    const POSITION: [&str; 3] = ["p", "pos", "position"];
+    match stem {
+        "s" | "sd" | "sigma" | "std" | "var" | "variance" => return Some(Kind::PositionSigma),
+        "sv" | "sdv" => return Some(Kind::VelocitySigma),
+        _ => {}
+    }
+    let (first, second) = stem.split_once('_')?;
+    let is_sigma = |word: &str| SIGMA.contains(&word) || VARIANCE.contains(&word);
+    let other = [(first, second), (second, first)].into_iter().find(|(own, _)| is_sigma(own))?.1;
+    let of = [(&VELOCITY[..], Kind::VelocitySigma), (&POSITION[..], Kind::PositionSigma)];
+    of.into_iter().find(|(words, _)| words.contains(&other)).map(|(_, kind)| kind)
+}
+
+/// The 1σ that columns of these names report, known by the names alone.
+pub(crate) fn reported_by_name(names: &[String]) -> Vec<Reported> {
+    let columns = names.iter().map(|name| Column {
+        name: name.clone(),
+        ..Column::default()
+    });
+    let table = Table {
+        columns: columns.collect(),
+        ..Table::default()
+    };
+    let mut finder = Finder::of(&table);
+    finder.vectors();
+    finder.sigmas();
+    let is_sigma = |s: &Signal| matches!(s.kind, Kind::PositionSigma | Kind::VelocitySigma);
+    let found = finder.found.iter().filter(|s| is_sigma(s));
+    found
+        .map(|s| Reported {
+            kind: s.kind,
+            columns: s.names(&table),
+            unit: match (s.unit.as_str(), s.kind) {
+                ("", Kind::VelocitySigma) => "m/s",
+                ("", _) => "m",
+                (unit, _) => unit,
+            }
+            .to_owned(),
+        })
+        .collect()
+}
+
+/// Columns that report a 1σ.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Reported {
+    /// Of what.
+    pub(crate) kind: Kind,
+    /// Along north, east and down.
+    pub(crate) columns: Vec<String>,
+    /// Their unit, that of a variance where they are variances.
+    pub(crate) unit: String,
+}
+
+impl Reported {
+    /// The channel that reads them, as a design writes it.
+    pub(crate) fn channel(&self, axes: usize) -> String {
+        let columns: Vec<String> = self.columns.iter().take(axes).map(|name| format!("{name:?}")).collect();
+        format!("{{ columns = [{}]{} }}", columns.join(", "), of_unit(&self.unit))
+    }
+}
+
+/// The unit of columns that report a 1σ, and whether they hold its square.
+pub(super) fn of_unit(unit: &str) -> String {
+    let variance = if unit.ends_with("^2") { ", variance = true" } else { "" };
+    format!(", unit = \"{unit}\"{variance}")
+}
+
 /// The quantities of a table whose rows come at `rate`.
 pub(super) fn signals(table: &Table, rate: f64) -> Vec<Signal> {
-    let words: Vec<Words> = table.columns.iter().map(|c| Words::of(c.called())).collect();
-    let mut finder = Finder {
-        table,
-        words,
-        found: Vec::new(),
-    };
+    let mut finder = Finder::of(table);
     if table.header {
         finder.vectors();
+        finder.sigmas();
         finder.over_ground();
         finder.scalars();
         finder.local_with_depth();
@@ -274,7 +350,15 @@ fn is_without_gravity(table: &Table, signal: &Signal) -> bool {
     signal.kind == Kind::SpecificForce && signal.unit == "counts" && !is_whole
 }
 
-impl Finder<'_> {
+impl<'a> Finder<'a> {
+    fn of(table: &'a Table) -> Self {
+        Self {
+            table,
+            words: table.columns.iter().map(|c| Words::of(c.called())).collect(),
+            found: Vec::new(),
+        }
+    }
+
     fn add(&mut self, kind: Kind, columns: Vec<(usize, bool)>) {
         if self.found.iter().any(|s| s.kind == kind) {
             return;
@@ -411,16 +495,44 @@ impl Finder<'_> {
         if columns.len() < 3 && !(is_velocity && matches!(unit, None | Some("m/s" | "cm/s" | "km/h" | "kn"))) {
             return;
         }
-        // A 1σ has no direction: up is as good as down.
-        let unsigned = || columns.iter().map(|(k, _)| (*k, false)).collect();
+        if let Some(kind) = sigma_of(prefix) {
+            // A 1σ has no direction: up is as good as down.
+            return self.add_sigma(kind, columns.into_iter().map(|(k, _)| k).collect());
+        }
         match (prefix, unit) {
-            ("s" | "sd" | "sigma" | "std", _) => self.add(Kind::PositionSigma, unsigned()),
-            ("sv" | "sdv", _) => self.add(Kind::VelocitySigma, unsigned()),
             ("", Some("m/s" | "cm/s" | "km/h")) => self.add(Kind::Velocity, columns),
             _ if is_velocity => self.add(Kind::Velocity, columns),
             ("" | "p", None | Some("m" | "cm" | "mm")) => self.add(Kind::Local, columns),
             (_, None | Some("m" | "cm" | "mm")) if is_called(prefix, &["pos", "position"]) => self.add(Kind::Local, columns),
             _ => {}
+        }
+    }
+
+    /// The 1σ of all axes in one column, of which the name states the unit: nothing else tells millimetres from metres.
+    fn sigmas(&mut self) {
+        for k in 0..self.words.len() {
+            let Words { stem, unit } = &self.words[k];
+            let kind = if ["sacc", "s_acc"].contains(&stem.as_str()) {
+                Some(Kind::VelocitySigma)
+            } else {
+                // One word alone may be anything.
+                sigma_of(stem).filter(|_| stem.contains('_'))
+            };
+            let expected = match kind {
+                Some(Kind::VelocitySigma) => ["m/s", "cm/s", "km/h"],
+                _ => ["m", "cm", "mm"],
+            };
+            if let Some(kind) = kind.filter(|_| unit.is_some_and(|unit| expected.contains(&unit)) && !contains(stem, &DERIVED)) {
+                self.add_sigma(kind, vec![k; 3]);
+            }
+        }
+    }
+
+    fn add_sigma(&mut self, kind: Kind, columns: Vec<usize>) {
+        let is_variance = contains(&self.words[columns[0]].stem, &VARIANCE);
+        self.add(kind, columns.into_iter().map(|k| (k, false)).collect());
+        if let Some(found) = self.found.last_mut().filter(|s| s.kind == kind && is_variance && s.unit.is_empty()) {
+            found.unit = if kind == Kind::PositionSigma { "m^2" } else { "m^2/s^2" }.to_owned();
         }
     }
 

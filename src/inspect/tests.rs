@@ -6,6 +6,7 @@ use crate::source::table::Column;
 
 mod field;
 mod loggers;
+mod sigmas;
 mod stamps;
 mod text;
 mod values;

@@ -7,6 +7,16 @@ use super::signal::Kind;
 /// Mean radius of the Earth \[m\]: good enough to look at a track.
 const RADIUS: f64 = 6.371e6;
 
+/// The 1σ that a receiver reports.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Claim {
+    /// Its median along north, east, down.
+    pub median: Vec3,
+    /// How many times as far values are off the line between their neighbours, in the horizontal. An error that neighbours share does
+    /// not show: the errors are that many times as large as reported, or larger.
+    pub times: f64,
+}
+
 /// Positions over time.
 #[derive(Clone, Debug, Default)]
 pub struct Track {
@@ -30,6 +40,8 @@ pub struct Track {
     pub apart: Option<f64>,
     /// Median of the 1σ that is reported, horizontal \[m\].
     pub claimed: Option<f64>,
+    /// The 1σ that is reported of the position \[m\] and of the velocity \[m/s\], where every row has it.
+    pub claims: [Option<Claim>; 2],
     /// Slope of the reported velocity over the differences of position, north, east, down; NaN down where it has no vertical.
     pub agreement: Option<Vec3>,
 }
@@ -40,7 +52,17 @@ impl Track {
     pub(super) fn of(log: &Log, other: Option<&Log>) -> Option<Self> {
         let kind = [Kind::Geodetic, Kind::Local].into_iter().find(|k| log.has(*k))?;
         let values = log.values(kind)?;
-        let reported = log.values(Kind::Velocity).or_else(|| velocities(other?, log.stamps()));
+        let reported = log.values(Kind::Velocity).or_else(|| nearest(other?, Kind::Velocity, log.stamps()));
+        let own = |sigma, of| log.values(sigma).filter(|_| covers(log, sigma, of));
+        let sigmas = [
+            own(Kind::PositionSigma, kind),
+            match other.filter(|_| !log.has(Kind::Velocity)) {
+                Some(other) if covers(other, Kind::VelocitySigma, Kind::Velocity) => nearest(other, Kind::VelocitySigma, log.stamps()),
+                Some(_) => None,
+                None => own(Kind::VelocitySigma, Kind::Velocity),
+            },
+        ];
+        let mut claims = [Vec::new(), Vec::new()];
         let is_geodetic = kind == Kind::Geodetic;
         let has_height = log.signal(kind)?.columns.len() > 2;
         // The height is written in metres, whatever the unit of the angles.
@@ -71,6 +93,9 @@ impl Track {
             if let Some(velocity) = &reported {
                 track.velocity.push(velocity[row]);
             }
+            for (claims, sigmas) in claims.iter_mut().zip(&sigmas) {
+                claims.extend(sigmas.as_ref().map(|sigmas| sigmas[row]));
+            }
         }
         track.origin = origin.filter(|_| is_geodetic);
         track.is_reported = reported.is_some();
@@ -84,6 +109,11 @@ impl Track {
         } else {
             track.velocity = differences;
         }
+        let [of_position, of_velocity] = claims;
+        track.claims = [
+            track.claim(&track.position, &of_position),
+            track.claim(&track.velocity, &of_velocity).filter(|_| track.is_reported),
+        ];
         track.measure();
         track.part();
         track.claimed = log
@@ -122,8 +152,19 @@ impl Track {
         }
         // The median length of two equal normal components is 1.177 σ, a quarter is below 0.759 σ: accelerations that change
         // add less to it.
-        self.scatter = median(self.off(&self.position)) / 1.177;
-        self.velocity_scatter = quantile(self.off(&self.velocity), 0.25) / 0.759;
+        self.scatter = median(self.off(&self.position, |_| 1.0)) / 1.177;
+        self.velocity_scatter = quantile(self.off(&self.velocity, |_| 1.0), 0.25) / 0.759;
+    }
+
+    /// The 1σ that are reported of values, where each value has one.
+    fn claim(&self, values: &[Vec3], sigmas: &[Vec3]) -> Option<Claim> {
+        let is_sound = |(value, sigma): (&Vec3, &Vec3)| value.iter().any(|v| !v.is_finite()) || sigma.iter().all(|s| *s >= 0.0);
+        let median = [0, 1, 2].map(|axis| median(sigmas.iter().map(|s| s[axis])));
+        let is_whole = !sigmas.is_empty() && values.iter().zip(sigmas).all(is_sound);
+        (is_whole && median[..2].iter().all(|m| *m > 0.0)).then(|| Claim {
+            median,
+            times: quantile(self.off(values, |k| 0.5 * (sigmas[k][0] + sigmas[k][1])), 0.25) / 0.759,
+        })
     }
 
     /// Finds two tracks in one: fixes that jump away and come back. What is measured is then that of the steps without a jump.
@@ -155,16 +196,19 @@ impl Track {
         self.way = way;
         let jumped = self.velocity.iter_mut().zip(jumped).filter(|(_, jumped)| *jumped);
         jumped.for_each(|(v, _)| *v = [f64::NAN; 3]);
-        self.scatter = quantile(self.off(&self.position), 0.25) / 0.759;
+        self.scatter = quantile(self.off(&self.position, |_| 1.0), 0.25) / 0.759;
     }
 
-    /// By how much values are off the line between their neighbours, horizontal, as long as one error.
-    fn off(&self, values: &[Vec3]) -> Vec<f64> {
+    /// By how much values are off the line between their neighbours, horizontal, as long as one error, in units of `unit` of the
+    /// value.
+    fn off(&self, values: &[Vec3], unit: impl Fn(usize) -> f64) -> Vec<f64> {
         // Of a, b, c with equal intervals, b - (a + c)/2 has the variance 1.5 σ² of white errors.
-        let middle = values.windows(3).zip(self.t.windows(3)).filter_map(|(p, t)| {
+        let middle = values.windows(3).zip(self.t.windows(3)).enumerate().filter_map(|(k, (p, t))| {
             let even = (t[2] - t[1]) / (t[1] - t[0]);
             let off = |i: usize| p[1][i] - 0.5 * (p[0][i] + p[2][i]);
-            (0.8..1.25).contains(&even).then(|| off(0).hypot(off(1)) / 1.5_f64.sqrt())
+            (0.8..1.25)
+                .contains(&even)
+                .then(|| off(0).hypot(off(1)) / 1.5_f64.sqrt() / unit(k + 1))
         });
         middle.collect()
     }
@@ -214,9 +258,15 @@ impl Track {
     }
 }
 
-/// The velocities of a log at other stamps: those of the nearest rows, or none further away than half of the usual interval.
-fn velocities(log: &Log, at: &[f64]) -> Option<Vec<Vec3>> {
-    let (t, values) = (log.stamps(), log.values(Kind::Velocity)?);
+/// Whether the columns of a 1σ are those of all axes of a quantity.
+fn covers(log: &Log, sigma: Kind, of: Kind) -> bool {
+    let axes = |kind| log.signal(kind).map(|s| s.columns.len());
+    axes(of).is_some() && axes(sigma) >= axes(of)
+}
+
+/// The values of a log at other stamps: those of the nearest rows, or none further away than half of the usual interval.
+fn nearest(log: &Log, kind: Kind, at: &[f64]) -> Option<Vec<Vec3>> {
+    let (t, values) = (log.stamps(), log.values(kind)?);
     let reach = 0.5 / log.rate();
     let nearest = |at: &f64| {
         let after = t.partition_point(|t| t < at);

@@ -157,6 +157,7 @@ impl FaultChain {
         let own = self.counts.report();
         SourceReport {
             rows: before.rows,
+            unread: before.unread,
             skipped: before.skipped.into_iter().chain(own.skipped).collect(),
             disturbed: before.disturbed.into_iter().chain(own.disturbed).collect(),
             ..own

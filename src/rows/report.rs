@@ -43,6 +43,8 @@ pub struct SourceReport {
     pub last: Option<Time>,
     /// The longest stretch between two rows delivered: where it begins, and its seconds.
     pub longest_gap: Option<(Time, f64)>,
+    /// Columns of its file that no channel reads.
+    pub unread: Vec<String>,
 }
 
 impl SourceReport {

@@ -21,7 +21,7 @@ use crate::design::{Design, Fault, Named, ReferenceSpec, SourceDesign};
 use crate::findings::findings;
 use crate::health::HealthRecord;
 use crate::observe::{
-    Consumers, Counters, FilterScore, Filters, Finals, Heard, Hub, Hypotheses, RunObserver, Smoother, Statistics, Timing,
+    Consumers, Counters, Excesses, FilterScore, Filters, Finals, Heard, Hub, Hypotheses, RunObserver, Smoother, Statistics, Timing,
 };
 use crate::provenance::Provenance;
 use crate::rows::{Feed, outages as silences};
@@ -195,6 +195,7 @@ impl<'a> Run<'a> {
         let mut statistics = Statistics::new(&filters, from, &self.data.rows.disturbable());
         let mut finals = Finals::new(&filters);
         let mut hypotheses = Hypotheses::default();
+        let mut excesses = Excesses::new(&filters);
         let scored = filters.iter().filter(|_| !reference.is_empty());
         let (outages, many) = (outages(self.design, &self.assembly), self.is_one_of_many);
         let mut health = HealthRecord::new(&filters, &self.assembly, &outages);
@@ -242,6 +243,7 @@ impl<'a> Run<'a> {
         if !self.is_one_of_many {
             hub.add(&mut consumers);
             hub.add(&mut finals);
+            hub.add(&mut excesses);
         }
         hub.add(&mut health);
         if self.design.filter.bank.is_some() {
@@ -327,6 +329,7 @@ impl<'a> Run<'a> {
                 })
                 .collect(),
             sensors: statistics.finish(last.time),
+            excesses: excesses.finish(),
             control: self.data.rows.record(),
             faults: (counters.started).map_or_else(Vec::new, |from| fault_windows(self.design, from, last.time.seconds())),
             sources: self.data.rows.statistics(),

@@ -2,7 +2,7 @@
 
 use crate::findings::Finding;
 use crate::health::FilterHealth;
-use crate::observe::{ConsumerCounts, Hypotheses, SensorStatistics, Wait};
+use crate::observe::{ConsumerCounts, Excess, Hypotheses, SensorStatistics, Wait};
 use crate::provenance::Provenance;
 use crate::rows::SourceStatistics;
 use crate::score::Score;
@@ -165,6 +165,8 @@ pub struct Summary {
     pub control: Option<Record>,
     /// Per sensor.
     pub sensors: Vec<SensorStatistics>,
+    /// Of each sensor the stretch of innovations larger than chance allows in which a calibration moved farthest.
+    pub excesses: Vec<Excess>,
     /// Per source.
     pub sources: Vec<SourceStatistics>,
     /// Estimated parameters at the end.

@@ -1,5 +1,6 @@
 mod advice;
 mod innovations;
+mod moved;
 mod outages;
 mod reference;
 mod suspects;
@@ -37,6 +38,7 @@ fn instrument(bias: Option<Bias>) -> Instrument {
         leader: None,
         channels: &["axes", "signs", "units"],
         parameters: vec!["lever_arm".to_owned()],
+        reports: None,
     }
 }
 

@@ -282,7 +282,7 @@ impl Inspection {
         text.quoted("source", source);
         let mut sigma = Vec::new();
         let is_withheld = source == "withheld";
-        if log.has(super::Kind::PositionSigma) {
+        if self.judges_with_reported(k) {
             sigma.push("position = { from_source = true }".to_owned());
         } else {
             let scatter = if is_withheld {
@@ -300,7 +300,7 @@ impl Inspection {
             let scatter = track.velocity_scatter.max(1e-3);
             sigma.push(format!("velocity = \"{:.3} m/s\"", (scatter * 1e3).ceil() * 1e-3));
         }
-        let why = match (log.has(super::Kind::PositionSigma), is_withheld) {
+        let why = match (self.judges_with_reported(k), is_withheld) {
             (true, _) => "as the file reports it",
             (false, true) => "that of the fixes which the filter uses",
             (false, false) => "the scatter of neighbouring positions",

@@ -7,6 +7,7 @@ use crate::inspect::signal::Kind::{
     self, BodyVelocity, Depth, Euler, Geodetic, Heading, Local, MagneticField, PositionSigma, Pressure, Quaternion, Speed, Velocity,
     VelocitySigma,
 };
+use crate::inspect::track::Claim;
 use crate::inspect::words::{Words, contains};
 use crate::inspect::{Inspection, Log, Track};
 
@@ -25,9 +26,19 @@ impl Inspection {
             (log.has(Euler) && is_file).then_some(Euler)
         };
         let velocity = (!log.has_flat_velocity()).then_some(Velocity);
-        let all = [Some(place(log)), velocity, attitude, Some(PositionSigma), Some(VelocitySigma)];
+        let position_sigma = self.judges_with_reported(k).then_some(PositionSigma);
+        let all = [Some(place(log)), velocity, attitude, position_sigma, Some(VelocitySigma)];
         let sigma_of = |kind| kind != VelocitySigma || velocity.is_some() && log.has(Velocity);
         all.into_iter().flatten().filter(|kind| log.has(*kind) && sigma_of(*kind)).collect()
+    }
+
+    /// Whether the 1σ that is reported of the positions is that of their difference from the estimate: not of fixes of the
+    /// receiver that the filter uses, if a slow error is in both.
+    pub(super) fn judges_with_reported(&self, k: usize) -> bool {
+        let log = &self.logs[k];
+        let is_shared = |(own, track): &(usize, Track)| *own == k && self.is_slow(log, track);
+        let is_withheld = self.reference.is_none() && self.position.as_ref().is_some_and(is_shared);
+        log.has(PositionSigma) && !is_withheld
     }
 
     /// Whether positions have a height.
@@ -123,7 +134,13 @@ impl Inspection {
                 "guessed: the slow error of single-point GNSS (configs/parts/gnss/single-point.toml); nothing here tells it",
             );
         }
-        text.line(&format!("noise = {{ sigma = \"{white:.3} m\" }}"), &why);
+        match self.claimed_position() {
+            Some(claim) => text.line(
+                &from_source(claim, &[white; 3], track.scatter, "m"),
+                &format!("{why}; in each row as the receiver reports it; raise `scale` where NIS stays too large"),
+            ),
+            None => text.line(&format!("noise = {{ sigma = \"{white:.3} m\" }}"), &why),
+        }
         if let Some(apart) = track.apart {
             text.line(
                 &format!(
@@ -145,6 +162,15 @@ impl Inspection {
         if track.is_reported && is_moving {
             self.velocity_sensor(text, log, track, lag);
         }
+    }
+
+    /// The 1σ that a receiver reports of its positions, where the filter takes it for their noise: not where a slow error that is
+    /// a state is in it.
+    fn claimed_position(&self) -> Option<Claim> {
+        let (k, track) = self.position.as_ref()?;
+        let log = &self.logs[*k];
+        let is_whole = self.has_height() && !is_local(log) && !self.is_slow(log, track);
+        track.claims[0].filter(|_| is_whole)
     }
 
     /// Whether the stamps of the unit were moved to those of the positions.
@@ -171,6 +197,7 @@ impl Inspection {
             };
             text.line(&offset, why);
         }
+        let claim = track.claims[1];
         let claimed = log.values(VelocitySigma).map(|s| median(s.iter().map(|s| 0.5 * (s[0] + s[1]))));
         // Neighbours share a part of their error, which their scatter does not show.
         let scatter = 3.0 * track.velocity_scatter;
@@ -185,6 +212,14 @@ impl Inspection {
             ),
             _ => (0.1, "guessed: what receivers usually reach".to_owned()),
         };
+        if let Some(claim) = claim {
+            let axes = if is_flat { 2 } else { 3 };
+            text.line(
+                &from_source(claim, &[sigma, sigma, 2.0 * sigma][..axes], track.velocity_scatter, "m/s"),
+                &format!("{why}; in each row as the receiver reports it; raise `scale` where NIS stays too large"),
+            );
+            return self.vertical_runs_against(text, track);
+        }
         let third = if is_flat {
             String::new()
         } else {
@@ -194,6 +229,10 @@ impl Inspection {
             &format!("noise = {{ sigma = [\"{sigma:.3} m/s\", \"{sigma:.3} m/s\"{third}] }}"),
             &why,
         );
+        self.vertical_runs_against(text, track);
+    }
+
+    fn vertical_runs_against(&self, text: &mut Text, track: &Track) {
         let downs = track.agreement.map_or(1.0, |a| a[2]);
         if downs < 0.0 {
             text.comment("The reported vertical velocity runs against the height: is it up instead of down?");
@@ -243,10 +282,15 @@ impl Inspection {
         if is_withheld {
             text.section("positions: about one a second is used, the others judge");
         }
-        self.source(text, "gnss", *k, &[place(log), Velocity], &thinned(track_stride(log, track)));
+        let of_position = self.claimed_position().map(|_| PositionSigma);
+        let own = track.claims[1].filter(|_| self.velocity.is_none()).map(|_| VelocitySigma);
+        let kinds: Vec<Kind> = [Some(place(log)), Some(Velocity), of_position, own].into_iter().flatten().collect();
+        self.source(text, "gnss", *k, &kinds, &thinned(track_stride(log, track)));
         if let Some(velocity) = self.velocity {
             let every = self.logs[velocity].rate().round().max(1.0) as usize;
-            self.source(text, self.velocity_source(), velocity, &[Velocity], &thinned(every));
+            let of_velocity = track.claims[1].map(|_| VelocitySigma);
+            let kinds: Vec<Kind> = [Some(Velocity), of_velocity].into_iter().flatten().collect();
+            self.source(text, self.velocity_source(), velocity, &kinds, &thinned(every));
         }
     }
 
@@ -453,6 +497,26 @@ impl Inspection {
             self.source(text, "depth", k, &[Depth], "");
         }
     }
+}
+
+/// The noise of a sensor as its source reports it, row by row. `sigma` is what it is taken for along each axis where the report
+/// is the usual one. The part that is not reported is added, and at least the `scatter` of neighbours.
+fn from_source(claim: Claim, sigma: &[f64], scatter: f64, unit: &str) -> String {
+    /// Where a receiver reports zero, the filter needs some noise: the last digit of most logs.
+    const LEAST: f64 = 1e-3;
+    let least = scatter.max(LEAST);
+    // A receiver that reports less than its neighbours scatter is optimistic; one that reports more than is taken for its noise, too
+    // careful.
+    let across = 0.5 * (claim.median[0] + claim.median[1]);
+    let careful = sigma[0] / across;
+    let scale = if claim.times > 1.0 { claim.times } else { careful.min(1.0) };
+    let rest = sigma.iter().zip([across, across, claim.median[2]]);
+    let rest = rest.map(|(sigma, reported)| (sigma.powi(2) - (scale * reported).powi(2)).max(0.0).sqrt().max(least));
+    let rest: Vec<String> = rest.map(|rest| format!("\"{rest:.3} {unit}\"")).collect();
+    format!(
+        "noise = {{ from_source = true, scale = {scale:.2}, sigma = [{}] }}",
+        rest.join(", ")
+    )
 }
 
 /// How pressures scatter against the heights of a track over five seconds, 1σ of one \[Pa\]; zero where that is not known.

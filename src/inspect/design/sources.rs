@@ -4,7 +4,7 @@ use super::toml::{Text, array, quoted};
 use crate::inspect::log::Log;
 use crate::inspect::numbers::Vec3;
 use crate::inspect::pair::{cross, dot, horizontal};
-use crate::inspect::signal::{Kind, Signal};
+use crate::inspect::signal::{Kind, Signal, of_unit};
 use crate::inspect::words::{Words, contains};
 use crate::inspect::{Clock, Form, Inspection, Origin};
 use crate::source::table::{Format, utc_text};
@@ -210,6 +210,14 @@ impl Inspection {
         let names = signal.names(&log.table);
         let unit = |u: &str| if u.is_empty() { String::new() } else { format!(", unit = \"{u}\"") };
         let columns = format!("columns = {}{}", array(&names), unit(&signal.unit));
+        // A filter in the plane has no height that could be judged.
+        let is_judge = matches!(source, "withheld" | "reference");
+        let is_in_plane = is_judge && self.driver() == Some(super::Driver::Odometer);
+        let is_of_flat = match signal.kind {
+            Kind::VelocitySigma => log.has_flat_velocity(),
+            Kind::PositionSigma => is_in_plane && log.has(Kind::Geodetic),
+            _ => false,
+        };
         let body = match signal.kind {
             Kind::SpecificForce | Kind::AngularRate | Kind::MagneticField => {
                 let mut body = match (signal.kind, signal.unit.as_str()) {
@@ -233,17 +241,20 @@ impl Inspection {
                 let late = self.lag().filter(|_| source == "withheld").map_or_else(String::new, latency);
                 over_ground(log, signal).unwrap_or(columns) + &late
             }
-            Kind::BodyVelocity | Kind::PositionSigma | Kind::VelocitySigma => columns,
+            Kind::BodyVelocity => columns,
+            Kind::PositionSigma | Kind::VelocitySigma => {
+                let axes = if is_of_flat { 2 } else { 3 };
+                format!("columns = {}{}", array(&names[..axes.min(names.len())]), of_unit(&signal.unit))
+            }
             Kind::Speed | Kind::YawRate | Kind::Depth | Kind::Pressure => format!("column = {}{}", quoted(&names[0]), unit(&signal.unit)),
             Kind::Geodetic => {
-                let is_flat = matches!(source, "withheld" | "reference") && self.driver() == Some(super::Driver::Odometer);
                 let late = self
                     .late_position()
                     .filter(|_| source == "withheld")
                     .map_or_else(String::new, latency);
                 let height = names
                     .get(2)
-                    .filter(|_| !is_flat)
+                    .filter(|_| !is_in_plane)
                     .map_or_else(String::new, |height| format!(", height = {}", quoted(height)));
                 format!(
                     "latitude = {}, longitude = {}{height}, unit = \"{}\"{late}",
@@ -284,14 +295,17 @@ impl Inspection {
             }
             Kind::Wheels | Kind::GroundSpeed => return,
         };
-        // A filter in the plane has no height that could be judged.
-        let is_judge = matches!(source, "withheld" | "reference");
-        let is_flat = signal.columns.len() < 3 || (is_judge && self.driver() == Some(super::Driver::Odometer));
+        let is_flat = signal.columns.len() < 3 || is_in_plane;
         let is_horizontal = signal.kind == Kind::Geodetic && is_flat;
         let name = if is_horizontal {
             "horizontal_position"
         } else if signal.kind == Kind::Velocity && signal.columns.len() < 3 {
             "horizontal_velocity"
+        } else if is_of_flat {
+            match signal.kind {
+                Kind::PositionSigma => "horizontal_position_sigma",
+                _ => "horizontal_velocity_sigma",
+            }
         } else {
             channel_name(signal.kind)
         };

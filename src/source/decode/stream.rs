@@ -20,6 +20,8 @@ struct Decoded<R> {
     raw: Ahead<R>,
     judge: Judge,
     provided: Vec<ProvidedChannel>,
+    /// Columns that no channel reads.
+    unread: Vec<String>,
     counts: RowCounts,
     has_ended: bool,
 }
@@ -37,6 +39,7 @@ impl Plan<'_> {
     ) -> Result<Box<dyn RowStream>, SourceError> {
         self.set_origin(context)?;
         let provided = self.provided();
+        let unread = self.unread(&raw);
         let mut columns = Columns {
             raw: &raw,
             file,
@@ -62,9 +65,20 @@ impl Plan<'_> {
             judge: Judge::new(self, places),
             raw: Ahead::new(raw),
             provided,
+            unread,
             counts: RowCounts::default(),
             has_ended: false,
         }))
+    }
+
+    /// The columns of the file that no channel reads, by name or by number.
+    fn unread(&self, raw: &dyn RawRows) -> Vec<String> {
+        let is_read = |(k, name): &(usize, &String)| {
+            let is_number = |read: &str| raw.is_numbered() && read.parse() == Ok(k + 1);
+            self.columns().any(|read| read == name.as_str() || is_number(read))
+        };
+        let unread = raw.columns().iter().enumerate().filter(|column| !is_read(column));
+        unread.map(|(_, name)| name.clone()).collect()
     }
 
     fn set_origin(&mut self, context: &OpenContext) -> Result<(), SourceError> {
@@ -197,7 +211,10 @@ impl<R: RawRows> RowStream for Decoded<R> {
     }
 
     fn report(&self) -> SourceReport {
-        self.counts.report()
+        SourceReport {
+            unread: self.unread.clone(),
+            ..self.counts.report()
+        }
     }
 }
 
