@@ -3,6 +3,7 @@
 
 use super::real::{real, recorded};
 use fusion::config::Document;
+use fusion::core::health::State;
 use fusion::design::Design;
 use fusion::run::{Options, Summary, run};
 
@@ -169,4 +170,32 @@ fn a_slow_unit_with_a_hole_in_a_bend_goes_on_turning() {
     eprintln!("heading: {clean:.2} deg, with the hole {holed:.2} deg");
     // The car turns by 19 deg/s: a heading that stood still would be 5.5 deg off.
     assert!(holed < clean + 2.0, "{clean} {holed}");
+}
+
+#[test]
+fn a_car_finds_its_heading_after_gaps_of_everything_that_it_measures() {
+    if !recorded() {
+        return;
+    }
+    // The first of fifty gaps drawn between 95 s and 430 s, of 2 s to 25 s: the car turns in most of them, and comes out
+    // on the opposite course of those from 307, 348 and 105 s. It stands at the beginning of that from 266 s.
+    for (from, seconds) in [
+        (376.4, 5.1),
+        (347.6, 17.0),
+        (104.6, 22.7),
+        (306.9, 21.1),
+        (266.3, 19.7),
+        (231.7, 21.2),
+    ] {
+        let gaps = [outage("imu", from, seconds), outage("gnss", from, seconds)];
+        let sets: Vec<&str> = gaps.iter().map(String::as_str).collect();
+        let summary = real("rtklib-drive", &[], &sets).unwrap();
+        let health = &summary.health[0];
+        let after = from + seconds + 60.0;
+        let late = health.transitions.iter().rfind(|t| t.time <= after).unwrap();
+        eprintln!("{from} {seconds} s: {:?} a minute later", late.state);
+        assert_eq!(late.state, State::Good, "{from} {seconds} s");
+        let is_lost = health.transitions.iter().any(|t| t.state == State::Lost);
+        assert!(!is_lost, "{from} {seconds} s");
+    }
 }

@@ -125,6 +125,15 @@ pub struct Observed<'a> {
     pub lateness: Option<Lateness<'a>>,
 }
 
+/// Writes the orientations of `from` to `belief`.
+pub(super) fn take_orientations(layout: &Layout, from: &Belief, belief: &mut Belief) {
+    for block in layout.orientations() {
+        let storage = block.storage_range();
+        belief.x[storage.clone()].copy_from_slice(&from.x[storage]);
+        belief.covariance.set_block(block, &from.covariance.block(block));
+    }
+}
+
 /// The interface of every estimator, with or without a covariance.
 pub trait Estimator: Memory + core::fmt::Debug + Send {
     /// What it believes now.
@@ -141,6 +150,13 @@ pub trait Estimator: Memory + core::fmt::Debug + Send {
     /// Replaces the belief: initialisation, a snapshot restored. Its covariance may be stored in
     /// another form than that of the estimator.
     fn set_belief(&mut self, belief: Belief);
+
+    /// Takes the orientations of `from`, uncorrelated with everything else, which stays.
+    fn renew(&mut self, from: &Belief) {
+        let mut belief = self.belief().clone();
+        take_orientations(self.layout(), from, &mut belief);
+        self.set_belief(belief);
+    }
 
     /// Moves the belief to `to` under `input`.
     ///

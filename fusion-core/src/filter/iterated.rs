@@ -187,7 +187,7 @@ fn distance(work: &mut Innovation, is_weighed: bool) -> f64 {
 }
 
 /// Residual and H̃ at x̂ ⊞ δ; false where h has no value there.
-fn linearise(problem: &mut Problem<'_>, work: &mut Innovation) -> bool {
+pub(super) fn linearise(problem: &mut Problem<'_>, work: &mut Innovation) -> bool {
     // Lent for the time being, for `work` goes to the linearisation as a whole.
     let mut x = core::mem::take(&mut work.trial.x);
     let mut by = core::mem::replace(&mut work.trial.by, BlockMatrix::identity(0));

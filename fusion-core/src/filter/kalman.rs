@@ -1,8 +1,9 @@
 //! The Kalman filter on manifolds.
 
 use super::backend::Backend;
+use super::curvature::add_curvature;
 use super::earlier::Earlier;
-use super::estimator::{Estimator, FilterError, Observed, Rivals, Update, Verdict};
+use super::estimator::{Estimator, FilterError, Observed, Rivals, Update, Verdict, take_orientations};
 use super::fixes::Fixes;
 use super::own::OwnDynamics;
 use super::protect::Protection;
@@ -17,7 +18,7 @@ use crate::linear::{BlockMatrix, Jacobian, Transition};
 use crate::loss::Loss;
 use crate::memory::{Memory, Tape};
 use crate::model::{Gap, Input, LastInput, Process, SignalBuffer, Size};
-use crate::state::{Belief, Layout, Past, View};
+use crate::state::{ALIGNED, Belief, Layout, Past, View};
 use crate::time::{Time, nanos};
 use std::sync::Arc;
 
@@ -81,6 +82,8 @@ pub struct Filter {
     earlier: Earlier,
     /// Which sensors err more than they declare.
     pub(super) protection: Protection,
+    /// Whether a gap has left an attitude that is too uncertain to be linearised about.
+    is_open: bool,
     pub(super) belief: Belief,
     pub(super) transition: Transition,
     signals: Signals,
@@ -169,6 +172,7 @@ impl Filter {
             fixes: Fixes::of(&layout),
             earlier: Earlier::of(&layout),
             protection: Protection::of(&layout, parts.protection),
+            is_open: false,
             signals: Signals::new(&layout),
             work,
             reset: BlockMatrix::identity(n),
@@ -329,6 +333,12 @@ impl Filter {
         true
     }
 
+    /// The largest 1σ of an axis of the orientations \[rad\]; zero without any.
+    fn widest_orientation(&self) -> f64 {
+        let variances = self.growing.angular.iter().map(|axis| self.belief.covariance.variance(*axis));
+        variances.fold(0.0, f64::max).sqrt()
+    }
+
     /// The belief before a step, where steps are kept.
     pub(super) fn prior(&self) -> Option<Belief> {
         self.steps.is_some().then(|| self.belief.clone())
@@ -370,6 +380,8 @@ impl Filter {
         self.work.rows = m;
         self.work.sigma[..m].fill(f64::NAN);
         self.work.power[..m].fill(f64::NAN);
+        self.is_open = self.is_open && self.widest_orientation() > ALIGNED;
+        let (is_open, angular) = (self.is_open, Arc::clone(&self.growing.angular));
         let (mut problem, work, rule) = self.problem(observed);
         if let Err(why) = rule.innovation(&mut problem, work) {
             work.residual[..m].fill(f64::NAN);
@@ -377,6 +389,10 @@ impl Filter {
             return Err(Verdict::Undefined(why));
         }
         work.noise[..m * m].copy_from_slice(&observed.noise[..m * m]);
+        // Sigma points see the curvature themselves.
+        if is_open && rule.spread().is_none() {
+            add_curvature(&angular, &mut problem, work);
+        }
         if !(work.residual[..m].iter().all(|r| r.is_finite()) && work.factor()) {
             return Err(Verdict::Unusable);
         }
@@ -539,6 +555,7 @@ impl Memory for Filter {
         self.fixes.remember(tape);
         self.earlier.remember(tape);
         self.protection.remember(tape);
+        self.is_open.remember(tape);
         if tape.is_reading() {
             self.signals.forget();
         }
@@ -606,7 +623,28 @@ impl Estimator for Filter {
         self.fixes.start();
         self.earlier.start(&self.belief.x);
         self.protection.start();
+        self.is_open = false;
         self.signals.forget();
+    }
+
+    fn renew(&mut self, from: &Belief) {
+        self.forget_steps();
+        let prior = self.prior();
+        take_orientations(&self.layout, from, &mut self.belief);
+        self.earlier.start(&self.belief.x);
+        self.signals.forget();
+        self.keep(prior, |f, prior| {
+            let mut transition = Transition::new(&f.layout);
+            for axis in f.growing.angular.iter() {
+                transition.phi.set_element(*axis, *axis, 0.0);
+            }
+            let posterior = f.belief.clone();
+            Step::Predicted {
+                prior,
+                transition,
+                posterior,
+            }
+        });
     }
 
     fn predict(&mut self, to: Time, input: &Input<'_>) -> Result<(), FilterError> {
@@ -623,7 +661,9 @@ impl Estimator for Filter {
                 from: before + from,
                 to: before + to,
             })
-        })
+        })?;
+        self.is_open = self.is_open || self.widest_orientation() > ALIGNED;
+        Ok(())
     }
 
     fn update<'a>(&'a mut self, observed: &Observed<'a>, gate: &mut dyn Gate, others: &[Option<Outcome>], loss: &dyn Loss) -> Update<'a> {

@@ -7,6 +7,7 @@
 
 mod backend;
 mod bank;
+mod curvature;
 mod earlier;
 mod estimator;
 mod fixes;

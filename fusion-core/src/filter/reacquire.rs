@@ -46,12 +46,14 @@ pub(super) struct Growing {
 
 impl Growing {
     pub(super) fn of(layout: &Layout) -> Self {
-        let is_angle = |b: &&Block| matches!(b.kind, Kind::Attitude | Kind::Angle);
         let blocks = layout.blocks().iter().map(|b| (b.tangent_range(), b.role != StateRole::Kinematic));
         let motion = || layout.blocks().iter().filter(|b| b.role == StateRole::Kinematic);
         Self {
-            linear: motion().filter(|b| !is_angle(b)).flat_map(Block::tangent_range).collect(),
-            angular: motion().filter(is_angle).flat_map(Block::tangent_range).collect(),
+            linear: motion()
+                .filter(|b| !matches!(b.kind, Kind::Attitude | Kind::Angle))
+                .flat_map(Block::tangent_range)
+                .collect(),
+            angular: layout.orientations().flat_map(Block::tangent_range).collect(),
             blocks: blocks.collect(),
             seen: Vec::with_capacity(layout.blocks().len()),
         }

@@ -254,8 +254,9 @@ pub(super) struct Trial {
     pub(super) delta: Vec<f64>,
     pub(super) dual: Vec<f64>,
     pub(super) dual_kept: Vec<f64>,
-    /// A row of H.
+    /// A row of H; another H.
     pub(super) row: Vec<f64>,
+    pub(super) jacobian: Jacobian,
     /// The innovation of the prediction, which is what is reported.
     pub(super) residual: Vec<f64>,
     pub(super) predicted: Vec<f64>,
@@ -275,6 +276,7 @@ impl Trial {
             dual: vec![0.0; n],
             dual_kept: vec![0.0; n],
             row: vec![0.0; n],
+            jacobian: Jacobian::new(layout, m),
             residual: vec![0.0; m],
             predicted: vec![0.0; value],
             value: vec![0.0; value],

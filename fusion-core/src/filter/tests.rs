@@ -12,6 +12,7 @@ use nalgebra::{DMatrix, Matrix1, SMatrix, SVector};
 use std::sync::Arc;
 
 mod bank;
+mod curvature;
 mod input_noise;
 mod late;
 mod protect;

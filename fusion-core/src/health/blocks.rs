@@ -93,8 +93,7 @@ impl Blocks {
 
     /// Whether no axis of the attitude has a 1σ above `allowed`.
     pub(super) fn attitude_within(&self, belief: &Belief, allowed: f64) -> bool {
-        let mut attitudes = self.layout.blocks().iter().filter(|b| is_angle(b));
-        attitudes.all(|b| belief.covariance.variances(b).all(|v| v <= allowed * allowed))
+        self.layout.is_aligned(belief, allowed)
     }
 
     /// Judges a belief.
@@ -205,10 +204,6 @@ fn wandered(block: &Block, k: usize, elapsed: f64) -> f64 {
         Dynamics::RandomWalk { psd } => psd[k] * elapsed,
         Dynamics::GaussMarkov { sigma, .. } => sigma[k] * sigma[k],
     }
-}
-
-fn is_angle(block: &Block) -> bool {
-    block.role == StateRole::Kinematic && matches!(block.kind, Kind::Attitude | Kind::Angle)
 }
 
 /// The least 1σ of a kinematic block; 0 of one that is neither position, velocity nor attitude.

@@ -69,7 +69,7 @@ impl Limits {
     /// | 8 σ of a jump | undisturbed recorded logs reach 6 once, in the scale of a skidding wheel; half a turn is 25 |
     /// | floors | a hundredth of what the best sensors measure |
     pub const DEFAULT: Self = Self {
-        aligned: 15.0 * core::f64::consts::PI / 180.0,
+        aligned: crate::state::ALIGNED,
         coasting: 0.2,
         innovations: 2.5,
         innovations_lost: 10.0,

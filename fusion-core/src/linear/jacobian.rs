@@ -179,6 +179,17 @@ impl Jacobian {
         }
     }
 
+    /// H ← H − `other`; both are complete and have as many rows.
+    pub(crate) fn subtract(&mut self, other: &Self) {
+        for &(start, end) in &other.columns {
+            self.cover(start, end);
+            for row in (0..self.rows).map(|i| i * self.ld) {
+                let pairs = self.h[row + start..row + end].iter_mut().zip(&other.h[row + start..row + end]);
+                pairs.for_each(|(h, o)| *h -= o);
+            }
+        }
+    }
+
     /// Whether a signal's Jacobian is needed to complete this one.
     #[must_use]
     pub const fn needs_signals(&self) -> bool {

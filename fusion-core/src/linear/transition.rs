@@ -1,8 +1,20 @@
 //! The discrete transition: Φ and the process noise.
 
 use super::BlockMatrix;
-use crate::state::{Layout, Slot, Tangent};
+use crate::state::{Layout, Manifold, Slot, Tangent};
 use nalgebra::{SMatrix, SVector};
+
+/// Noise of an axis, at most `most` and what lifts its variance to `bound`: `value`, and `per` times the variances of the
+/// axes `of`.
+#[derive(Clone, Debug)]
+struct Bounded {
+    axis: u16,
+    value: f64,
+    per: f64,
+    of: core::ops::Range<u16>,
+    most: f64,
+    bound: f64,
+}
 
 /// The discrete transition over one step: Φ and the process noise, in the canonical chart.
 #[derive(Clone, Debug)]
@@ -13,8 +25,8 @@ pub struct Transition {
     pub(crate) before: NoiseBlocks,
     /// Noise added after Φ.
     pub(crate) after: NoiseBlocks,
-    /// Noise added after Φ as far as the variance stays below a bound: axis, variance, bound.
-    bounded: Vec<(u16, f64, f64)>,
+    /// Noise added after Φ as far as the variance stays below a bound.
+    bounded: Vec<Bounded>,
 }
 
 impl Transition {
@@ -75,7 +87,28 @@ impl Transition {
         A: Tangent<R>,
     {
         for k in 0..R {
-            self.bounded.push(((slot.tangent + k) as u16, variance[k], bound[k]));
+            self.bounded.push(Bounded {
+                axis: (slot.tangent + k) as u16,
+                value: variance[k],
+                per: 0.0,
+                of: 0..0,
+                most: variance[k],
+                bound: bound[k],
+            });
+        }
+    }
+
+    /// Lowers the noise up to a bound of axis `k` of `slot` to `per` times the mean square of the first `axes` axes of
+    /// `by`: `square` that of their values, their variances are added. For an error that grows with what is uncertain itself.
+    pub fn noise_in_proportion<A, B>(&mut self, slot: Slot<A>, k: usize, per: f64, square: f64, by: Slot<B>, axes: usize)
+    where
+        A: Manifold,
+        B: Manifold,
+    {
+        let axis = (slot.tangent + k) as u16;
+        if let Some(bounded) = self.bounded.iter_mut().rfind(|b| b.axis == axis) {
+            (bounded.value, bounded.per) = (per * square, per);
+            bounded.of = by.tangent as u16..(by.tangent + axes) as u16;
         }
     }
 
@@ -88,9 +121,10 @@ impl Transition {
     /// Turns the bounded noise into noise; `variance` tells that of an axis before the step.
     #[inline]
     pub(crate) fn settle(&mut self, variance: impl Fn(usize) -> f64) {
-        for &(axis, q, bound) in &self.bounded {
-            let room = (bound - variance(axis.into())).max(0.0);
-            self.after.entries.push((axis, axis, q.min(room)));
+        for b in &self.bounded {
+            let (room, of) = ((b.bound - variance(b.axis.into())).max(0.0), b.of.clone());
+            let q = b.value + b.per * of.map(|axis| variance(axis.into())).sum::<f64>();
+            self.after.entries.push((b.axis, b.axis, q.min(b.most).min(room)));
         }
         self.bounded.clear();
     }
@@ -177,5 +211,35 @@ impl NoiseBlocks {
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::filter::tests::declare;
+    use crate::state::{Dynamics, LayoutBuilder, Scalar, Vector};
+    use nalgebra::Vector1;
+
+    #[test]
+    fn noise_in_proportion_follows_value_and_variance_up_to_its_most_and_its_bound() {
+        let mut b = LayoutBuilder::new();
+        let heading = declare::<Scalar>(&mut b, "heading", 0.0, &[1.0], Dynamics::Process);
+        let velocity = declare::<Vector<2>>(&mut b, "velocity", [0.0; 2].into(), &[1.0; 2], Dynamics::Process);
+        let mut transition = Transition::new(&b.finish());
+        let mut noise = |square: f64, variances: [f64; 3]| {
+            transition.reset();
+            transition.noise_up_to(heading, &Vector1::new(3.0), &Vector1::new(10.0));
+            transition.noise_in_proportion(heading, 0, 0.5, square, velocity, 2);
+            transition.settle(|axis| variances[axis]);
+            let told: Vec<_> = transition.noise_after().collect();
+            assert_eq!((told.len(), told[0].0, told[0].1), (1, 0, 0));
+            told[0].2
+        };
+        // Halves of whole numbers: exact.
+        assert_eq!(noise(0.0, [1.0, 0.0, 0.0]), 0.0);
+        assert_eq!(noise(1.0, [1.0, 2.0, 1.0]), 2.0);
+        assert_eq!(noise(100.0, [1.0, 0.0, 0.0]), 3.0);
+        assert_eq!(noise(0.0, [9.0, 50.0, 0.0]), 1.0);
     }
 }

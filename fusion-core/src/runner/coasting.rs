@@ -110,6 +110,7 @@ impl Runner {
         if let Err(error) = self.estimator.coast(to, to.seconds_since(since), expected.as_ref()) {
             observer.on(&Event::Failed { error })?;
         }
+        self.watch_attitude();
         self.tell_steps(observer)
     }
 
@@ -161,6 +162,7 @@ impl Runner {
     /// The initialisers begin anew; what is known of the calibration is kept for them.
     pub(super) fn begin_again(&mut self) {
         self.started = false;
+        self.realign.forget();
         self.last = Some(self.estimator.belief().clone());
         self.begin_anew();
         self.outcomes.fill(None);

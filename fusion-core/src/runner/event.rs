@@ -106,7 +106,8 @@ pub enum Event<'a> {
     /// A step of the estimator, for smoothers and ledgers; reported only if an observer
     /// [wants](Observer::wants_steps) steps.
     Step(&'a Step),
-    /// An initialiser has taken a row. Rows that come when the filter runs are not shown to it.
+    /// An initialiser has taken a row before the start. A filter that runs shows it rows only after a gap has lost the
+    /// attitude, without this event.
     Taken {
         /// The initialiser's name.
         initialiser: &'a str,

@@ -13,6 +13,7 @@ use crate::time::{Time, nanos};
 use nalgebra::Matrix1;
 use std::sync::Arc;
 
+mod realign;
 mod spikes;
 
 /// A body that may change its acceleration by 2 m/s², and coasts at constant velocity.

@@ -31,7 +31,7 @@ impl Runner {
         self.stages.iter_mut().for_each(|unit| unit.stage.remember(tape));
         self.emissions.as_mut_slice().remember(tape);
         // Once the filter runs they are asked no more; before another start they begin anew.
-        if !self.started {
+        if !self.started || self.realign.is_due() {
             self.initialisers.iter_mut().for_each(|unit| unit.initialiser.remember(tape));
         }
         self.remember_last(tape);
@@ -49,6 +49,7 @@ impl Runner {
 
     fn remember_progress(&mut self, tape: &mut Tape<'_>) {
         self.started.remember(tape);
+        self.realign.remember(tape);
         self.start_after.remember(tape);
         self.watermark.remember(tape);
         self.released.remember(tape);

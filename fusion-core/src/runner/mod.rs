@@ -21,6 +21,7 @@ mod offset;
 mod ordering;
 mod parts;
 mod quarantine;
+mod realign;
 mod restart;
 mod rewind;
 mod rows;

@@ -6,6 +6,7 @@ use super::intake::Intake;
 use super::offset::Window;
 use super::parts::Emitted;
 use super::quarantine::{Admission, Held, Quarantine};
+use super::realign::Realign;
 use super::restart::Restart;
 use super::rewind::Rewind;
 use super::rows::{Consumer, Entry, Queue, Row, Rows};
@@ -62,6 +63,8 @@ pub struct Runner {
     pub(super) last: Option<Belief>,
     /// What becomes of a filter that is lost.
     pub(super) restart: Restart,
+    /// Whether the attitude is to be found again.
+    pub(super) realign: Realign,
     pub(super) quarantine: Quarantine,
     /// How far the input is beside the other rows.
     pub(super) ahead_of_input: Ahead,
@@ -127,6 +130,7 @@ impl Runner {
             pristine: Vec::new(),
             last: None,
             restart: Restart::default(),
+            realign: Realign::default(),
             quarantine: Quarantine::new(f64::INFINITY),
             ahead_of_input: Ahead::default(),
             buffer,

@@ -72,7 +72,7 @@ impl Restart {
 }
 
 /// Copies what calibration is kept from, without a new allocation; the input is not part of it.
-fn copy(from: &Belief, to: &mut Belief) {
+pub(super) fn copy(from: &Belief, to: &mut Belief) {
     to.time = from.time;
     to.x.copy_from_slice(&from.x);
     to.covariance.copy_from(&from.covariance);

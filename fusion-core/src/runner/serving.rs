@@ -42,7 +42,7 @@ impl Runner {
     }
 
     fn initialiser_row(&mut self, unit: usize, input: usize, time: Time, row: usize, observer: &mut dyn Observer) -> Result<(), Halt> {
-        if self.started {
+        if self.started && !self.realign.is_due() {
             return Ok(());
         }
         let u = &mut self.initialisers[unit];
@@ -58,6 +58,9 @@ impl Runner {
             });
         }
         u.initialiser.row(input, time, &self.value);
+        if self.started {
+            return self.realign(time, observer);
+        }
         observer.on(&Event::Taken {
             initialiser: &u.name,
             input,

@@ -1,5 +1,6 @@
 //! The layout of the state vector: which blocks there are, who declares them, where they lie.
 
+use super::belief::Belief;
 use super::manifold::{Kind, Manifold, Vector, is_rotation};
 use super::name::QuantityName;
 use super::quantity::{Quantity, Signal, Slot};
@@ -224,6 +225,18 @@ impl Layout {
         // Without branches in between: it nearly always is.
         let is_below = x.iter().zip(&self.limits).fold(true, |all, (v, limit)| all & (v.abs() <= *limit));
         is_below && self.attitudes.iter().all(|&at| is_rotation(&x[at..at + 4]))
+    }
+
+    /// The orientations of the motion: attitudes and headings.
+    pub(crate) fn orientations(&self) -> impl Iterator<Item = &Block> {
+        let is_angle = |b: &&Block| matches!(b.kind, Kind::Attitude | Kind::Angle);
+        self.blocks.iter().filter(|b| b.role == StateRole::Kinematic).filter(is_angle)
+    }
+
+    /// Whether no axis of the orientations has a greater 1σ \[rad\].
+    pub(crate) fn is_aligned(&self, belief: &Belief, sigma: f64) -> bool {
+        let mut variances = self.orientations().flat_map(|b| belief.covariance.variances(b));
+        variances.all(|variance| variance <= sigma * sigma)
     }
 
     /// x ← x ⊞ δ over all blocks.

@@ -19,7 +19,9 @@
 
 use crate::units::{Axes, Dimensional, Positive, dim, range};
 use fusion_core::geometry::so3;
+use fusion_core::linear::Transition;
 use fusion_core::model::Gap;
+use fusion_core::state::{Attitude, Slot, Velocity};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -147,16 +149,28 @@ impl Agility {
         c_nb * variance * c_nb.transpose()
     }
 
-    /// The variance of the attitude that a part of a gap adds at a speed \[m/s\], per body axis, and that
-    /// up to which it grows \[rad²\].
-    pub(super) fn attitude(&self, gap: &Gap, speed: f64) -> (Vector3<f64>, Vector3<f64>) {
-        let mut w = self.rate;
-        if let Some(curvature) = self.curvature {
-            w.z = w.z.min(speed * curvature);
-        }
+    /// The variance of the attitude that a part of a gap adds, per body axis, and that up to which it grows \[rad²\].
+    pub(super) fn attitude(&self, gap: &Gap) -> (Vector3<f64>, Vector3<f64>) {
+        let w = self.rate;
         let heading = core::f64::consts::PI.powi(2) / 3.0;
         let tilt = self.tilt * self.tilt;
         (w.component_mul(&w) * self.growth(gap), Vector3::new(tilt, tilt, heading))
+    }
+
+    /// The most variance of the heading that a part of a gap adds per square of the speed \[rad²/(m/s)²\]; none of a vehicle
+    /// that can turn on the spot.
+    pub(super) fn by_speed(&self, gap: &Gap) -> Option<f64> {
+        self.curvature.map(|curvature| curvature * curvature * self.growth(gap))
+    }
+
+    /// Writes the noise of the attitude over a part of a gap. The speed is as uncertain as the velocity: a car that stood
+    /// may have driven off.
+    pub(super) fn turn(&self, gap: &Gap, attitude: Slot<Attitude>, velocity: Slot<Velocity>, speed: f64, out: &mut Transition) {
+        let (variance, bound) = self.attitude(gap);
+        out.noise_up_to(attitude, &variance, &bound);
+        if let Some(per) = self.by_speed(gap) {
+            out.noise_in_proportion(attitude, 2, per, speed * speed, velocity, 2);
+        }
     }
 }
 
@@ -228,11 +242,10 @@ mod tests {
             turning_radius: Some(positive(5.0)),
             ..AgilitySpec::default()
         };
-        let turning = |speed: f64| Agility::from(&spec).attitude(&gap, speed).0;
-        let free = agility().attitude(&gap, 0.0).0;
-        assert_eq!((turning(0.0).z, turning(0.0).x), (0.0, free.x));
-        // At 1 m/s a circle of 5 m is 0.2 rad/s, at 10 m/s the rate of 0.5 rad/s is the smaller one.
-        assert!((turning(1.0).z / free.z - 0.16).abs() < 1e-15 && turning(10.0) == free);
+        assert_eq!(agility().by_speed(&gap), None);
+        let per = Agility::from(&spec).by_speed(&gap).unwrap();
+        // At 1 m/s a circle of 5 m is 0.2 rad/s, two fifths of 0.5 rad/s.
+        assert!((per / agility().attitude(&gap).0.z - 0.16).abs() < 1e-15);
     }
 
     #[test]

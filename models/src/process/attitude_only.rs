@@ -162,7 +162,7 @@ impl Process for AttitudeOnly {
     }
 
     fn coast(&self, x: &mut [f64], gap: &Gap, motion: &[f64], sample: &mut [f64], out: &mut Transition) -> bool {
-        let (variance, bound) = self.agility.attitude(gap, f64::INFINITY);
+        let (variance, bound) = self.agility.attitude(gap);
         out.noise_up_to(self.attitude, &variance, &bound);
         let fading = self.agility.fading(gap, motion);
         out.set(self.attitude, self.attitude, &so3::rotation(&fading.turn.inverse()));

@@ -61,8 +61,7 @@ impl Kinematic {
         self.slots.fade(&fading, &c_nb, out);
         out.set(self.slots.position, self.slots.attitude, &(-b.rv * c_nb * so3::skew(&fading.path)));
         out.noise_trapezoid(self.slots.velocity, self.slots.velocity, &agility.velocity(gap, &c_nb));
-        let (variance, bound) = agility.attitude(gap, nav.v_eb_n.xy().norm());
-        out.noise_up_to(self.slots.attitude, &variance, &bound);
+        agility.turn(gap, self.slots.attitude, self.slots.velocity, nav.v_eb_n.xy().norm(), out);
         // The radii of mid-step, as the mechanisation takes them.
         let travelled = nav.v_eb_n * dt + c_nb * fading.path;
         let earth = LocalEarth::at(&nav.position.offset(&(travelled * 0.5)));

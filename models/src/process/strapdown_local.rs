@@ -212,8 +212,7 @@ impl Process for StrapdownLocal {
         out.set(self.slots.position, self.slots.attitude, &(-c_nb * so3::skew(&fading.path)));
         self.slots.fade(&fading, &c_nb, out);
         out.noise_trapezoid(self.slots.velocity, self.slots.velocity, &self.agility.velocity(gap, &c_nb));
-        let (variance, bound) = self.agility.attitude(gap, v.xy().norm());
-        out.noise_up_to(self.slots.attitude, &variance, &bound);
+        self.agility.turn(gap, self.slots.attitude, self.slots.velocity, v.xy().norm(), out);
         let position = self.slots.position.read(x) + v * dt + c_nb * fading.path;
         let q = q * fading.turn;
         self.slots.position.write(&position, x);
