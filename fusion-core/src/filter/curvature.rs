@@ -1,4 +1,4 @@
-//! What a linearisation leaves out under an attitude that is hardly known, as noise of the measurement.
+//! The error of a linearisation under an attitude with a large σ, as noise of the measurement.
 //!
 //! H is the derivative at the estimate. It describes h within the 1σ of the attitude while sin x is x. A measurement
 //! that is used beyond that, again and again at changing estimates, leaves a σ that the errors do not obey.

@@ -22,7 +22,7 @@ const EXPLAINED: f64 = 3.090_232_306_167_813;
 /// Measurements that the mean is taken of: it is known to 8 % where they have three rows.
 const WINDOW: f64 = 100.0;
 
-/// What the innovations of each sensor were lately, and the axes to protect.
+/// The latest innovations of each sensor, and the axes to protect.
 #[derive(Clone, Debug)]
 pub(super) struct Protection {
     axes: Arc<[usize]>,
@@ -66,7 +66,7 @@ impl Lately {
 }
 
 impl Protection {
-    /// Of the calibrations of `layout`; of none where it is not wanted.
+    /// For the calibrations of `layout`, or for none where `is_wanted` is false.
     pub(super) fn of(layout: &Layout, is_wanted: bool) -> Self {
         let is_protected = |b: &&Block| is_wanted && b.role == StateRole::Calibration;
         let calibrations = layout.blocks().iter().filter(is_protected);
@@ -99,7 +99,7 @@ impl Protection {
 }
 
 impl Filter {
-    /// Takes what is beyond `share` of the correction from the calibrations, and leaves them so much of their variance.
+    /// Reduces the correction of the calibrations to its `share`, and the loss of their variance as well.
     pub(super) fn protect(&mut self, share: f64) {
         let (axes, m) = (&self.protection.axes, self.work.rows);
         let work = &self.work.work;

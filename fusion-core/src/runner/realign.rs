@@ -1,7 +1,7 @@
 //! Aligning anew after a gap in which the attitude was lost.
 //!
 //! A gap of the input may leave an attitude that is not aligned any more. What measures it by a sine or a cosine fits two
-//! headings then, and whichever is nearer to the estimate is kept. The initialisers say which one is right: they begin
+//! headings then, and the filter keeps the nearer one. The initialisers say which one is right: they begin
 //! anew, and the first attitude that they find replaces that of the filter, unless the two agree. Everything else that
 //! the filter knows stays.
 //!

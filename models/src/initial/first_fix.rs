@@ -5,8 +5,8 @@
 //! axis the variance of C_nb [l ×] P_att [l ×]ᵀ C_nbᵀ, at most |l|². Where no attitude is known, |l|² and
 //! no shift. The velocity is that of the antenna: a body that turns at the start is not meant.
 //!
-//! Carried   a fix is older than the start by Δt:  r ← r + v Δt, with the velocity v. Where none is taken, the way
-//!           between the latest two fixes tells how far the vehicle goes in that time, which goes into the 1σ
+//! Carried   a fix is older than the start by Δt:  r ← r + v Δt, with the velocity v. Without a velocity, the mean
+//!           velocity between the latest two fixes times Δt goes into the 1σ
 //! Aged      velocities v_1, v_2 at t_1, t_2: the acceleration |v_2 − v_1| / (t_2 − t_1) times the age of v_2 goes into
 //!           the 1σ of the velocity, and the 1σ of the velocity times Δt into that of the position
 //!
