@@ -148,7 +148,7 @@ fn the_drive_drifts_little_in_half_a_minute_without_gnss() {
         return;
     };
     assert!(drifts.len() >= 15, "{}", drifts.len());
-    // 10 % above RMS 4.96 m and median 3.23 m; the specification asks for 16 m and 8 m.
+    // RMS 5.26 m and median 3.16 m, those cut by the end of the log included; the specification asks for 16 m and 8 m.
     assert!(
         rms(&drifts) <= 5.46 && drifts[drifts.len() / 2] <= 3.55,
         "{} {drifts:?}",
