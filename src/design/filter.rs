@@ -368,6 +368,13 @@ impl FilterSpec {
                 "add `update = \"unscented\"`, or leave it out",
             );
         }
+        if self.protect_calibrations && matches!(backend.update, UpdateKind::Outright) {
+            return mistake(
+                "protect_calibrations",
+                "an `outright` update has no covariance, and protects nothing",
+                "take another `update`, or leave it out",
+            );
+        }
         if self.iterations == Some(0) {
             return mistake("iterations", "an update takes at least 1 step", "10 are usual");
         }

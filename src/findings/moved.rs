@@ -9,7 +9,7 @@ use crate::present::{Unit, short};
 /// So many calibrations are named.
 const NAMED: usize = 3;
 
-/// What a design says of the 1σ that a source may report.
+/// The 1σ that a source may report, as the design declares it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Reports {
     /// The channel of the source that would report it.
@@ -32,8 +32,8 @@ impl Judged<'_> {
         all.into_iter().map(|(i, excess)| self.moved_by(i, &excess)).collect()
     }
 
-    /// What a sensor moved, but for what another one, with innovations that were larger still, moved at that time: where one
-    /// throws the estimate off, the others disagree with it.
+    /// The calibrations that a sensor moved, except those that a sensor with larger innovations moved at the same time. Where
+    /// one sensor throws the estimate off, the others disagree with it.
     fn excess(&self, sensor: &str) -> Option<Excess> {
         let all = &self.summary.excesses;
         let own = all.iter().find(|e| e.sensor == sensor)?;

@@ -7,7 +7,7 @@
 //!
 //! A consistent filter moves a calibration by a number of variance σ₀² − σ² ≤ σ₀², and its steps do not depend on each other: the
 //! farthest of them is beyond a limit at most twice as often as the last one (reflection principle). Innovations that are k times too large
-//! move it k times as far, and leave σ as it is: what was learnt meanwhile is worse than its 1σ says.
+//! move it k times as far, and leave σ as it is. The calibration is then less accurate than its 1σ.
 //!
 //! Not here   which of the two is wrong, the 1σ of the sensor or that of the calibration: both make innovations too large
 
@@ -40,7 +40,7 @@ pub struct Excess {
     pub measurements: u64,
     /// Their mean NIS, each by the weight that its loss left to it.
     pub nis: f64,
-    /// What the mean NIS of a consistent filter is.
+    /// The mean NIS of a consistent filter.
     pub dof: usize,
     /// The calibrations that moved, the farthest first.
     pub moved: Vec<Moved>,

@@ -67,6 +67,7 @@ fn combinations_without_a_meaning_are_refused_with_the_reason() {
     refused("iterations = 5", "`iterations` belongs to the iterated update");
     refused("tolerance = 0.1", "`tolerance` belongs to the iterated update");
     refused("spread = { alpha = 0.1 }", "`spread` belongs to the unscented update");
+    refused("update = \"outright\"\nprotect_calibrations = true", "protects nothing");
     refused("update = \"iterated\"\niterations = 0", "at least 1 step");
     refused("update = \"iterated\"\ntolerance = -1.0", "must be finite and at least 0");
     refused("update = \"iterated\"\nreset = \"plain\"", "always carries the covariance");

@@ -32,7 +32,7 @@ fn false_fixes_after_an_outage_capture_gates_and_no_bank() {
     }
 }
 
-/// Of 50 runs whose heading is 170° wrong 72 % converge with one start, and all with twelve.
+/// Of 50 runs whose heading is 170° wrong 70 % converge with one start, and all with twelve.
 #[test]
 fn twelve_headings_find_the_true_one() {
     let heading = |bank: &str| {

@@ -1,12 +1,12 @@
 //! Aligning anew after a gap in which the attitude was lost.
 //!
-//! A gap of the input may leave an attitude that is not aligned any more. What measures it by a sine or a cosine fits two
+//! A gap of the input may leave an attitude that is not aligned any more. A measurement of its sine or cosine fits two
 //! headings then, and the filter keeps the nearer one. The initialisers say which one is right: they begin
 //! anew, and the first attitude that they find replaces that of the filter, unless the two agree. Everything else that
 //! the filter knows stays.
 //!
 //! Limit      three σ of a right angle, beyond which a sine turns back: twice what can be linearised about
-//! Not        initialisers that read no stream: what a designer wrote of the beginning of a run is not true later
+//! Not        initialisers that read no stream: a declared start is not true later
 
 use super::ordering::Runner;
 use super::restart::copy;
