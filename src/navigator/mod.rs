@@ -198,11 +198,29 @@ impl Navigator {
     /// [`FeedError`]; the filter is untouched.
     pub fn feed(&mut self, stream: &str, seconds: f64, row: &[f64]) -> Result<(), FeedError> {
         let id = self.stream(stream)?;
-        let stamp = Time::checked_from_seconds(seconds).ok_or_else(|| FeedError::Stamp {
-            stream: stream.to_owned(),
-            seconds,
-        })?;
-        self.feed_stream(id, stamp, row, &mut |_: &Event<'_>| {})
+        self.feed_stream(id, stamp(stream, seconds)?, row, &mut |_: &Event<'_>| {})
+    }
+
+    /// Feeds a row as [`Navigator::feed`] does, with the time of its arrival \[s\], by a monotonic clock of any origin.
+    /// The first row after a gap is then used at once if as much time has passed. Without an arrival, 20 rows wait
+    /// until the 21st confirms that the stamps have not jumped.
+    ///
+    /// ```
+    /// # let mut nav = fusion::Navigator::from_file("examples/embed.toml")?;
+    /// let clock = std::time::Instant::now();
+    /// nav.feed_arrived("gnss", 0.0, clock.elapsed().as_secs_f64(), &[0.63, 2.26, 50.0])?;
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`FeedError`]; the filter is untouched.
+    pub fn feed_arrived(&mut self, stream: &str, seconds: f64, arrival: f64, row: &[f64]) -> Result<(), FeedError> {
+        let id = self.stream(stream)?;
+        let row = Row {
+            arrival: Some(stamp(stream, arrival)?),
+            ..Row::new(id, stamp(stream, seconds)?, row)
+        };
+        self.feed_next(row, &mut |_: &Event<'_>| {})
     }
 
     /// Feeds a row and hears the events it causes; rows of a stream are numbered from 0.
@@ -231,12 +249,14 @@ impl Navigator {
     /// # Errors
     /// [`FeedError`]; of a row that is refused the filter is untouched.
     pub fn feed_stream(&mut self, stream: StreamId, time: Time, row: &[f64], observer: &mut dyn Observer) -> Result<(), FeedError> {
-        let row = Row {
-            number: self.counts.get(stream).copied().unwrap_or_default(),
-            ..Row::new(stream, time, row)
-        };
+        self.feed_next(Row::new(stream, time, row), observer)
+    }
+
+    /// Numbers a row and feeds it.
+    fn feed_next(&mut self, mut row: Row<'_>, observer: &mut dyn Observer) -> Result<(), FeedError> {
+        row.number = self.counts.get(row.stream).copied().unwrap_or_default();
         self.feed_row(&row, observer)?;
-        self.counts[stream] += 1;
+        self.counts[row.stream] += 1;
         Ok(())
     }
 
@@ -508,6 +528,14 @@ impl Navigator {
     }
 }
 
+/// A time of so many seconds, of a row of this stream.
+fn stamp(stream: &str, seconds: f64) -> Result<Time, FeedError> {
+    Time::checked_from_seconds(seconds).ok_or_else(|| FeedError::Stamp {
+        stream: stream.to_owned(),
+        seconds,
+    })
+}
+
 /// Carried by a vehicle of a simulated world, which it steers.
 impl Aboard for Navigator {
     fn pose(&mut self, now: Time) -> Option<Pose> {
@@ -650,6 +678,22 @@ mod tests {
         nav.feed("gnss", 1.0, &row).unwrap();
         nav.finish(&mut |_: &Event<'_>| {}).unwrap();
         assert_eq!(nav.solution().unwrap().time, Time::from_seconds(1.0));
+    }
+
+    #[test]
+    fn after_a_gap_that_the_clock_of_arrival_confirms_the_first_row_is_used() {
+        let row = [0.8, 0.1, 400.0, 2.0, 2.0, 2.0, 0.0, 0.0, 0.0];
+        let after_an_hour = |passed: f64| {
+            let mut nav = Navigator::from_toml(DESIGN).unwrap_or_else(|d| panic!("{d}"));
+            for (time, arrival) in [(0.0, 70.0), (1.0, 71.0), (3600.0, 71.0 + passed)] {
+                nav.feed_arrived("gnss", time, arrival, &row).unwrap();
+            }
+            nav.finish(&mut |_: &Event<'_>| {}).unwrap();
+            nav.solution().unwrap().time.seconds()
+        };
+        assert_eq!(after_an_hour(3599.0), 3600.0);
+        // The stamp is wrong: its row waits for others in vain.
+        assert_eq!(after_an_hour(1.0), 1.0);
     }
 
     #[test]

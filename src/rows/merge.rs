@@ -78,6 +78,7 @@ impl Merged {
             number,
             values: &head.values,
             disturbed: head.source.disturbed(),
+            arrival: None,
         }))
     }
 

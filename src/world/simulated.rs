@@ -106,6 +106,7 @@ impl SimulatedRows {
                     number: stamp.number,
                     values: &self.values,
                     disturbed: self.outlets[from].faults.disturbed(),
+                    arrival: None,
                 });
             }
         }

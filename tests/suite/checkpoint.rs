@@ -73,7 +73,7 @@ fn every_recorded_design_goes_on_from_a_checkpoint_as_without_a_stop() {
         if real_design(&name, &[], &[]).is_none() {
             return;
         }
-        obeys(&name, |sets| real_design(&name, &[], sets).unwrap(), 4000);
+        obeys(&name, |sets| real_design(&name, &[], sets).unwrap(), 2500);
     }
 }
 

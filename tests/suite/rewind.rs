@@ -336,7 +336,7 @@ fn every_recorded_design_ends_as_in_time_order_whatever_the_order_of_arrival() {
         if real_design(&name, &[], &[]).is_none() {
             return;
         }
-        obeys(&name, |sets| real_design(&name, &[], sets).unwrap(), 5000);
+        obeys(&name, |sets| real_design(&name, &[], sets).unwrap(), 3000);
     }
 }
 

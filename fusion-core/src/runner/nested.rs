@@ -144,6 +144,7 @@ impl Stage for Nested {
             } else {
                 &[]
             },
+            arrival: None,
         };
         let before = self.runner.belief().time;
         let mut teller = Teller { out, used: false };

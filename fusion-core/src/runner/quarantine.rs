@@ -21,6 +21,8 @@ pub(super) struct Quarantine {
     longest: i64,
     /// The longest that the rows have lately been apart \[ns\].
     usual: i64,
+    /// When the latest row arrived that is not in doubt.
+    arrived: Option<Time>,
     /// The first stream that had a row, and whether others had, too.
     stream: Option<usize>,
     are_several: bool,
@@ -32,6 +34,7 @@ pub(super) struct Quarantine {
 impl Memory for Quarantine {
     fn remember(&mut self, tape: &mut Tape<'_>) {
         self.usual.remember(tape);
+        self.arrived.remember(tape);
         self.stream.remember(tape);
         self.are_several.remember(tape);
         tape.pooled(&mut self.held, &mut self.spare);
@@ -63,6 +66,7 @@ impl Held {
             values: &self.values,
             number: self.number,
             disturbed: &self.disturbed,
+            arrival: None,
         }
     }
 }
@@ -86,6 +90,7 @@ impl Quarantine {
         Self {
             longest: nanos(longest),
             usual: 0,
+            arrived: None,
             stream: None,
             are_several: false,
             held: VecDeque::new(),
@@ -101,7 +106,13 @@ impl Quarantine {
 
     /// Whether a row is in doubt, the latest stamp of the others being `now`.
     pub(super) fn doubts(&self, row: &Row<'_>, now: Time) -> bool {
-        now != Time::MIN && row.time.nanos().saturating_sub(now.nanos()) > self.limit()
+        let passed = self.passed(row).unwrap_or(0);
+        now != Time::MIN && row.time.nanos().saturating_sub(now.nanos()) > self.limit().saturating_add(passed)
+    }
+
+    /// From the arrival of the latest row that is not in doubt to that of `row` \[ns\].
+    fn passed(&self, row: &Row<'_>) -> Option<i64> {
+        Some(row.arrival?.nanos().saturating_sub(self.arrived?.nanos()).max(0))
     }
 
     /// Judges a row by the latest stamp of the others, `now`.
@@ -112,6 +123,7 @@ impl Quarantine {
                 let ahead = row.time.nanos().saturating_sub(now.nanos());
                 self.usual = ahead.max(self.usual - self.usual / 8);
             }
+            self.arrived = row.arrival;
             return Admission::Use;
         }
         let limit = self.limit().unsigned_abs();
@@ -122,6 +134,7 @@ impl Quarantine {
         match self.held.front() {
             Some(first) if self.goes_on(row, first) => {
                 self.usual = first.time.nanos().saturating_sub(now.nanos());
+                self.arrived = row.arrival;
                 Admission::Confirms
             }
             _ => Admission::Wait,
@@ -178,6 +191,26 @@ mod tests {
         judge((0, 0));
         judge((1, 0));
         rows.map(judge).collect()
+    }
+
+    #[test]
+    fn a_stamp_may_be_ahead_by_the_time_that_has_passed_since_the_row_before() {
+        let second = 1_000_000_000;
+        let judged = |ahead: i64, passed: Option<i64>| {
+            let mut quarantine = Quarantine::new(10.0);
+            let row = |time: i64, arrival: Option<i64>| Row {
+                arrival: arrival.map(|a| Time::from_nanos((5000 + a) * second)),
+                ..Row::new(0, Time::from_nanos(time * second), &[])
+            };
+            assert_eq!(quarantine.admit(&row(0, Some(0)), Time::MIN), Admission::Use);
+            quarantine.admit(&row(ahead, passed), Time::default())
+        };
+        // A tunnel of an hour, with the receiver switched off; without the clock, and with a clock that contradicts.
+        assert_eq!(judged(3600, Some(3598)), Admission::Use);
+        assert_eq!(judged(3600, None), Admission::Wait);
+        assert_eq!(judged(3600, Some(1)), Admission::Wait);
+        // The clock makes no row doubtful that would not be without it.
+        assert_eq!(judged(9, Some(0)), Admission::Use);
     }
 
     #[test]

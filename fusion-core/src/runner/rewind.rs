@@ -118,6 +118,7 @@ impl Logged {
             values: &self.values,
             number: self.number,
             disturbed: &self.disturbed,
+            arrival: None,
         }
     }
 }

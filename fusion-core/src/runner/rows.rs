@@ -20,6 +20,9 @@ pub struct Row<'a> {
     pub number: u64,
     /// Ranges of `values` that declared faults have changed.
     pub disturbed: &'a [Range<usize>],
+    /// When it arrived, by a monotonic clock of any origin; `None` without such a clock. It confirms a stamp far ahead,
+    /// and changes nothing else.
+    pub arrival: Option<Time>,
 }
 
 impl<'a> Row<'a> {
@@ -32,6 +35,7 @@ impl<'a> Row<'a> {
             values,
             number: 0,
             disturbed: &[],
+            arrival: None,
         }
     }
 }

@@ -35,6 +35,7 @@ impl Runner {
                 values,
                 number: self.emissions[unit],
                 disturbed: if disturbed { core::slice::from_ref(&everything) } else { &[] },
+                arrival: None,
             };
             self.emissions[unit] += 1;
             self.enqueue(&row, self.watermark, Time::MIN, observer)?;
