@@ -9,10 +9,10 @@
 #[path = "measure/once.rs"]
 mod once;
 
-use fusion::campaign::monte_carlo;
 use fusion::config::Document;
 use fusion::design::Design;
 use fusion::run::Options;
+use fusion_judge::campaign::monte_carlo;
 use std::path::Path;
 use std::time::Instant;
 

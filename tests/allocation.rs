@@ -23,8 +23,8 @@ use fusion::core::state::{Declaration, Dynamics, LayoutBuilder, StateRole, Vecto
 use fusion::core::time::Time;
 use fusion::design::Design;
 use fusion::output::FileSet;
-use fusion::report::Recording;
 use fusion::run::{Options, Run};
+use fusion_present::report::Recording;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 

@@ -36,6 +36,9 @@ mod checkpoint;
 /// The built command: help, results, exit codes, files.
 #[path = "suite/command.rs"]
 mod command;
+/// Rows that a program brings, in place of files.
+#[path = "suite/feeds.rs"]
+mod feeds;
 /// Stopped and killed runs, full disks, pipes, long names: what lies in the folder afterwards.
 #[cfg(unix)]
 #[path = "suite/files.rs"]
@@ -58,6 +61,9 @@ mod gates;
 /// What filters say of themselves: good on good data, degraded or lost before they are astray.
 #[path = "suite/health.rs"]
 mod health;
+/// Which crate may use which, and no circle of modules.
+#[path = "suite/house.rs"]
+mod house;
 /// Designs put together from parts, and how they read when flat.
 #[path = "suite/includes.rs"]
 mod includes;
@@ -94,7 +100,7 @@ mod page;
 /// The parts library: every part in a small design of its kind.
 #[path = "suite/parts.rs"]
 mod parts;
-/// README's section on speed: made of the figures that were measured.
+/// The tables on speed: made of the figures that were measured.
 #[path = "suite/performance.rs"]
 mod performance;
 /// How far a run over recorded files is.

@@ -1,4 +1,4 @@
-//! Measures and writes the section of README.md on speed: `cargo run --release --example performance`.
+//! Measures and writes the page of the book on speed: `cargo run --release --example performance`.
 //!
 //! It runs the benches, keeps the lines of figures that they print in `benches/figures.txt` with what the
 //! machine and the build are, and makes the section of them. `-- --again` makes it of the file as it is.
@@ -22,7 +22,7 @@ type Failure = Box<dyn std::error::Error>;
 
 fn main() -> Result<(), Failure> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let (file, readme) = (root.join("benches/figures.txt"), root.join("README.md"));
+    let (file, page) = (root.join("benches/figures.txt"), root.join("book/src/speed.md"));
     if !env::args().any(|argument| argument == "--again") {
         let mut text = format!("# Written by `cargo run --release --example performance`.\n{}", facts(root)?);
         for bench in BENCHES {
@@ -31,7 +31,7 @@ fn main() -> Result<(), Failure> {
         fs::write(&file, text)?;
     }
     let section = section::render(&fs::read_to_string(&file)?)?;
-    fs::write(&readme, section::replaced(&fs::read_to_string(&readme)?, &section)?)?;
+    fs::write(&page, section::replaced(&fs::read_to_string(&page)?, &section)?)?;
     println!("{section}");
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! The section of README.md on speed, made of the lines of `benches/figures.txt`.
+//! The tables of `book/src/speed.md`, made of the lines of `benches/figures.txt`.
 //!
 //! A line is `name: value`. A name without a slash is a fact about the machine or the build, one with
 //! slashes a figure: `group/step/n=15: composed 617 ns, dense 1077 ns, ratio 0.57`, the step, then a rival,
@@ -7,7 +7,7 @@
 use comfy_table::{CellAlignment, Table};
 use std::fmt::Write as _;
 
-/// Where the section begins in README.md.
+/// Where they begin in the page.
 pub const BEGIN: &str = "<!-- figures: made by `cargo run --release --example performance` -->";
 /// Where it ends.
 pub const END: &str = "<!-- /figures -->";
@@ -171,13 +171,13 @@ pub fn render(text: &str) -> Result<String, String> {
     Ok(section)
 }
 
-/// `readme` with its section replaced by `section`.
+/// `page` with its section replaced by `section`.
 ///
 /// # Errors
 /// The mark that is missing.
-pub fn replaced(readme: &str, section: &str) -> Result<String, String> {
-    let missing = |mark: &str| format!("README.md has no line {mark}");
-    let (before, rest) = readme.split_once(BEGIN).ok_or_else(|| missing(BEGIN))?;
+pub fn replaced(page: &str, section: &str) -> Result<String, String> {
+    let missing = |mark: &str| format!("book/src/speed.md has no line {mark}");
+    let (before, rest) = page.split_once(BEGIN).ok_or_else(|| missing(BEGIN))?;
     let (_, after) = rest.split_once(END).ok_or_else(|| missing(END))?;
     Ok(format!("{before}{section}{after}"))
 }

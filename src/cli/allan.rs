@@ -3,11 +3,11 @@
 use super::run::written;
 use super::{Failure, Format, OutputArgs, print, read_text};
 use clap::Args;
-use fusion::allan::{Columns, Instrument, Log, Moment, Part, Study, declared, plain, stamped, svg, toml};
 use fusion::config::{Diagnostic, Diagnostics, Document, Files};
 use fusion::models::units::{Dimension, Dimensional, dim, parse, parse_unit};
 use fusion::output::FileSet;
-use fusion::present::Section;
+use fusion_advice::allan::{Columns, Instrument, Log, Moment, Part, Study, declared, plain, stamped, svg, toml};
+use fusion_tables::Section;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 

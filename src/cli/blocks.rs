@@ -7,8 +7,8 @@ use fusion::models::block::{Channel, ProcessSpec, SensorSpec};
 use fusion::models::registry::{self, Registration, Role};
 use fusion::models::units::{Dimension, Dimensional, dim};
 use fusion::models::vocabulary::channel;
-use fusion::present::text::{WIDTH, wrapped};
-use fusion::present::{Page, Section, Table};
+use fusion_tables::text::{WIDTH, wrapped};
+use fusion_tables::{Page, Section, Table};
 use serde_json::Value;
 
 /// How a parameter that may be a state is marked.

@@ -8,13 +8,13 @@ use fusion::config::{Diagnostics, Node, Value};
 use fusion::core::state::{Dynamics, Kind};
 use fusion::design::{Design, SensorDesign};
 use fusion::examine::{Missing, is_pipe, opening, variants};
-use fusion::frames::{Judged, judge, units};
 use fusion::models::block::Listen;
 use fusion::models::units::Dimension;
-use fusion::present::{Cell, Column, Page, Section, Table, Unit, short};
 use fusion::provenance::Provenance;
 use fusion::run::{Options, data_dir};
 use fusion::world::SimulatedRows;
+use fusion_advice::frames::{Judged, judge, units};
+use fusion_tables::{Cell, Column, Page, Section, Table, Unit, short};
 use std::path::Path;
 
 #[derive(Debug, Args)]
@@ -31,7 +31,7 @@ pub(super) struct CheckArgs {
 
 pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
     let file = args.design.load()?;
-    let others = variants(&file, &args.design.selected());
+    let others = variants(&file, &args.design.selection().names());
     let options = args.design.options();
     let mut d = Diagnostics::new();
     let built = args.design.design(&file, Missing::Excused).and_then(|design| {

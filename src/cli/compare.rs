@@ -2,17 +2,20 @@
 
 use super::progress::Runs;
 use super::run::written;
-use super::{BASE, DesignArgs, Failure, OutputArgs, as_warnings, report};
+use super::{DesignArgs, Failure, OutputArgs, as_warnings, report};
 use clap::Args;
-use fusion::campaign::{Campaign, monte_carlo};
+use fusion::BASE;
 use fusion::design::{Design, differences};
 use fusion::examine::{Missing, variants};
 use fusion::output::FileSet;
-use fusion::present::campaign::{health, pooled};
-use fusion::present::{Page, comparison};
 use fusion::provenance::Provenance;
-use fusion::report::{Run, record, write};
 use fusion::run::{Keep, Options, Smoothing, Summary};
+use fusion_judge::campaign::{Campaign, monte_carlo};
+use fusion_present::Shown;
+use fusion_present::campaign::{health, pooled};
+use fusion_present::comparison;
+use fusion_present::report::{Run, record, write};
+use fusion_tables::Page;
 use std::path::PathBuf;
 
 #[derive(Debug, Args)]
@@ -86,7 +89,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
             data: args.data.clone(),
         };
         let file = all.load()?;
-        report(&as_warnings(&variants(&file, &all.selected())));
+        report(&as_warnings(&variants(&file, &all.selection().names())));
         for (variant, backend) in pairs(&args.variant, &args.backend) {
             let named = DesignArgs {
                 variant: vec![variant.clone()],
@@ -134,7 +137,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     let named: Vec<(&str, &Summary)> = results.iter().map(|(name, summary)| (name.as_str(), summary)).collect();
     let told = named
         .iter()
-        .flat_map(|(name, s)| s.warnings().into_iter().map(move |w| format!("{name}: {w}")));
+        .flat_map(|(name, s)| Shown(*s).warnings().into_iter().map(move |w| format!("{name}: {w}")));
     let mut page = Page {
         title: title.clone(),
         provenance: Provenance::common(named.iter().map(|(_, summary)| &summary.provenance)),
@@ -170,7 +173,7 @@ fn together(n: u64, campaigns: &[(String, Campaign)]) -> Page {
     let named: Vec<(&str, &Campaign)> = campaigns.iter().map(|(name, campaign)| (name.as_str(), campaign)).collect();
     let told = named
         .iter()
-        .flat_map(|(name, c)| c.warnings().into_iter().map(move |w| format!("{name}: {w}")));
+        .flat_map(|(name, c)| Shown(*c).warnings().into_iter().map(move |w| format!("{name}: {w}")));
     Page {
         title: format!("{n} runs each"),
         provenance: Provenance::common(named.iter().map(|(_, campaign)| &campaign.provenance)),

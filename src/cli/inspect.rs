@@ -4,9 +4,9 @@ use super::{Failure, OutputArgs};
 use clap::Args;
 use fusion::config::{Diagnostic, Diagnostics, Document};
 use fusion::examine::{Missing, examine, opening};
-use fusion::inspect::{Inspection, files};
-use fusion::present::Section;
 use fusion::run::Options;
+use fusion_advice::inspect::{Inspection, files};
+use fusion_tables::Section;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]

@@ -21,18 +21,16 @@ mod stop;
 mod stress;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use fusion::Selection;
 use fusion::config::{Diagnostic, Diagnostics, Document, Files, Severity, Unread, read_piped_text};
-use fusion::design::{Design, FilterSpec};
+use fusion::design::Design;
 use fusion::examine::{Missing, examine, surprises, variants};
 use fusion::output::Unwritable;
-use fusion::present::{Page, json, text};
 use fusion::run::Options;
+use fusion_tables::{Page, json, text};
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-
-/// The design without a variant, where variants are named.
-const BASE: &str = "base";
 
 /// Runs, checks and documents navigation filters that are declared in TOML.
 #[derive(Debug, Parser)]
@@ -277,7 +275,7 @@ impl DesignArgs {
     /// The design. Mistakes in variants that are not asked for are warnings: they do not stop a run.
     fn read(&self) -> Result<Design, Diagnostics> {
         let file = self.load()?;
-        let others = as_warnings(&variants(&file, &self.selected()));
+        let others = as_warnings(&variants(&file, &self.selection().names()));
         match self.design(&file, Missing::Told) {
             Ok(design) => {
                 report(&others);
@@ -313,26 +311,18 @@ impl DesignArgs {
         d.unless_errors(document)
     }
 
-    /// The variants asked for.
-    fn selected(&self) -> Vec<&str> {
-        let names = self.variant.iter().flat_map(|names| names.split('+'));
-        names.filter(|name| *name != BASE).collect()
+    /// What is laid over the file.
+    fn selection(&self) -> Selection {
+        Selection {
+            variants: self.variant.clone(),
+            backend: self.backend.clone(),
+            set: self.set.clone(),
+        }
     }
 
     /// The design that is asked for, of this file.
     fn design(&self, file: &Document, missing: Missing) -> Result<Design, Diagnostics> {
-        let mut d = Diagnostics::new();
-        let mut document = file.clone();
-        for name in self.selected() {
-            let laid = self
-                .check_variant(&document, name)
-                .and_then(|()| document.overlay(&format!("variant.{name}")));
-            d.keep(laid);
-        }
-        let backend = self.backend.as_deref().and_then(|words| d.keep(FilterSpec::table_of(words)));
-        for assignment in backend.iter().chain(&self.set) {
-            d.keep(document.set(assignment));
-        }
+        let (document, mut d) = self.selection().over(file);
         match examine(document, &self.options(), missing) {
             Ok(design) => {
                 report(&surprises(&design));
@@ -351,31 +341,6 @@ impl DesignArgs {
             base: self.base(),
             ..Options::default()
         }
-    }
-
-    fn check_variant(&self, document: &Document, name: &str) -> Result<(), Diagnostic> {
-        let table = document.root().get("variant");
-        let known: Vec<&str> = table.map_or(&[][..], |t| t.entries()).iter().map(|e| e.key.as_str()).collect();
-        if known.contains(&name) {
-            return Ok(());
-        }
-        let file = self
-            .config
-            .as_ref()
-            .map_or_else(|| builtin::NAME.to_owned(), |p| p.display().to_string());
-        let unknown = Diagnostic::error(format!("`{file}` has no variant `{name}`"));
-        Err(if name.contains(',') {
-            unknown.help(format!(
-                "here there is one design: `--variant {}` lays these over each other; `fusion compare` runs each of them",
-                name.replace(',', "+")
-            ))
-        } else if known.is_empty() {
-            unknown.help(format!(
-                "a variant is a table [variant.{name}] with what differs; this file has none"
-            ))
-        } else {
-            unknown.suggest(name, &known, "its variants")
-        })
     }
 
     /// Where the design's own relative paths start.

@@ -4,11 +4,12 @@ use super::progress::Runs;
 use super::run::written;
 use super::{DesignArgs, Failure, OutputArgs};
 use clap::Args;
-use fusion::campaign::{Campaign, History, RunRow, monte_carlo, monte_carlo_over_time};
 use fusion::design::Design;
 use fusion::output::FileSet;
-use fusion::report::{Look, Run, record, render, render_campaign, worst_first};
 use fusion::run::Options;
+use fusion_judge::campaign::{Campaign, History, RunRow, monte_carlo, monte_carlo_over_time};
+use fusion_present::Shown;
+use fusion_present::report::{Look, Run, record, render, render_campaign, worst_first};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -52,7 +53,7 @@ pub(super) fn montecarlo(args: &MonteCarloArgs) -> Result<(), Failure> {
         None => (monte_carlo(&design, &options, args.n, args.seed, args.threads, &told)?, Vec::new()),
     };
     drop(bar);
-    let mut page = campaign.page();
+    let mut page = Shown(&campaign).page();
     if let (Some(out), Some(mut files)) = (&args.out, files) {
         files.write("runs.csv", |file| campaign.write(file))?;
         let reports = args.pages(&mut files, &design, &options, (&campaign, &histories))?;

@@ -2,8 +2,8 @@
 
 use fusion::core::time::Time;
 use fusion::design::Design;
-use fusion::frames::Step;
 use fusion::run;
+use fusion_advice::frames::Step;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
 

@@ -7,9 +7,10 @@ use fusion::config::Diagnostics;
 use fusion::core::covariance::Kernel;
 use fusion::design::Design;
 use fusion::models::units::{self, Dimensional, dim};
-use fusion::present::{Section, Table};
-use fusion::report;
 use fusion::run::{self, Checkpoints, Keep, Options, Smoothing, Summary, run as run_design};
+use fusion_present::Shown;
+use fusion_present::report;
+use fusion_tables::{Section, Table};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -105,6 +106,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
         checkpoint: args.checkpoint.clone().map(|file| Checkpoints { file, every: args.every }),
         resume: args.resume.clone(),
         causal: args.causal,
+        ..Options::default()
     };
     let mut progress = Progress::new(&design);
     let mut at = |to| progress.at(to);
@@ -115,7 +117,11 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     progress.finish();
     let summary = summary?;
     let is_brief = !args.verbose && args.output.format == Format::Text;
-    let mut page = if is_brief { summary.brief() } else { summary.page() };
+    let mut page = if is_brief {
+        Shown(&summary).brief()
+    } else {
+        Shown(&summary).page()
+    };
     page.sections.push(match &args.out {
         Some(out) => {
             let smoothed = summary.smoothed.as_ref().map(|_| "smoothed.csv");

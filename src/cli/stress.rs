@@ -7,8 +7,9 @@ use clap::Args;
 use fusion::config::{Diagnostics, Document};
 use fusion::output::FileSet;
 use fusion::run::Options;
-use fusion::stress::draw::draw;
-use fusion::stress::{Catalogue, stress as stress_design};
+use fusion_judge::stress::draw::draw;
+use fusion_judge::stress::{Catalogue, stress as stress_design};
+use fusion_present::Shown;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
@@ -60,7 +61,7 @@ pub(super) fn stress(args: &StressArgs) -> Result<(), Failure> {
     if let Some(count) = args.draw {
         let result = draw(&design, &catalogue, &options, seed, (count, &args.case), args.threads, &told)?;
         drop(bar);
-        let mut page = result.page(&args.again(count, seed));
+        let mut page = Shown(&result).page(&args.again(count, seed));
         if let (Some(out), Some(mut files)) = (&args.out, files) {
             files.write("draw.csv", |file| result.write(file))?;
             files.commit()?;
@@ -72,7 +73,7 @@ pub(super) fn stress(args: &StressArgs) -> Result<(), Failure> {
     let result = stress_design(&design, &catalogue, &options, seed, args.threads, &told);
     drop(bar);
     let result = result?;
-    let mut page = result.page();
+    let mut page = Shown(&result).page();
     if let (Some(out), Some(mut files)) = (&args.out, files) {
         files.write("stress.csv", |file| result.write(file))?;
         files.commit()?;

@@ -1,10 +1,10 @@
 //! A bank of hypotheses, as designs declare it.
 
 use crate::support::{Workspace, stderr};
-use fusion::campaign::{Pooled, monte_carlo};
 use fusion::config::Document;
 use fusion::design::Design;
 use fusion::run::Options;
+use fusion_judge::campaign::{Pooled, monte_carlo};
 use std::path::Path;
 
 fn ten_runs(file: &str, variants: &[&str], sets: &[&str]) -> Pooled {

@@ -58,6 +58,7 @@ chapters! {
     chna: "paper-chna.md",
     backends_measured: "backends-measured.md",
     recorded_logs: "recorded-logs.md",
+    speed: "speed.md",
     glossary: "glossary.md",
     files: "files.md",
 }

@@ -7,11 +7,11 @@
 //! between GPS and navigation in the second; a spike within 3 m, a gap of 25 m within 8 fixes, an
 //! inertial fault within 45 s.
 
-use fusion::campaign::{Campaign, RunRow, monte_carlo};
 use fusion::config::Document;
 use fusion::design::Design;
 use fusion::observe::SensorStatistics;
 use fusion::run::{Options, run};
+use fusion_judge::campaign::{Campaign, RunRow, monte_carlo};
 use std::path::Path;
 use std::sync::LazyLock;
 

@@ -1,10 +1,10 @@
 //! Every chart through the attitudes where Euler angles end: loops that pass ±90° of pitch, with an
 //! attitude measured all the way.
 
-use fusion::campaign::{Campaign, monte_carlo};
 use fusion::config::Document;
 use fusion::design::Design;
 use fusion::run::Options;
+use fusion_judge::campaign::{Campaign, monte_carlo};
 
 /// Two loops: the nose goes up to 150° of pitch and down to −150°, the second time while it turns.
 const LOOPS: &str = r#"

@@ -2,11 +2,12 @@
 
 use super::real::real_design;
 use super::rewind::{Fed, designs, feed, navigator, rows, shipped, shuffled, troubled};
+use fusion::CheckpointError;
+use fusion::Navigator;
 use fusion::core::runner::Event;
 use fusion::core::testing::Lcg;
 use fusion::design::Design;
 use fusion::run::Options;
-use fusion::{CheckpointError, Navigator};
 use std::path::Path;
 
 /// The number of events, and of their texts, which show every bit.

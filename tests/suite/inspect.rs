@@ -4,8 +4,8 @@ use crate::real::{data, recorded};
 use crate::support::{Workspace, stderr, stdout};
 use fusion::config::Document;
 use fusion::design::Design;
-use fusion::inspect::{Inspection, files};
 use fusion::run::{Options, Summary, run};
+use fusion_advice::inspect::{Inspection, files};
 use std::path::Path;
 
 /// Runs the design that is guessed from these files of the recorded logs; `None` without the data.

@@ -1,12 +1,12 @@
 //! A magnetometer: a body with a field of its own, and a magnet that comes and goes.
 
 use super::real::real_design;
-use fusion::campaign::monte_carlo;
 use fusion::config::Document;
 use fusion::core::runner::Halt;
 use fusion::design::Design;
 use fusion::observe::{RunEvent, RunObserver};
 use fusion::run::{Options, Run, run};
+use fusion_judge::campaign::monte_carlo;
 
 /// Two circles with a bump between them, so that the body's field shows on all axes; the tilt is known from
 /// elsewhere, the heading by the field alone.

@@ -1,9 +1,9 @@
 //! Campaigns: the same runs on any number of threads, and as runs of their own.
 
 use crate::support::{Workspace, stderr, stdout};
-use fusion::campaign::{monte_carlo, seed_of};
 use fusion::design::Design;
 use fusion::run::{Options, Smoothing, run};
+use fusion_judge::campaign::{monte_carlo, seed_of};
 
 /// A shipped design.
 fn design(file: &str, set: &[&str]) -> Design {

@@ -1,10 +1,10 @@
 //! `fusion new`: the designs that it writes run at once, and their filters know their errors.
 
 use crate::support::{Workspace, stderr, stdout};
-use fusion::campaign::{Campaign, monte_carlo};
 use fusion::config::Document;
 use fusion::design::Design;
 use fusion::run::Options;
+use fusion_judge::campaign::{Campaign, monte_carlo};
 use std::path::Path;
 
 const VEHICLES: [&str; 6] = ["car", "drone", "boat", "rover", "auv", "person"];

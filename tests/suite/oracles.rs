@@ -431,7 +431,7 @@ fn an_inertial_unit_of_1_hz_is_not_believed_more_than_one_of_100_hz() {
     document.set("simulation.imu.rate=1 Hz").unwrap();
     let design = Design::read(document).unwrap_or_else(|d| panic!("{d}"));
     let options = fusion::run::Options::default();
-    let campaign = fusion::campaign::monte_carlo(&design, &options, 6, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"));
+    let campaign = fusion_judge::campaign::monte_carlo(&design, &options, 6, 1, 0, &|_| {}).unwrap_or_else(|d| panic!("{d}"));
     // Of 3. Without noise for what a second hides attitude and velocity have 10 and 12. What stays of the latter
     // lies in the moments a car starts to pull away or to turn: the sample before says nothing of them.
     for (k, quantity, most) in [(0, "position", 6.0), (1, "velocity", 9.0), (2, "attitude", 4.0)] {

@@ -2,11 +2,11 @@
 //! its kind and simulated, or included by a shipped design.
 
 use crate::support::Workspace;
-use fusion::campaign::monte_carlo;
 use fusion::config::Document;
 use fusion::design::Design;
 use fusion::models::units;
 use fusion::run::Options;
+use fusion_judge::campaign::monte_carlo;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};

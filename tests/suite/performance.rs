@@ -1,4 +1,4 @@
-//! README's section on speed.
+//! The tables on speed.
 
 #[path = "../../examples/performance/section.rs"]
 mod section;
@@ -27,12 +27,12 @@ filter/predict/n=15: composed 50 ns, sparse 80 ns, ratio 0.63
 
 #[test]
 fn the_section_on_speed_is_made_of_the_figures_that_were_measured() {
-    let (figures, readme) = (read("benches/figures.txt"), read("README.md"));
+    let (figures, page) = (read("benches/figures.txt"), read("book/src/speed.md"));
     let section = render(&figures).unwrap();
-    let is_made = replaced(&readme, &section).unwrap() == readme;
+    let is_made = replaced(&page, &section).unwrap() == page;
     assert!(
         is_made,
-        "`cargo run --example performance -- --again` makes README's section of benches/figures.txt"
+        "`cargo run --example performance -- --again` makes the tables of benches/figures.txt"
     );
     for (name, value) in figures.lines().filter_map(|line| line.split_once(": ")) {
         if FACTS.contains(&name) {

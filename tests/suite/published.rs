@@ -6,10 +6,10 @@
 //! about the re-implementation; a figure that depends on few bad runs (the NEES of filters that are not
 //! consistent) is held by an inequality.
 
-use fusion::campaign::monte_carlo;
 use fusion::config::Document;
 use fusion::design::{Design, FilterSpec};
 use fusion::run::{Options, run};
+use fusion_judge::campaign::monte_carlo;
 use std::path::PathBuf;
 
 fn design(file: &str, backend: &str) -> Design {

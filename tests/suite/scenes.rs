@@ -1,10 +1,10 @@
 //! The designs under configs/backends: that each of them runs in every variant, and the order of the backends
 //! where the effect is large.
 
-use fusion::campaign::{Pooled, monte_carlo};
 use fusion::config::Document;
 use fusion::design::{Design, FilterSpec};
 use fusion::run::{Options, run};
+use fusion_judge::campaign::{Pooled, monte_carlo};
 use std::path::{Path, PathBuf};
 
 fn folder() -> PathBuf {

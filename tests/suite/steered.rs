@@ -1,13 +1,15 @@
 //! Vehicles that are steered by the estimate of their own filter.
 
+use fusion::Navigator;
 use fusion::assembly::{Assembly, assemble, declared_streams};
 use fusion::config::Document;
+use fusion::core::runner::Event;
+use fusion::core::time::Time;
 use fusion::design::Design;
 use fusion::models::sim::{Leg, Record};
 use fusion::rows::Nobody;
 use fusion::run::{Options, Summary, run};
 use fusion::world::SimulatedRows;
-use fusion::{Navigator, core::runner::Event, core::time::Time};
 use std::path::Path;
 
 /// A shipped design with these assignments.

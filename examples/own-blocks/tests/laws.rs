@@ -23,9 +23,9 @@ fn range_rate_carries_the_position_through_an_outage() {
     let with = summary(&[]);
     let without = summary(&["sensor.range_rate.noise.sigma=1 km/s"]);
     let sensor = with.sensors.iter().find(|s| s.name == "range_rate").unwrap();
-    assert!(sensor.accepted > 700 && sensor.nis.as_ref().unwrap().is_consistent(), "{with}");
+    assert!(sensor.accepted > 700 && sensor.nis.as_ref().unwrap().is_consistent(), "{with:?}");
     let drift = |s: &Summary| s.score.as_ref().unwrap().drift[0].max_horizontal;
-    assert!(drift(&with) < 0.7 * drift(&without), "{with}\n{without}");
+    assert!(drift(&with) < 0.7 * drift(&without), "{with:?}\n{without:?}");
 }
 
 /// Runs the design with values set.

@@ -1,4 +1,4 @@
-//! Mistakes of axes, signs, units and lever arms, found by `fusion::frames` from the data: each provoked on the log of
+//! Mistakes of axes, signs, units and lever arms, found by `fusion_advice::frames` from the data: each provoked on the log of
 //! the car and on a drive in closed form; none is told of a shipped design.
 
 mod attitude;
@@ -12,8 +12,8 @@ use super::support::{Workspace, stderr, stdout};
 use fusion::config::{Document, Files};
 use fusion::core::geometry::so3::{from_rpy, log, rotation, to_rpy};
 use fusion::design::Design;
-use fusion::frames::{Judged, judge};
 use fusion::run::Options;
+use fusion_advice::frames::{Judged, judge};
 use nalgebra::Vector3;
 use std::fmt::Write;
 use std::path::Path;

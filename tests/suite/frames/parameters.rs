@@ -187,7 +187,7 @@ fn what_is_tried_is_told(w: &Workspace) {
         ..Options::default()
     };
     let steps = std::sync::Mutex::new(Vec::new());
-    let heard = |step: fusion::frames::Step<'_>| steps.lock().unwrap().push((step.what.to_owned(), step.done, step.all));
+    let heard = |step: fusion_advice::frames::Step<'_>| steps.lock().unwrap().push((step.what.to_owned(), step.done, step.all));
     let judged = judge(&design, &options, &heard).unwrap_or_else(|d| panic!("{d}"));
     let steps = steps.into_inner().unwrap();
     assert!(steps.iter().all(|(_, done, all)| done <= all), "{steps:?}");

@@ -1,0 +1,478 @@
+//! What errors against the reference say.
+
+use super::instrument::{Bias, Instrument, Measures, listed};
+use super::{CHECK, FAR, Finding, Judged, LARGE, is_large, ratio};
+use fusion::score::{Axes, Consistency, Drift, Offset, Score, Verdict};
+use fusion_tables::short;
+
+/// The mean NEES over its degrees of freedom below which it is worth a change: errors are half of the 1σ. A little too careful
+/// is no fault.
+const TINY: f64 = 0.25;
+/// The mean over its degrees of freedom of a NIS below which a larger noise changes nothing: the estimate hardly listens.
+const FOLLOWED: f64 = 0.3;
+/// A mean error of the heading that is worth a word \[deg\], and its share of the mean square.
+const LEAST_HEADING: f64 = 1.0;
+const MOST_OF_HEADING: f64 = 0.8;
+/// A constant one from which on it is none of how a unit was screwed on \[deg\].
+const MOUNTED: f64 = 20.0;
+/// An RMS of the heading error from which on it is wrong, whatever the use of it is \[deg\].
+const WRONG_HEADING: f64 = 10.0;
+/// The share of the squares of the heading errors from which on most of them are of the reference; it is known to two 1σ.
+const MOST_OF_ERRORS: f64 = 0.5;
+/// The scatter of a heading about the course from which on the vehicle does not go where its nose points: half a radian, below which
+/// angles add up as numbers do \[deg\].
+const MOST_SLIP: f64 = 28.6;
+/// How often a consistent filter may be found too sure in its outages.
+const CHANCE: f64 = 0.02;
+/// The same of the largest error of all at the end of one: by its size alone, which noise of other shapes than a normal one has
+/// sooner. Of 1, 13, 100 outages that is beyond 3.7, 4.4, 4.8σ.
+const CHANCE_OF_SIZE: f64 = 1e-3;
+/// A measurement that moves the estimate by so many of its 1σ, in an outage that is wrong without doubt, is worth a look: one that
+/// tells it all does so by chance once in twenty times.
+const MOVED: f64 = 2.0;
+/// So much of the errors an offset or a latency has to explain to be what is wrong, and to be named at all, being so many of its
+/// 1σ; from that 1σ on \[m\] an offset is not known.
+const MOST: f64 = 0.5;
+const LEAST: f64 = 0.2;
+const CERTAIN: f64 = 5.0;
+const UNKNOWN: f64 = 1.0;
+/// So much of the squares that are left without it an axis of an offset has to explain by itself; and by so much of it, at
+/// most, the halves of the run may tell another.
+const OWN: f64 = 0.05;
+const ALIKE: f64 = 0.5;
+/// The least offset \[m\] and the least latency \[s\] that are worth a word.
+const LEAST_OFFSET: f64 = 0.05;
+const LEAST_LATENCY: f64 = 0.01;
+
+impl Judged<'_> {
+    /// What is said of errors, which may follow from `causes` that are told already.
+    pub(super) fn all_errors(&self, causes: &[String]) -> Vec<Finding> {
+        let Some(score) = &self.summary.score else { return Vec::new() };
+        let heading = constant_heading(score)
+            .or_else(|| self.wrong_reference(score))
+            .or_else(|| self.wrong_heading(score));
+        // A simulated truth is that of the body origin, and in time.
+        let offset = score.offset.as_ref().filter(|_| causes.is_empty() && self.is_recorded);
+        let latency = offset.and_then(|offset| self.wrong_latency(offset));
+        let late = if causes.is_empty() && latency.is_none() && self.is_recorded {
+            self.late_reference()
+        } else {
+            Vec::new()
+        };
+        let is_late = |what: Measures| late.iter().any(|(of, _)| *of == what);
+        // A time that is wrong makes an arm of its own.
+        let is_in_time = latency.is_none() && late.is_empty();
+        let arm = offset.filter(|_| is_in_time);
+        let arm = arm.and_then(|offset| self.other_arm().or_else(|| wrong_arm(offset, self.point)));
+        let errors = Measures::ALL.into_iter().filter_map(|what| {
+            let is_reference = latency.is_some() || is_late(what) || arm.is_some() && what == Measures::Position;
+            let own = [
+                is_reference.then(|| "the reference".to_owned()),
+                heading
+                    .as_ref()
+                    .filter(|_| what == Measures::Attitude)
+                    .map(|_| "the heading".to_owned()),
+            ];
+            let causes: Vec<String> = causes.iter().cloned().chain(own.into_iter().flatten()).collect();
+            self.errors(what, &causes)
+        });
+        let mut errors = alike(errors.collect());
+        // Of a log, what can be found out comes before what may be guessed.
+        let is_guessed = |f: &&mut Finding| f.advice.split_once(TIMES).is_some_and(|(_, cause)| !cause.starts_with(BEGIN));
+        if let Some(first) = errors.iter_mut().find(is_guessed).filter(|_| self.is_recorded) {
+            let check = format!("{BEGIN}{CHECK}, which tries latencies, lever arms, axes, scales and angles; if nothing is found wrong: ");
+            first.advice = first.advice.replacen(TIMES, &format!("{TIMES}{check}"), 1);
+        }
+        let outside = self.attitude_outside(score, causes, heading.is_some());
+        let known = heading
+            .into_iter()
+            .chain(latency)
+            .chain(late.into_iter().map(|(_, f)| f))
+            .chain(arm);
+        known
+            .chain(errors)
+            .chain(outside)
+            .chain(bold_outages(&score.drift).or_else(|| far_outage(&score.drift)))
+            .collect()
+    }
+
+    /// Errors against the reference that are not what the covariance says.
+    fn errors(&self, what: Measures, causes: &[String]) -> Option<Finding> {
+        let c = self.nees(what)?;
+        let name = format!("NEES {}", what.word());
+        let evidence = format!("{name} is {} of {}", short(c.mean), c.dof);
+        let times = || format!("{ERRORS}{}{TIMES}", short(c.error_ratio()));
+        let advice = match c.verdict()? {
+            Verdict::Overconfident if ratio(c) > LARGE && !causes.is_empty() => {
+                format!("{}{BEGIN}what is said of {}", times(), listed(causes))
+            }
+            Verdict::Overconfident if ratio(c) > LARGE => times() + &self.cause(what, c),
+            // Other rows of a sensor do not show the error that lasts, for which the filter is careful.
+            Verdict::Conservative if self.summary.judged_by.is_some() => return None,
+            Verdict::Conservative if ratio(c) < TINY => format!(
+                "errors are only {} times the 1σ of the filter; the noises of its sensors or process are larger than need be",
+                short(c.error_ratio())
+            ),
+            _ => return None,
+        };
+        Some(Finding {
+            about: name,
+            evidence,
+            advice,
+        })
+    }
+
+    /// Why the filter believes more than it should, where no sensor disagrees: one whose error it follows, if there is one.
+    fn cause(&self, what: Measures, nees: &Consistency) -> String {
+        let axis = worst_axis(self.summary.score.as_ref().and_then(|score| axes_of(score, what)));
+        let told = self.measuring(what).filter(|(i, _)| axis.is_none_or(|k| i.axes[k]));
+        let followed = told.filter(|(_, nis)| nis.verdict() == Some(Verdict::Conservative));
+        let Some((sensor, nis)) = followed.min_by(|a, b| ratio(a.1).total_cmp(&ratio(b.1))) else {
+            let start = "the start was far off (`[reference] from` judges from later on)";
+            let others = "a noise of the process is too small, an error of a sensor has no state";
+            return if self.is_recorded {
+                format!("{others}, {start}, or {}", self.reference(what))
+            } else {
+                format!("{others}, or {start}")
+            };
+        };
+        // Of a sensor without a bias the rows are independent, but where a constant bias of the input leaves an error in them.
+        if sensor.bias != Some(Bias::Fixed) && self.is_lasting(&sensor.name) && !self.constant_biases.is_empty() {
+            return format!(
+                "an error that lasts is left in the innovations of `{}`, and {} cannot change: give a `random_walk` (`fusion allan` measures \
+                 it), or raise the noise of the process",
+                sensor.name,
+                listed(self.constant_biases)
+            );
+        }
+        let is_deaf = ratio(nis) < FOLLOWED && (sensor.bias.is_none() || ratio(nees) > FAR);
+        let nis_is = format!("NIS of `{}` is only {} of {}", sensor.name, short(nis.mean), nis.dof);
+        if self.is_recorded && is_deaf {
+            let reference = self.reference(what);
+            let process = match what {
+                Measures::Velocity | Measures::Attitude => "a noise of the process is too small, ",
+                Measures::Position => "",
+            };
+            format!("{nis_is}, so it agrees with the estimate; either {process}{reference}, or an error of a sensor has no state")
+        } else {
+            format!("{nis_is}, so {}", slow(sensor))
+        }
+    }
+
+    /// What may be wrong with the reference.
+    fn reference(&self, what: Measures) -> String {
+        let sigma = if self.is_exact[what as usize] {
+            "errors of its own (`sigma`), "
+        } else {
+            ""
+        };
+        let offset = self.summary.score.as_ref().and_then(|score| score.offset.as_ref());
+        // Position errors say nothing of a velocity.
+        let arm = offset.and_then(|offset| known_arm(offset, self.point)).map(|(_, arm)| arm);
+        let other = match (what, arm) {
+            (Measures::Attitude, _) => "other axes (`remove_mean_mounting`)".to_owned(),
+            (Measures::Velocity, _) | (Measures::Position, None) => "another point (`lever_arm`)".to_owned(),
+            (Measures::Position, Some(arm)) => format!("another point (the position errors fit `lever_arm = [{}]`)", metres(arm)),
+        };
+        format!("the `[reference]` has {sigma}{other} or late stamps (`latency` of its channels)")
+    }
+
+    /// A reference whose heading goes less well with its own velocity than the estimated one does.
+    fn wrong_reference(&self, score: &Score) -> Option<Finding> {
+        let (axes, course) = (score.attitude_deg.as_ref()?, score.course?);
+        // More than all of the errors is of no reference: the slip then goes with them, as of a nose that does not follow the way.
+        let is_share = course.share - 2.0 * course.share_sigma <= 1.0 && course.reference_deg < MOST_SLIP;
+        let is_worse = is_share && course.share - 2.0 * course.share_sigma > MOST_OF_ERRORS;
+        let is_outside = Verdict::of_share(axes.inside[2]) == Some(Verdict::Overconfident);
+        (self.is_recorded && is_outside && is_worse).then(|| Finding {
+            about: "heading".to_owned(),
+            evidence: format!(
+                "{:.0} % of the heading errors lie inside 3σ; about the course of the reference's own velocity its heading scatters by {}°, \
+                 that of the filter by {}°, so {:.0} % of the squares of these errors are of the reference, 1σ {:.0} %",
+                100.0 * axes.inside[2],
+                short(course.reference_deg),
+                short(course.estimate_deg),
+                100.0 * course.share,
+                100.0 * course.share_sigma
+            ),
+            advice: format!(
+                "unless the vehicle slides sideways, give the heading of the reference a 1σ of \"{:.2} deg\", the third of \
+                 `reference.sigma.attitude`",
+                course.own_deg
+            ),
+        })
+    }
+
+    /// Attitude errors outside 3σ, where a mounting is taken out and there is no NEES; whether one finding is of the heading alone.
+    fn attitude_outside(&self, score: &Score, causes: &[String], tells_heading: bool) -> Option<Finding> {
+        let axes = score.attitude_deg.as_ref().filter(|_| score.nees_attitude.is_none())?;
+        let is_outside = |k: &usize| Verdict::of_share(axes.inside[*k]) == Some(Verdict::Overconfident);
+        let outside: Vec<usize> = (0..3).filter(is_outside).collect();
+        // What the first lines show is the worst of them, and that is not told twice.
+        let worst = outside.iter().copied().min_by(|a, b| axes.inside[*a].total_cmp(&axes.inside[*b]))?;
+        if worst == 2 && tells_heading {
+            return None;
+        }
+        let each: Vec<String> = outside
+            .iter()
+            .map(|k| format!("{:.1} % of {}", 100.0 * axes.inside[*k], ["roll", "pitch", "yaw"][*k]))
+            .collect();
+        let advice = if causes.is_empty() {
+            let check = if self.is_recorded {
+                format!("{BEGIN}{CHECK}; if nothing is found wrong: ")
+            } else {
+                String::new()
+            };
+            format!(
+                "{check}a noise of the process is too small, an error of a sensor has no state, or the `[reference]` has errors of its own \
+                 (`sigma.attitude`) or late stamps (`latency` of its channels)"
+            )
+        } else {
+            format!("{BEGIN}what is said of {}", listed(causes))
+        };
+        Some(Finding {
+            about: "attitude".to_owned(),
+            evidence: format!("inside 3σ lie {} of the attitude errors", each.join(", ")),
+            advice,
+        })
+    }
+
+    /// A latency that explains the position errors.
+    pub(super) fn wrong_latency(&self, offset: &Offset) -> Option<Finding> {
+        let Offset {
+            latency,
+            latency_sigma,
+            latency_explained,
+            ..
+        } = *offset;
+        if latency_explained < MOST || latency.abs() < LEAST_LATENCY.max(CERTAIN * latency_sigma) {
+            return None;
+        }
+        let (evidence, advice) = if latency > 0.0 {
+            (
+                "late",
+                format!(
+                    "if its stamps are late, give its channels `latency = \"{latency:.2} s\"`; else the sensors of position are earlier than \
+                     their `time_offset` says"
+                ),
+            )
+        } else {
+            let sensors = || {
+                format!(
+                    "the sensors of position are later than their `time_offset` says, by {:.2} s, or the stamps of the reference are early",
+                    -latency
+                )
+            };
+            ("early", self.late_input(offset).unwrap_or_else(sensors))
+        };
+        Some(Finding {
+            about: "reference".to_owned(),
+            evidence: format!(
+                "position error is explained to {:.0} % by a reference that is {evidence} by {:.2} s",
+                100.0 * latency_explained,
+                latency.abs()
+            ),
+            advice,
+        })
+    }
+
+    /// A heading that is wrong beyond any doubt, though its 1σ is small.
+    fn wrong_heading(&self, score: &Score) -> Option<Finding> {
+        let (axes, rms) = (score.attitude_deg.as_ref()?, score.heading_rmse_deg?);
+        let is_told = rms > WRONG_HEADING && Verdict::of_share(axes.inside[2]) == Some(Verdict::Overconfident);
+        let median = score.spread.heading_deg.map_or(rms, |s| s.median);
+        // Until it was aligned the filter itself says that it is wrong.
+        let own = self.summary.health.iter().find(|h| h.filter.is_empty());
+        let aligned = own.and_then(|h| h.aligned).filter(|aligned| axes.max_time[2] < *aligned);
+        let advice = if let Some(aligned) = aligned {
+            format!(
+                "the largest is of the time before the filter was aligned, at {aligned:.1} s: `reference.from = \"{aligned:.1} s\"` leaves \
+                 it out, and shows what the others are"
+            )
+        } else if self.is_recorded {
+            format!("either the filter or the reference is wrong: {CHECK} compares both with the way travelled")
+        } else {
+            "look at what tells the heading, and at how it starts (`[initial]`, `filter.bank`)".to_owned()
+        };
+        is_told.then(|| Finding {
+            about: "heading".to_owned(),
+            evidence: format!(
+                "the heading error is {}° RMS, {}° by the median, {}° at most, at {:.1} s, and {:.0} % of the errors lie inside 3σ",
+                short(rms),
+                short(median),
+                short(axes.max[2]),
+                axes.max_time[2],
+                100.0 * axes.inside[2]
+            ),
+            advice,
+        })
+    }
+}
+
+/// Around the ratio of errors to their 1σ.
+const ERRORS: &str = "errors are ";
+const TIMES: &str = " times the 1σ of the filter; ";
+/// Before what is known to be looked at first.
+const BEGIN: &str = "begin with ";
+
+/// What is to be done where the estimate follows an error of a sensor.
+fn slow(sensor: &Instrument) -> String {
+    let name = &sensor.name;
+    let follows = format!("the estimate follows a slow error of `{name}`");
+    match sensor.bias {
+        Some(Bias::Fixed) => format!("{follows}; declare its `bias` as a state with a `correlation_time`"),
+        Some(Bias::Constant) => format!("{follows}, whose `bias` is a constant; give it a `correlation_time`"),
+        Some(Bias::Walk) => format!("{follows}, more than its `bias` may change; raise the `random_walk` of `{name}.bias`"),
+        Some(Bias::Correlated) => format!("{follows}, larger than its `bias` may be; raise the `sigma` of `{name}.bias`"),
+        None => format!("{follows}; raise its `noise`, for its rows are not independent"),
+    }
+}
+
+fn axes_of(score: &Score, what: Measures) -> Option<&Axes> {
+    match what {
+        Measures::Position => score.position.as_ref(),
+        Measures::Velocity => score.velocity.as_ref(),
+        Measures::Attitude => score.attitude_deg.as_ref(),
+    }
+}
+
+/// The axis with the largest error for its 3σ.
+fn worst_axis(axes: Option<&Axes>) -> Option<usize> {
+    let axes = axes?;
+    let ratio = |k: usize| axes.rms[k] / axes.three_sigma[k];
+    (0..3)
+        .filter(|k| ratio(*k).is_finite())
+        .max_by(|a, b| ratio(*a).total_cmp(&ratio(*b)))
+}
+
+/// Findings of which only the size differs, as one.
+fn alike(all: Vec<Finding>) -> Vec<Finding> {
+    fn what(finding: &Finding) -> Option<&str> {
+        let rest = finding.advice.strip_prefix(ERRORS)?;
+        rest.split_once(TIMES).map(|(_, what)| what)
+    }
+    let mut kept: Vec<Finding> = Vec::new();
+    for finding in all {
+        let same = what(&finding);
+        match kept.iter_mut().find(|before| same.is_some() && what(before) == same) {
+            Some(before) => before.evidence += &format!(", {}", finding.evidence),
+            None => kept.push(finding),
+        }
+    }
+    kept
+}
+
+/// A heading that is wrong by a constant.
+fn constant_heading(score: &Score) -> Option<Finding> {
+    let errors = score.attitude_deg.as_ref()?;
+    let (mean, rms) = (errors.mean[2], errors.rms[2]);
+    let is_told = mean.abs() > LEAST_HEADING && mean * mean > MOST_OF_HEADING * rms * rms;
+    let is_too_much = score.nees_attitude.as_ref().is_some_and(is_large);
+    (is_told && is_too_much).then(|| Finding {
+        about: "heading".to_owned(),
+        evidence: format!("the heading error is nearly constant, {mean:.1}° on average and {rms:.1}° RMS"),
+        advice: if mean.abs() > MOUNTED {
+            "so much is no mounting: look at the axes and signs of what tells the heading, and of the reference's attitude \
+             (`navigation_rotation`, the order of a quaternion); `remove_mean_mounting` would hide it"
+                .to_owned()
+        } else {
+            "look at what tells the heading: the `declination` or `bias` of a compass, the `mounting` of the inertial unit or of an \
+             odometer, or whether the reference has an axis of its own (`[reference] remove_mean_mounting`)"
+                .to_owned()
+        },
+    })
+}
+
+/// The offset in body axes that is known, and the point of the reference that takes it away \[m\].
+fn known_arm(offset: &Offset, point: [f64; 3]) -> Option<([f64; 3], [f64; 3])> {
+    // What nothing tells stays as it is declared: errors that wander fit any arm for a while, and those of a level vehicle
+    // hardly have a part of their own that an arm down explains.
+    let halves = || offset.halves.iter().zip(&offset.halves_sigma);
+    // A half that hardly tells it contradicts nothing.
+    let slack = |k: usize, sigma: f64| ALIKE * offset.body[k].abs() + 2.0 * sigma;
+    let is_alike = |k: usize| halves().all(|(half, sigma)| (half[k] - offset.body[k]).abs() < slack(k, sigma[k]));
+    let is_told = |k: usize| {
+        let is_known = offset.sigma[k] < UNKNOWN && offset.body[k].abs() > 2.0 * offset.sigma[k];
+        is_known && offset.own[k] > OWN && is_alike(k)
+    };
+    let off: [f64; 3] = core::array::from_fn(|k| if is_told(k) { -offset.body[k] } else { 0.0 });
+    let is_known = |k: usize| off[k].abs() > LEAST_OFFSET.max(CERTAIN * offset.sigma[k]);
+    let arm = core::array::from_fn(|k| point[k] + off[k]);
+    (offset.explained > LEAST && (0..3).any(is_known)).then_some((off, arm))
+}
+
+fn metres(v: [f64; 3]) -> String {
+    // 0.0 +: no minus before zero.
+    v.map(|v| format!("{:.2}", 0.0 + (100.0 * v).round() / 100.0)).join(", ")
+}
+
+/// A constant offset in body axes that explains the position errors.
+fn wrong_arm(offset: &Offset, point: [f64; 3]) -> Option<Finding> {
+    let (off, arm) = known_arm(offset, point).filter(|_| offset.explained > MOST)?;
+    Some(Finding {
+        about: "reference".to_owned(),
+        evidence: format!(
+            "position error is explained to {:.0} % by an offset of [{}] m in body axes",
+            100.0 * offset.explained,
+            metres(off)
+        ),
+        advice: format!(
+            "if the reference tells of a point there, give `reference.lever_arm = [{}]`; else look at the `lever_arm` of the sensors \
+             of position",
+            metres(arm)
+        ),
+    })
+}
+
+/// Outages at whose end the error is more than 3σ, in more of them than chance allows.
+pub(super) fn bold_outages(drift: &[Drift]) -> Option<Finding> {
+    let ratios = drift.iter().map(Drift::end_ratio).filter(|ratio| ratio.is_finite());
+    let (all, bold) = ratios.fold((0_u32, 0_u32), |(all, bold), ratio| (all + 1, bold + u32::from(ratio > 3.0)));
+    // χ² of two degrees of freedom exceeds 9 with exp(−9/2), and that so often or oftener:
+    let p = (-4.5_f64).exp();
+    let mut chance = 1.0;
+    let mut exactly = (1.0 - p).powi(i32::try_from(all).ok()?);
+    for k in 0..bold {
+        chance -= exactly;
+        exactly *= f64::from(all - k) / f64::from(k + 1) * p / (1.0 - p);
+    }
+    (bold > 0 && chance < CHANCE).then(|| Finding {
+        about: "outages".to_owned(),
+        evidence: format!("at the end of {bold} of {all} outages the error is more than 3σ of the filter"),
+        advice: drifting(),
+    })
+}
+
+/// The outage with the error at its end that is most σ, where so many of them are beyond what chance allows the largest of all.
+pub(super) fn far_outage(drift: &[Drift]) -> Option<Finding> {
+    let known = drift.iter().filter(|d| d.end_ratio().is_finite());
+    let all = known.clone().count() as f64;
+    let worst = known.max_by(|a, b| a.end_ratio().total_cmp(&b.end_ratio()))?;
+    // Bonferroni: the largest of n squares, each χ² of two degrees of freedom at most, exceeds x with n exp(−x/2) at most.
+    let chance = all * (-0.5 * worst.end_ratio().powi(2)).exp();
+    let moved = worst.moved.as_ref().filter(|moved| moved.sigmas > MOVED).map(|moved| {
+        format!(
+            "look first at `{}` at {:.1} s, which moved what it measures by {} of its 1σ, more than all others in that outage; then ",
+            moved.sensor,
+            moved.time,
+            short(moved.sigmas)
+        )
+    });
+    (chance < CHANCE_OF_SIZE).then(|| Finding {
+        about: "outages".to_owned(),
+        evidence: format!(
+            "at the end of the outage at {:.1} s the error is {} m, {} times the 1σ of the filter",
+            worst.from,
+            short(worst.end_horizontal),
+            short(worst.end_ratio())
+        ),
+        advice: moved.unwrap_or_default() + &drifting(),
+    })
+}
+
+/// What makes an error grow faster than its 1σ.
+fn drifting() -> String {
+    "raise the noise of the process or the random walk of its biases (`fusion allan` measures both); a constraint that does not hold, \
+     such as a false `zero_velocity`, does the same"
+        .to_owned()
+}

@@ -1,0 +1,149 @@
+//! Calibrations that moved while innovations were too large.
+
+use super::instrument::{Instrument, Measures};
+use super::{Finding, Judged};
+use crate::inspect::{Kind, reported_by_name};
+use fusion::observe::{Excess, Moved};
+use fusion_tables::{Unit, short};
+
+/// So many calibrations are named.
+const NAMED: usize = 3;
+
+/// The 1σ that a source may report, as the design declares it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Reports {
+    /// The channel of the source that would report it.
+    pub(super) channel: String,
+    /// The numbers of that channel.
+    pub(super) width: usize,
+    /// Whether the source declares it.
+    pub(super) is_declared: bool,
+    /// The 1σ that the sensor has instead, as it is written.
+    pub(super) sigma: String,
+}
+
+impl Judged<'_> {
+    /// Sensors that moved calibrations far while their innovations were too large, the worst first, but for those that are
+    /// `told` already: it is said with what else is wrong with them.
+    pub(super) fn moved(&self, told: impl Fn(&str) -> bool) -> Vec<Finding> {
+        let own = self.instruments.iter().filter(|i| !told(&i.name));
+        let mut all: Vec<(&Instrument, Excess)> = own.filter_map(|i| Some((i, self.excess(&i.name)?))).collect();
+        all.sort_by(|a, b| ratio(&b.1).total_cmp(&ratio(&a.1)));
+        all.into_iter().map(|(i, excess)| self.moved_by(i, &excess)).collect()
+    }
+
+    /// The calibrations that a sensor moved, except those that a sensor with larger innovations moved at the same time. Where
+    /// one sensor throws the estimate off, the others disagree with it.
+    fn excess(&self, sensor: &str) -> Option<Excess> {
+        let all = &self.summary.excesses;
+        let own = all.iter().find(|e| e.sensor == sensor)?;
+        let is_larger = |other: &&Excess| ratio(other) > ratio(own) && other.from < own.to && own.from < other.to;
+        let mut own = own.clone();
+        own.moved
+            .retain(|m| !all.iter().filter(|other| is_larger(other)).any(|other| other.moves(&m.name)));
+        (!own.moved.is_empty()).then_some(own)
+    }
+
+    fn moved_by(&self, sensor: &Instrument, excess: &Excess) -> Finding {
+        let times = ratio(excess).sqrt();
+        let name = &sensor.name;
+        let first = &excess.moved[0].name;
+        let advice = match self.reported(sensor) {
+            Some(reported) => format!(
+                "the 1σ of `{first}` does not include that: {reported}; if innovations are still too large then, multiply the reported 1σ \
+                 (`scale`), or `{first}` was worse known before than its 1σ said"
+            ),
+            None => format!(
+                "the 1σ of `{first}` does not include that: either the `noise` of `{name}` is {} times too small then, or `{first}` was \
+                 worse known before than its 1σ said, or both follow from a poor start",
+                short(times)
+            ),
+        };
+        Finding {
+            about: name.clone(),
+            evidence: format!(
+                "innovations of `{name}` were {} times what is expected from {:.1} s to {:.1} s (mean NIS {} of {} over {} \
+                 measurements), and {}",
+                short(times),
+                excess.from,
+                excess.to,
+                short(excess.nis),
+                excess.dof,
+                excess.measurements,
+                moves(&excess.moved)
+            ),
+            advice,
+        }
+    }
+
+    /// That a sensor moved calibrations, for a finding about its innovations; empty where it did not.
+    pub(super) fn moved_too(&self, sensor: &Instrument) -> String {
+        let excess = self.excess(&sensor.name);
+        excess.map_or_else(String::new, |e| {
+            format!("; from {:.1} s to {:.1} s {}", e.from, e.to, moves(&e.moved))
+        })
+    }
+
+    /// How a sensor takes the 1σ that its file reports row by row, where it does not.
+    pub(super) fn reported(&self, sensor: &Instrument) -> Option<String> {
+        let Reports {
+            channel,
+            width,
+            is_declared,
+            sigma,
+        } = sensor.reports.as_ref()?;
+        let source = self.summary.sources.iter().find(|s| s.name == sensor.source)?;
+        let noise = format!("`sensor.{}.noise = {{ sigma = {sigma}, from_source = true }}`", sensor.name);
+        if *is_declared {
+            return Some(format!(
+                "`{}` reports the 1σ of each row in its channel `{channel}`: write {noise}",
+                source.name
+            ));
+        }
+        let kind = match sensor.measures? {
+            Measures::Position => Kind::PositionSigma,
+            Measures::Velocity => Kind::VelocitySigma,
+            Measures::Attitude => return None,
+        };
+        let all = reported_by_name(&source.report.unread);
+        let found = all.iter().find(|r| r.kind == kind && r.columns.len() >= *width)?;
+        let mut names: Vec<String> = found.columns.iter().map(|name| format!("`{name}`")).collect();
+        names.dedup();
+        Some(format!(
+            "the file of `{0}` reports the 1σ of each row in columns that `{0}` does not read, {1}: write `source.{0}.channels.{channel} = \
+             {2}` and {noise}",
+            source.name,
+            names.join(", "),
+            found.channel(*width)
+        ))
+    }
+}
+
+/// The mean NIS over what it should be.
+fn ratio(excess: &Excess) -> f64 {
+    excess.nis / excess.dof as f64
+}
+
+/// `` `gnss.time_offset` moved from 0.1 to -0.18 s, 5.6 times the 1σ of 0.05 s that it had``.
+fn moves(moved: &[Moved]) -> String {
+    let each = moved.iter().take(NAMED).map(|m| {
+        let unit = Unit::of_si(&m.unit);
+        let [from, to, sigma] = [m.from, m.to, m.sigma].map(|v| short(unit.of(v)));
+        let axis = if m.is_vector {
+            format!(" (axis {})", m.axis + 1)
+        } else {
+            String::new()
+        };
+        format!(
+            "`{}`{axis} moved from {from} to {to} {unit}, {} times the 1σ of {sigma} {unit} that it had",
+            m.name,
+            short(m.sigmas),
+            unit = unit.symbol()
+        )
+    });
+    let named = each.collect::<Vec<_>>().join(", ");
+    match moved.len().saturating_sub(NAMED) {
+        0 => named,
+        more => format!("{named}, and {more} more"),
+    }
+}

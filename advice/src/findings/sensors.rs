@@ -1,0 +1,600 @@
+//! What gates and innovations say of a sensor.
+
+use super::errors::bold_outages;
+use super::instrument::{Bias, Instrument, Measures, listed};
+use super::{CHECK, FAR, Finding, Judged, LARGE, is_large, ratio};
+use fusion::health::{Spell, State};
+use fusion::observe::{RejectionStreak, SensorStatistics};
+use fusion::run::{Detector, FaultWindow};
+use fusion::score::{Consistency, Score, Verdict};
+use fusion_tables::{Unit, short};
+
+/// The share of rejected measurements from which on a gate does more than to remove outliers: a gate of 99 %
+/// refuses 1 % of the good ones.
+const REJECTED: f64 = 0.05;
+/// Fewer measurements say little about a share: of 20, one rejected is already 5 %.
+const FEW: u64 = 20;
+/// The mean statistic over its degrees of freedom below which it is worth a change: errors are √0.5 = 0.71 times the 1σ.
+const SMALL: f64 = 0.5;
+/// The excess of the mean over its degrees of freedom that is worth a word where a log has no reference: errors are 1.1 times
+/// the 1σ.
+const SLIGHT: f64 = 0.2;
+/// The autocorrelation at lag 1 from which on innovations are no noise: half of the error of one is left in the next. Below the
+/// other they are.
+const LASTING: f64 = 0.5;
+const WHITE: f64 = 0.2;
+/// Fewer independent errors against the reference judge nothing: of two, the band of a consistent mean reaches from 0.05 to 3.7.
+const JUDGE: f64 = 3.0;
+/// Fewer innovations do not tell one from the other: 2/√n is then more than what lies between.
+const ENOUGH: u64 = 50;
+/// So many of its own 1σ a mean of innovations is away from zero by more than chance: of thousands of rows none.
+const CERTAIN_MEAN: f64 = 4.0;
+/// Innovations that last count so many times for what they tell: from there on the 1σ of what they measure is √10 = 3 times
+/// too small.
+const COUNTED: f64 = 10.0;
+/// Below it the declared noise is as large as that asks for: of a dozen that are independent the number is known to a factor of
+/// two, and the variance of a consistent filter is within [`LARGE`].
+const COVERED: f64 = 2.0 * LARGE;
+/// An error stands out from so many times the median on: of a normal one the largest of a million are five times the 1σ,
+/// which is less than eight times the median.
+const OUTSTANDING: f64 = 8.0;
+/// The mean of a constraint from which on it is no matter of how well a vehicle keeps it: innovations are √10 = 3 times their 1σ.
+const BROKEN: f64 = 10.0;
+/// So many measurements refused in a row are no outliers one by one: of 5 % none in ten thousand.
+const STREAK: u64 = 4;
+/// A sensor disagrees before another one if it does so much earlier \[s\]: one of 1 Hz shows it by a few measurements.
+const LEAD: f64 = 2.0;
+/// It follows from a re-acquisition that was so long before it, at most \[s\].
+const SOON: f64 = 60.0;
+
+/// What bears good measurements that are worse than declared, of those that the sensor can have.
+fn softer(sensor: &Instrument) -> String {
+    let position = if sensor.has_horizontal_position {
+        "`two_condition` or "
+    } else {
+        ""
+    };
+    format!("a gate that refuses good ones lets the estimate run away, which {position}a `loss` in its place does not")
+}
+
+impl Judged<'_> {
+    /// Disturbed rows that were used while declared faults were at work, where errors are too large.
+    pub(super) fn disturbed(&self) -> Option<Finding> {
+        if !Measures::ALL.into_iter().filter_map(|what| self.nees(what)).any(is_large) {
+            return None;
+        }
+        let (mut used, mut faults) = (Vec::new(), Vec::new());
+        for (sensor, s) in self.sensors() {
+            let missed = s.disturbed.map_or(0, |d| d.missed);
+            let windows = self.summary.faults.iter();
+            let own: Vec<_> = windows.filter(|w| w.stream == sensor.source || w.stream == sensor.name).collect();
+            if missed == 0 || own.is_empty() {
+                continue;
+            }
+            used.push(format!("{missed} of `{}`", sensor.name));
+            for window in own {
+                let name = format!("`{}`", window.fault);
+                if !faults.iter().any(|(known, _)| *known == name) {
+                    faults.push((name, window.from));
+                }
+            }
+        }
+        if used.is_empty() {
+            return None;
+        }
+        let faults: Vec<String> = faults.iter().map(|(name, from)| format!("{name} (from {from:.1} s on)")).collect();
+        Some(Finding {
+            about: "faults".to_owned(),
+            evidence: format!(
+                "disturbed rows were used while faults were at work: {}; {}",
+                used.join(", "),
+                faults.join(", ")
+            ),
+            advice:
+                "errors follow from them: look at how gates took them (`missed` in the table of sensors), and judge the rest of the run \
+                     apart from them (`[reference] episodes`)"
+                    .to_owned(),
+        })
+    }
+
+    /// Gates that refuse more than some outliers, and sensors that were believed against the estimate: the first to disagree
+    /// first.
+    pub(super) fn refused(&self) -> Vec<Finding> {
+        let gated = self.sensors().filter(|(i, _)| i.has_gate);
+        let told = gated.filter_map(|(i, s)| Some((disagrees_from(s), self.reacquired(i, s).or_else(|| self.rejected(i, s))?)));
+        let mut told: Vec<(f64, Finding)> = told.collect();
+        told.sort_by(|a, b| a.0.total_cmp(&b.0));
+        told.into_iter().map(|(_, finding)| finding).collect()
+    }
+
+    /// That the filter was lost but for declared outages, where that is told first; and the sensor whose measurements were refused
+    /// in a row at that time.
+    pub(super) fn lost(&self) -> Option<(Finding, Option<String>)> {
+        let own = self.summary.health.iter().find(|h| h.filter.is_empty())?;
+        // A filter that never was good is told by what it waits for.
+        let aligned = own.aligned?;
+        let spells = own.spells();
+        let is_lost = |s: &Spell| s.state == State::Lost && s.is_ill_undeclared() && s.from >= aligned;
+        let lost = || spells.iter().enumerate().filter(|(_, s)| is_lost(s));
+        let (at, longest) = lost().max_by(|a, b| a.1.seconds().total_cmp(&b.1.seconds()))?;
+        let all = lost().count();
+        // The first of those that follow each other without a good moment in between.
+        let begun = spells[..=at]
+            .iter()
+            .rev()
+            .take_while(|s| s.state >= State::Degraded)
+            .last()
+            .unwrap_or(longest);
+        let times = if all > 1 {
+            format!(", the longest of {all} times")
+        } else {
+            String::new()
+        };
+        let (mut evidence, mut advice) = (
+            format!(
+                "the filter was lost for {:.1} s, from {:.1} s on{times}",
+                longest.seconds(),
+                longest.from
+            ),
+            None,
+        );
+        let refused = self.sensors().filter_map(|(i, s)| Some((i, s.longest_rejection_streak?)));
+        let is_then = |streak: &RejectionStreak| streak.from < longest.to && streak.from + streak.seconds > longest.from;
+        let refused = refused.filter(|(_, streak)| streak.measurements >= STREAK && is_then(streak));
+        let refused = refused.max_by_key(|(_, streak)| streak.measurements);
+        if let Some((sensor, streak)) = refused {
+            evidence += &format!(
+                ": {} measurements of `{}` were refused in a row, from {:.1} s on",
+                streak.measurements, sensor.name, streak.from
+            );
+            advice = Some(format!(
+                "either they were wrong, or the estimate had left them: compare the two there, {}, then look at its `noise`, which may be too \
+                 small; {}",
+                self.look(sensor),
+                softer(sensor)
+            ));
+        } else {
+            let reasons: Vec<String> = begun.reasons.iter().map(ToString::to_string).collect();
+            evidence += &format!(": it began at {:.1} s with {}", begun.from, listed(&reasons));
+        }
+        let advice = advice.unwrap_or_else(|| "what is shown since then may be wrong: look at what it began with".to_owned());
+        let name = refused.map(|(sensor, _)| sensor.name.clone());
+        let about = name.clone().unwrap_or_else(|| "health".to_owned());
+        Some((Finding { about, evidence, advice }, name))
+    }
+
+    fn rejected(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
+        let (good, all) = refused_by_its_gate(s);
+        let share = rejected_share(s)?;
+        Some(Finding {
+            about: s.name.clone(),
+            evidence: format!(
+                "the gate of `{}` rejected {good} of {all} measurements, {:.0} %",
+                s.name,
+                100.0 * share
+            ),
+            advice: format!(
+                "if they are not outliers, {}, then look at its `noise`; {}",
+                self.look(sensor),
+                softer(sensor)
+            ),
+        })
+    }
+
+    /// A sensor that was believed against the estimate, where a large error follows, or nothing tells of errors.
+    fn reacquired(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
+        let last_before = |at: f64| s.reacquired_at.iter().copied().rev().find(|t| (0.0..SOON).contains(&(at - t)));
+        let (time, error) = match &self.summary.score {
+            None => (*s.reacquired_at.first()?, String::new()),
+            Some(score) => {
+                outstanding(score).find_map(|(at, error)| Some((last_before(at)?, format!("; {error} followed at {at:.1} s"))))?
+            }
+        };
+        let (refused, all) = refused_by_its_gate(s);
+        // Only a declared fault says that it was the sensor, and not the estimate, that was wrong.
+        let is_own = |w: &&FaultWindow| w.stream == sensor.source || w.stream == sensor.name;
+        let fault = self.summary.faults.iter().filter(is_own).find(|w| (w.from..=w.to).contains(&time));
+        let advice = match fault {
+            Some(w) if sensor.has_recovery => format!(
+                "it was disturbed then by `{}`: forbid it with `gate.recovery.never_reacquire = true`",
+                w.fault
+            ),
+            Some(w) => format!("it was disturbed then by `{}`, which its gate took for good", w.fault),
+            None => format!(
+                "either it was wrong, or what the estimate had followed until then: another sensor, the input or the start; {}, and do the \
+                 same with the others",
+                self.look(sensor)
+            ),
+        };
+        Some(Finding {
+            about: s.name.clone(),
+            evidence: format!(
+                "`{}` was believed against the estimate at {time:.1} s (re-acquired), its gate rejected {refused} of {all} measurements{error}",
+                s.name
+            ),
+            advice,
+        })
+    }
+
+    /// The sensor that disagreed with the estimate before those that were `refused`.
+    pub(super) fn first_to_disagree(&self, refused: &[Finding]) -> Option<Finding> {
+        let from = disagrees_from;
+        let is_refused = |s: &SensorStatistics| refused.iter().any(|f| f.about == s.name);
+        let earlier = |a: &(&Instrument, &SensorStatistics), b: &(&Instrument, &SensorStatistics)| from(a.1).total_cmp(&from(b.1));
+        let (other, next) = self.sensors().filter(|(_, s)| is_refused(s)).min_by(earlier)?;
+        let (sensor, first) = self.sensors().min_by(earlier)?;
+        let name = &first.name;
+        // Where two parts of an instrument disagree it is the rest of the sensors, or this one, and not one against the other.
+        let is_told = !is_refused(first) && !sensor.is_of_one_with(other) && from(first) + LEAD < from(next);
+        is_told.then(|| Finding {
+            about: name.clone(),
+            evidence: format!(
+                "`{name}` was the first to disagree, from {:.1} s on, before `{}`, from {:.1} s on",
+                from(first),
+                next.name,
+                from(next)
+            ),
+            advice: format!(
+                "it comes before them, for they may disagree because of it: {}, then run once with `sensor.{name}.enabled = false`; if the \
+                 others agree then, it was wrong or disturbed",
+                self.look(sensor)
+            ),
+        })
+    }
+
+    /// The first thing to do about a sensor that disagrees.
+    fn look(&self, sensor: &Instrument) -> String {
+        let parts = sensor.parts();
+        if self.is_recorded {
+            format!("let {CHECK} judge its {parts}")
+        } else {
+            format!("look at its {parts}")
+        }
+    }
+
+    /// The same for an error that is constant.
+    fn look_for_constant(&self, sensor: &Instrument) -> String {
+        let bias = match sensor.bias {
+            Some(Bias::Fixed) => ", or declare its `bias` as a state",
+            _ => "",
+        };
+        if self.is_recorded {
+            format!("let {CHECK} look for one{bias}")
+        } else {
+            format!("look at its {}{bias}", sensor.parts())
+        }
+    }
+
+    /// Innovations that are larger than the filter expects.
+    pub(super) fn large(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
+        let (name, nis) = (&sensor.name, s.nis.as_ref()?);
+        // Of a gate that refuses nothing the power is infinite.
+        let is_gated = s.gate_power.iter().any(|power| power.is_finite());
+        let look = self.look(sensor);
+        let advice = if sensor.is_detected() && ratio(nis) > BROKEN {
+            let input = format!("the axes, signs and units of the input of the process ({CHECK} compares it with others)");
+            let limits = match sensor.limits.as_slice() {
+                [] => "when it is applied".to_owned(),
+                limits => format!("what tells when it holds: {}", listed(limits)),
+            };
+            // A simulated input is as declared.
+            let parts = if self.is_recorded {
+                format!("{input}, then at {limits}")
+            } else {
+                limits
+            };
+            let growth = self
+                .growth_between(sensor)
+                .map_or_else(String::new, |growth| format!(", then at {growth}, which may be too small"));
+            let parts = format!("{parts}{growth}");
+            format!("so much is hardly noise: look first at {parts}; leave its `noise` until that is right")
+        } else if let Some(growth) = self.growth_between(sensor) {
+            format!(
+                "what stands still is hardly faster than declared: between two stops the estimate errs by more than the process says; raise \
+                 {growth} first, its own `noise` only if the vehicle creeps while its detector holds"
+            )
+        } else if sensor.is_constraint {
+            "the vehicle does not keep this constraint so well; raise its `noise`, or apply it less often".to_owned()
+        } else if ratio(nis) > FAR {
+            format!("so much is hardly noise: first {look}; leave its `noise` until they are right")
+        } else if lag_1(s).is_some_and(|rho| rho > LASTING) {
+            let slow = match sensor.bias {
+                Some(Bias::Fixed) => "a slow error without a state, such as its `bias`",
+                Some(_) => "a slow error that its `bias` does not take, or that changes more than it may",
+                None => "a slow error without a state",
+            };
+            format!("each is like the one before, so it is no noise: {look}, then look for {slow}")
+        } else if !is_gated {
+            format!("are there outliers, which a `gate` would refuse? Else {look}, then look at its `noise`")
+        } else {
+            format!("{look}; if they are right, raise its `noise` or that of the process")
+        };
+        let reported = self.reported(sensor).filter(|_| ratio(nis) <= FAR);
+        let advice = reported.map_or_else(|| advice.clone(), |reported| format!("{advice}; {reported}"));
+        // Limits that are too wide let through what is no rest at all.
+        let held = self.detector(sensor).filter(|d| d.held > 0).map_or_else(String::new, |d| {
+            format!(
+                "; `{}` held in {:.0} % of its tests",
+                d.stage,
+                100.0 * d.held as f64 / d.tests as f64
+            )
+        });
+        is_large(nis).then(|| Finding {
+            about: name.clone(),
+            evidence: format!(
+                "NIS of `{name}` is {} of {}, innovations are {} times what is expected{held}{}",
+                short(nis.mean),
+                nis.dof,
+                short(nis.error_ratio()),
+                self.moved_too(sensor)
+            ),
+            advice,
+        })
+    }
+
+    /// How fast the errors of an inertial process grow, for a sensor that stops their growth when its detector finds rest.
+    fn growth_between(&self, sensor: &Instrument) -> Option<String> {
+        let is_stopping = sensor.is_constraint && sensor.measures == Some(Measures::Velocity) && !sensor.limits.is_empty();
+        (is_stopping && !self.growth.is_empty()).then(|| listed(self.growth).replace(" and ", " or "))
+    }
+
+    /// Whether each innovation of a sensor is like the one before.
+    pub(super) fn is_lasting(&self, name: &str) -> bool {
+        let own = self.sensors().find(|(_, s)| s.name == name);
+        own.and_then(|(_, s)| lag_1(s)).is_some_and(|rho| rho > LASTING)
+    }
+
+    /// Whether the innovations of a sensor are all that tells of it: where errors are known, they judge, and what measures no part
+    /// of the solution may be slow on purpose.
+    fn is_judged_by_innovations(&self, sensor: &Instrument) -> bool {
+        // A few errors that last as long as the run judge nothing.
+        let judges = |c: &Consistency| c.independent >= JUDGE;
+        let is_judged = Measures::ALL.into_iter().any(|what| self.nees(what).is_some_and(judges));
+        !sensor.is_constraint && sensor.measures.is_some() && !is_judged
+    }
+
+    /// Innovations of a log that are a little larger than expected, but more than chance allows, where nothing else judges.
+    pub(super) fn beyond_chance(&self) -> Option<Finding> {
+        let judged = self.sensors().filter(|(i, _)| self.is_recorded && self.is_judged_by_innovations(i));
+        let nis = judged.filter_map(|(i, s)| Some((i, s.nis.as_ref()?)));
+        let is_told = |nis: &Consistency| {
+            let excess = ratio(nis) - 1.0;
+            // The band is of 2σ of the mean: so much is beyond 3σ.
+            !is_large(nis) && excess > SLIGHT && excess > 1.5 * (nis.band.1 / nis.dof as f64 - 1.0)
+        };
+        let (sensor, nis) = nis
+            .filter(|(_, nis)| is_told(nis))
+            .max_by(|a, b| ratio(a.1).total_cmp(&ratio(b.1)))?;
+        Some(Finding {
+            about: sensor.name.clone(),
+            evidence: format!(
+                "NIS of `{}` is {} of {}, more than chance allows",
+                sensor.name,
+                short(nis.mean),
+                nis.dof
+            ),
+            advice: format!("it, or what the estimate takes from another sensor, is not quite as declared: let {CHECK} compare them"),
+        })
+    }
+
+    /// A detector that told nothing in a run that went wrong.
+    pub(super) fn never_held(&self) -> Option<Finding> {
+        let has_health = self.summary.health.iter().any(|h| h.filter.is_empty() && h.is_good());
+        // One run of many does not count what its consumers read.
+        let had_no_row = |i: &&Instrument| match self.summary.consumers.iter().find(|c| c.name == i.name) {
+            Some(consumer) => consumer.rows == 0,
+            None => self.detector(i).is_some_and(|d| d.held == 0),
+        };
+        let sensor = self.instruments.iter().filter(|i| !i.limits.is_empty()).find(had_no_row)?;
+        let nearest = self.detector(sensor).and_then(|d| d.nearest.as_ref());
+        let (figures, wider) = nearest.map_or_else(Default::default, |n| (format!(" ({n})"), ", at first twice of what it says"));
+        (!has_health).then(|| Finding {
+            about: sensor.name.clone(),
+            evidence: format!(
+                "`{}` had no measurement: nothing in the run was within the limits of `{}`{}",
+                sensor.name, sensor.source, figures
+            ),
+            advice: format!(
+                "if it should have had some, they are too narrow for this unit and vehicle: look at {}{wider}",
+                listed(&sensor.limits)
+            ),
+        })
+    }
+
+    /// The detector that tells when a sensor holds.
+    fn detector(&self, sensor: &Instrument) -> Option<&Detector> {
+        self.summary.detectors.iter().find(|d| d.stage == sensor.source)
+    }
+
+    /// Sensors whose measurements count for much more than they tell, because each repeats the error of the one before: the
+    /// first to count most. They explain errors that are no larger than that.
+    pub(super) fn counted(&self) -> Vec<Finding> {
+        let nees = || Measures::ALL.into_iter().filter_map(|what| self.nees(what));
+        let largest = nees().filter(|c| is_large(c)).map(ratio).fold(COUNTED, f64::max);
+        let has_errors = nees().any(is_large)
+            || self
+                .summary
+                .score
+                .as_ref()
+                .is_some_and(|score| bold_outages(&score.drift).is_some());
+        let told = self.sensors().filter_map(|(i, s)| {
+            let is_told = has_errors && !i.is_constraint && i.measures.is_some() || self.is_judged_by_innovations(i);
+            let times = counts(s).filter(|times| is_told && *times > largest)?;
+            let finding = self.repeats(i, s).filter(|_| !s.nis.as_ref().is_some_and(is_large))?;
+            Some((times, finding))
+        });
+        let mut told: Vec<(f64, Finding)> = told.collect();
+        told.sort_by(|a, b| b.0.total_cmp(&a.0));
+        told.into_iter().map(|(_, finding)| finding).collect()
+    }
+
+    /// A sensor each of whose measurements repeats the error of the one before.
+    fn repeats(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
+        let (name, rho) = (&sensor.name, lag_1(s).filter(|rho| *rho > LASTING)?);
+        let own = &s.innovations;
+        let fewest = own.independent.iter().copied().reduce(f64::min)?;
+        // White noise that tells as much: the density of the error at low frequencies is that of its variance times τ.
+        let white = own.rms.iter().zip(&own.independent);
+        let white = white.map(|(rms, n)| rms * (own.count as f64 / n).sqrt()).reduce(f64::max)?;
+        let unit = Unit::of_si(own.unit.first()?);
+        let find = match sensor.bias {
+            Some(Bias::Fixed) => "; then declare its `bias` as a state with a `correlation_time`",
+            _ => "",
+        };
+        Some(Finding {
+            about: name.clone(),
+            evidence: format!(
+                "innovations of `{name}` each repeat the one before, lag-1 autocorrelation {rho:.2}: its {} measurements tell no more than \
+                 {fewest:.0} independent ones, but the filter takes each for another",
+                own.count
+            ),
+            advice: format!(
+                "the 1σ of what it measures is too small by far: {}{find}; if nothing is found wrong, its `noise` as white noise that tells \
+                 as much is {} {}",
+                self.look(sensor),
+                short(unit.of(white)),
+                unit.symbol()
+            ),
+        })
+    }
+
+    /// Innovations that are smaller than the filter expects.
+    pub(super) fn small(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
+        let nis = s.nis.as_ref()?;
+        if !self.is_judged_by_innovations(sensor) || !is_small(nis) || is_covered(s) {
+            return None;
+        }
+        let name = &sensor.name;
+        let slow = "its errors change slowly and the estimate follows them";
+        let state = match sensor.bias {
+            Some(Bias::Fixed) => "; then declare its `bias` as a state with a `correlation_time`",
+            _ => "",
+        };
+        let lag_1 = lag_1(s);
+        let advice = match lag_1 {
+            Some(rho) if rho > LASTING => format!("{slow}{state}"),
+            _ if let Some(mean) = lasting_mean(s) => format!(
+                "{mean}, so an error that lasts is among them, which a smaller `noise` would only follow: first {}",
+                self.look_for_constant(sensor)
+            ),
+            Some(rho) if rho < WHITE && self.is_recorded => format!(
+                "its `noise`, or that of the process, is larger than need be; a constant error that the estimate has taken over does not \
+                 show in innovations, so before you lower it {}",
+                self.look_for_constant(sensor)
+            ),
+            Some(rho) if rho < WHITE => "its `noise`, or that of the process, is larger than need be".to_owned(),
+            _ => format!("its `noise`, or that of the process, is larger than need be, or {slow}{state}"),
+        };
+        let correlated = lag_1.map_or_else(String::new, |rho| format!(", lag-1 autocorrelation {rho:.2}"));
+        Some(Finding {
+            about: name.clone(),
+            evidence: format!("NIS of `{name}` is {} of {}{correlated}", short(nis.mean), nis.dof),
+            advice,
+        })
+    }
+
+    /// Innovations that are as large as expected, but not independent of each other.
+    pub(super) fn lasting(&self, sensor: &Instrument, s: &SensorStatistics) -> Option<Finding> {
+        let nis = s.nis.as_ref()?;
+        let rho = lag_1(s).filter(|rho| *rho > LASTING)?;
+        if !self.is_judged_by_innovations(sensor) || is_small(nis) || is_large(nis) || is_covered(s) {
+            return None;
+        }
+        let name = &sensor.name;
+        let until = "until then the 1σ is too small";
+        let advice = match sensor.bias {
+            Some(Bias::Fixed) => format!("an error that lasts has no state: declare its `bias` with a `correlation_time`; {until}"),
+            _ => format!("an error that lasts has no state: a latency, an arm, a scale, a heading (of a log, {CHECK} tries them); {until}"),
+        };
+        Some(Finding {
+            about: name.clone(),
+            evidence: format!(
+                "innovations of `{name}` are as large as expected, but each is like the one before, lag-1 autocorrelation {rho:.2}"
+            ),
+            advice,
+        })
+    }
+}
+
+/// Since when a sensor disagreed \[s\]; infinite where it never did.
+pub(super) fn disagrees_from(s: &SensorStatistics) -> f64 {
+    s.disagrees_from.unwrap_or(f64::INFINITY)
+}
+
+/// How many good measurements a sensor's own gate rejected, of how many that it judged.
+fn refused_by_its_gate(s: &SensorStatistics) -> (u64, u64) {
+    let own = s.rejected.saturating_sub(s.with_leader);
+    // Rejected rows that a declared fault disturbed are what the gate is there for.
+    let good = own - s.disturbed.map_or(0, |d| d.caught).min(own);
+    (good, s.accepted + s.reacquired + own)
+}
+
+/// The share of good measurements that its own gate rejected, where it is more than some outliers.
+pub(super) fn rejected_share(s: &SensorStatistics) -> Option<f64> {
+    let (good, all) = refused_by_its_gate(s);
+    let share = good as f64 / all as f64;
+    (all >= FEW && share > REJECTED).then_some(share)
+}
+
+/// Errors that stand out among those of a run: when, and what they are.
+fn outstanding(score: &Score) -> impl Iterator<Item = (f64, String)> {
+    let horizontal = score.position.as_ref().and_then(|axes| {
+        let larger = usize::from(axes.max[1] > axes.max[0]);
+        let is_one = score.horizontal_max > OUTSTANDING * score.horizontal_median?;
+        is_one.then(|| {
+            (
+                axes.max_time[larger],
+                format!("a horizontal error of {} m", short(score.horizontal_max)),
+            )
+        })
+    });
+    let heading = score.attitude_deg.as_ref().and_then(|axes| {
+        let is_one = axes.max[2] > OUTSTANDING * score.spread.heading_deg?.median;
+        is_one.then(|| (axes.max_time[2], format!("a heading error of {}°", short(axes.max[2]))))
+    });
+    horizontal.into_iter().chain(heading)
+}
+
+/// The largest autocorrelation at lag 1 of the innovations of a sensor, where there are enough to tell.
+fn lag_1(s: &SensorStatistics) -> Option<f64> {
+    let rows = s.innovations.lag_1.iter().filter(|_| s.innovations.count >= ENOUGH);
+    rows.copied().reduce(f64::max)
+}
+
+/// How many times the measurements of a sensor count for what they tell: the variance of the innovations in units of that
+/// which the filter expects, times their integrated autocorrelation. 1 of white ones that are as large as expected, and of
+/// correlated ones whose `noise` is raised for it; none of few.
+fn counts(s: &SensorStatistics) -> Option<f64> {
+    let own = &s.innovations;
+    let fewest = own.independent.iter().copied().reduce(f64::min).filter(|_| own.count >= ENOUGH)?;
+    Some(ratio(s.nis.as_ref()?) * own.count as f64 / fewest)
+}
+
+/// Whether errors that last are no more than the declared noise is good for.
+fn is_covered(s: &SensorStatistics) -> bool {
+    let lasts = lag_1(s).is_some_and(|rho| rho > LASTING);
+    lasts && counts(s).is_some_and(|times| times < COVERED)
+}
+
+/// A mean of innovations that is no chance, in words: that of the row that is most of its own 1σ away from zero.
+fn lasting_mean(s: &SensorStatistics) -> Option<String> {
+    let own = &s.innovations;
+    let rows = own.mean.iter().zip(&own.mean_sigmas).zip(&own.unit).enumerate();
+    let most = rows.max_by(|a, b| a.1.0.1.abs().total_cmp(&b.1.0.1.abs()));
+    let (row, ((mean, sigmas), unit)) = most.filter(|(_, ((_, sigmas), _))| sigmas.abs() > CERTAIN_MEAN && own.count >= ENOUGH)?;
+    let (unit, axis) = (
+        Unit::of_si(unit),
+        own.axis.get(row).map_or_else(String::new, |axis| format!(" ({axis})")),
+    );
+    Some(format!(
+        "their mean{axis} is {} {}, {:.1} times its own 1σ",
+        short(unit.of(*mean)),
+        unit.symbol(),
+        sigmas.abs()
+    ))
+}
+
+/// Whether innovations are so much smaller than expected that it is worth a change.
+fn is_small(nis: &Consistency) -> bool {
+    nis.verdict() == Some(Verdict::Conservative) && ratio(nis) < SMALL
+}

@@ -1,0 +1,204 @@
+//! What the reference and a sensor have in common where both read one instrument, and the clock of the input.
+//!
+//! Two rows of one instrument are as late as each other, and of one point of the vehicle, whoever reads them.
+
+use super::instrument::Measures;
+use super::{Finding, Judged, is_large};
+use fusion::config::Node;
+use fusion::design::Design;
+use fusion::run::FinalState;
+use fusion::score::Offset;
+use fusion_models::block::Reading;
+use fusion_models::param::ParamSpec;
+use fusion_models::units::{self, Dimensional, dim};
+
+/// By so many 1σ of what is estimated the reference has to differ from it to be told.
+const DIFFERS: f64 = 3.0;
+/// The least difference of a latency \[s\] and of a point \[m\] that is worth a word: the centre of an antenna is hardly better known.
+const LEAST_LATENCY: f64 = 0.01;
+const LEAST_ARM: f64 = 0.02;
+/// A time offset is that of the reference to so much of it: the rest is of the motion in which each was found.
+const ALIKE: f64 = 0.25;
+
+/// How late a sensor is, by its design and its estimated offset.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Delay {
+    pub(super) sensor: String,
+    /// The state of its offset; none where it is fixed.
+    pub(super) state: Option<String>,
+    /// Latency of its channel and offset, and the 1σ of the offset \[s\].
+    pub(super) seconds: f64,
+    pub(super) sigma: f64,
+}
+
+/// A channel of one instrument, read by a sensor and by the reference.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Common {
+    pub(super) delay: Delay,
+    pub(super) what: Measures,
+    /// The channel of the reference, as `source.withheld.channels.velocity`, and its latency \[s\].
+    pub(super) channel: String,
+    pub(super) latency: f64,
+    /// The estimated lever arm of the sensor and its 1σ \[m\]; none where it is no state.
+    pub(super) arm: Option<([f64; 3], [f64; 3])>,
+}
+
+/// Stamps of a design.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Stamps {
+    pub(super) common: Vec<Common>,
+    /// How late the sensors of position are.
+    pub(super) of_position: Vec<Delay>,
+    /// The source of the process input, and what is added to its stamps \[s\].
+    pub(super) input: Option<(String, f64)>,
+}
+
+impl Stamps {
+    /// Of a design; `states` are what it estimated.
+    pub(super) fn of_design(design: &Design, states: &[FinalState]) -> Self {
+        let source = |name: &str| design.sources.iter().find(|s| s.name == name).map(|s| &s.node);
+        let state = |name: &str| states.iter().find(|s| s.name == name);
+        let mut all = Self::default();
+        let input = design.process.node.get("source").and_then(Node::as_str);
+        all.input = input.and_then(|name| Some((name.to_owned(), seconds(source(name)?.at("time.offset")))));
+        let judges = design.reference.as_ref().map_or_else(Vec::new, |r| r.block.sources());
+        for sensor in &design.sensors {
+            let model = &sensor.block.model;
+            let what = model.noise().first().copied().and_then(Measures::of);
+            let is_constraint = matches!(model.reading(), Reading::Constant(_));
+            let Some((what, own)) = what.zip(source(&sensor.block.common.source)).filter(|_| !is_constraint) else {
+                continue;
+            };
+            let (fixed, offset) = match &sensor.block.common.time_offset {
+                ParamSpec::Fixed(value) => (value.si(), None),
+                ParamSpec::Estimated(_) => (0.0, state(&format!("{}.time_offset", sensor.name))),
+                ParamSpec::Shared(name) => (0.0, state(name)),
+            };
+            let delay = |channel: &str| Delay {
+                sensor: sensor.name.clone(),
+                state: offset.map(|s| s.name.clone()),
+                seconds: fixed + offset.map_or(0.0, |s| s.value[0]) + seconds(own.at(&format!("channels.{channel}.latency"))),
+                sigma: offset.map_or(0.0, |s| s.sigma[0]),
+            };
+            let arm = sensor
+                .node
+                .get("lever_arm")
+                .and_then(|arm| match arm.get("shared").and_then(Node::as_str) {
+                    Some(name) => state(name),
+                    None => state(&format!("{}.lever_arm", sensor.name)),
+                });
+            let arm = arm.and_then(|s| Some((s.value.as_slice().try_into().ok()?, s.sigma.as_slice().try_into().ok()?)));
+            let reading = model.reading();
+            let Some(channel) = reading.channels().first().map(|c| c.name.to_string()) else {
+                continue;
+            };
+            if what == Measures::Position {
+                all.of_position.push(delay(&channel));
+            }
+            for (name, _) in &judges {
+                let path = format!("channels.{channel}");
+                if let Some(judge) = source(name).filter(|judge| is_one(own, judge, &path)) {
+                    all.common.push(Common {
+                        delay: delay(&channel),
+                        what,
+                        channel: format!("source.{name}.{path}"),
+                        latency: seconds(judge.at(&format!("{path}.latency"))),
+                        arm,
+                    });
+                }
+            }
+        }
+        all
+    }
+}
+
+/// Whether two sources read a channel from the same columns of one file, with one clock.
+pub(super) fn is_one(a: &Node, b: &Node, channel: &str) -> bool {
+    let same = |path: &str| a.at(path).map(Node::inline) == b.at(path).map(Node::inline);
+    let keys = ["columns", "column", "latitude", "north", "ecef", "utm"];
+    let first = keys.iter().map(|key| format!("{channel}.{key}")).find(|path| a.at(path).is_some());
+    a.get("path").is_some() && same("path") && same("time") && first.is_some_and(|path| same(&path))
+}
+
+/// A time as it is written; 0 without one.
+pub(super) fn seconds(node: Option<&Node>) -> f64 {
+    let text = node.map(|node| node.as_str().map_or_else(|| node.inline(), str::to_owned));
+    let time = text.and_then(|text| units::parse(&text).ok());
+    let is_time = |dimension| dimension == dim::Duration::KIND.dimension || dimension == units::Dimension::NONE;
+    time.filter(|(_, dimension)| is_time(*dimension))
+        .map_or(0.0, |(seconds, _)| seconds)
+}
+
+impl Judged<'_> {
+    /// A reference that reads rows of a sensor's instrument as if they were not late, where errors are too large.
+    pub(super) fn late_reference(&self) -> Vec<(Measures, Finding)> {
+        let told = self.stamps.common.iter().filter(|c| {
+            let off = (c.delay.seconds - c.latency).abs();
+            let is_far = off > LEAST_LATENCY.max(DIFFERS * c.delay.sigma);
+            // Nothing is stamped before it is measured: then it is another clock that is wrong.
+            is_far && c.delay.seconds > 0.0 && self.nees(c.what).is_some_and(is_large)
+        });
+        let finding = |c: &Common| Finding {
+            about: "reference".to_owned(),
+            evidence: format!(
+                "the reference reads the {} of the instrument of `{}`, which is late by {:.3} s{}, with a latency of {} s",
+                c.what.word(),
+                c.delay.sensor,
+                c.delay.seconds,
+                c.delay
+                    .state
+                    .as_ref()
+                    .map_or(String::new(), |name| format!(" (by its state `{name}`)")),
+                fusion_tables::short(c.latency)
+            ),
+            advice: format!(
+                "write `{}.latency = \"{:.3} s\"`, for its rows are as late",
+                c.channel, c.delay.seconds
+            ),
+        };
+        let mut all: Vec<(Measures, Finding)> = told.map(|c| (c.what, finding(c))).collect();
+        all.dedup();
+        all
+    }
+
+    /// A reference that reads rows of a sensor's instrument, at another point than the one that is estimated.
+    pub(super) fn other_arm(&self) -> Option<Finding> {
+        let point = self.point;
+        let differs = |(arm, sigma): &([f64; 3], [f64; 3])| (0..3).any(|k| (arm[k] - point[k]).abs() > LEAST_ARM.max(DIFFERS * sigma[k]));
+        let found = self.stamps.common.iter().filter(|c| c.what == Measures::Position);
+        let (common, (arm, sigma)) = found.filter_map(|c| Some((c, c.arm?))).find(|(_, arm)| differs(arm))?;
+        let listed = |v: [f64; 3]| v.map(|v| format!("{v:.3}")).join(", ");
+        Some(Finding {
+            about: "reference".to_owned(),
+            evidence: format!(
+                "the reference reads the positions of the instrument of `{}`, whose `lever_arm` is found at [{}] m, 1σ [{}] m, but is \
+                 compared at [{}] m",
+                common.delay.sensor,
+                listed(arm),
+                listed(sigma),
+                listed(point)
+            ),
+            advice: format!(
+                "it is one point: give `reference.lever_arm = [{}]`, or, if the other was measured, give it to the sensor with `estimate = \
+                 false`",
+                listed(arm)
+            ),
+        })
+    }
+
+    /// Positions that are all too early by as much, those of the reference and those of the sensors: what they are compared
+    /// with is late.
+    pub(super) fn late_input(&self, offset: &Offset) -> Option<String> {
+        let is_alike = |d: &Delay| d.state.is_some() && (d.seconds - offset.latency).abs() < ALIKE * offset.latency.abs();
+        let (first, all) = (self.stamps.of_position.first()?, &self.stamps.of_position);
+        let (source, now) = self.stamps.input.as_ref().filter(|_| all.iter().all(is_alike))?;
+        let state = first.state.as_deref().unwrap_or_default();
+        Some(format!(
+            "so is `{state}`, {:.3} s, and nothing is stamped before it is measured: the clock of the process input is late by as much. Write \
+             `source.{source}.time.offset = \"{:.3} s\"`, {:.3} s less than now, and make the `time_offset` of each sensor larger by as much",
+            first.seconds,
+            now + first.seconds,
+            -first.seconds
+        ))
+    }
+}

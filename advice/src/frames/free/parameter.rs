@@ -1,0 +1,342 @@
+//! Which parameters are tried as states, and from which values.
+
+use fusion::config::{Diagnostics, Node};
+use fusion::design::{Design, Named, SensorDesign, parameters};
+use fusion_models::units::{Axes, Duration, Vec3Of, dim};
+use serde_json::Value as Json;
+use std::f64::consts::PI;
+
+/// The sign of a lever arm no longer than this matters to nobody \[m\].
+pub(super) const SHORTEST: f64 = 0.1;
+pub(super) const ARM: &str = "lever_arm";
+const BIAS: &str = "bias";
+
+/// A kind of parameter that is tried.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sort {
+    /// The unit that it is shown in, as the schema writes it, and what that is in SI.
+    pub(super) unit: &'static str,
+    pub(super) si: f64,
+    /// 1σ of a careful guess, in that unit.
+    pub(super) sigma: f64,
+    /// The least error that matters, in that unit.
+    pub(super) least: f64,
+    /// An estimate that is so many σ away is no chance. The σ is the filter's own, which takes its noise for white.
+    pub(super) certain: f64,
+}
+
+const fn sort(unit: &'static str, si: f64, sigma: f64, least: f64, certain: f64) -> Sort {
+    Sort {
+        unit,
+        si,
+        sigma,
+        least,
+        certain,
+    }
+}
+
+/// What is fixed by how a sensor is made and mounted: slow errors are no such thing.
+///
+/// Slow errors of fixes look like a lever arm: on the recorded log of a robot whose receiver wanders by metres they make 19σ of
+/// one. Stamps of a clock of their own look like a latency.
+const SORTS: [Sort; 6] = [
+    sort("deg", PI / 180.0, 10.0, 2.0, 5.0),
+    sort("%", 0.01, 10.0, 2.0, 5.0),
+    sort("s", 1.0, 0.3, 0.05, 6.0),
+    sort("m", 1.0, 1.0, 0.5, 30.0),
+    sort("uT", 1e-6, 10.0, 2.0, 10.0),
+    sort("m/s", 1.0, 0.5, 0.1, 10.0),
+];
+/// The distance between two tracks is no lever arm: slow errors of fixes do not look like it.
+const GAUGE: Sort = sort("m", 1.0, 1.0, 0.1, 6.0);
+/// Of a speed 1 % is ten metres in a kilometre.
+const SCALE: Sort = sort("%", 0.01, 10.0, 0.5, 6.0);
+
+/// What a speed reads too much where it is in another unit, or has the other sign: the sign, knots and km/h for m/s, m/s
+/// for knots and for km/h \[%\].
+const SCALES: [f64; 5] = [-200.0, 94.384, 260.0, -48.556, -72.222];
+/// Latencies that are tried beside the declared one, later than that \[s\].
+const LATER: [f64; 4] = [0.5, -0.5, 1.5, -1.5];
+
+/// A parameter that is tried as a state.
+#[derive(Clone)]
+pub(super) struct Tried<'a> {
+    pub(super) sensor: &'a Named<SensorDesign>,
+    pub(super) key: String,
+    pub(super) sort: Sort,
+    /// As it is declared, for TOML.
+    pub(super) declared: String,
+    /// 1σ at the start, in the unit of the sort.
+    pub(super) sigma: f64,
+    pub(super) is_rotation: bool,
+    pub(super) is_state: bool,
+    /// 1σ with which a state begins, by axis: its initial value is no claim beyond that \[m\].
+    pub(super) prior: [f64; 3],
+    /// The delay that its source declares of its rows \[s\].
+    pub(super) delay: f64,
+    /// Other sensors that share it.
+    pub(super) shared_by: Vec<String>,
+}
+
+/// A value that a parameter starts from.
+#[derive(Clone, Debug)]
+pub(super) struct Start {
+    /// For TOML.
+    pub(super) initial: String,
+    /// 1σ in the unit of the sort.
+    pub(super) sigma: f64,
+    /// What is other than declared.
+    pub(super) is: Other,
+}
+
+/// What a start is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Other {
+    /// As declared.
+    Nothing,
+    /// The axes are turned about down, or forward, by so many degrees.
+    Turned(&'static str, f64),
+    /// The numbers are too large by a factor; −1 for the other sign.
+    Factor(f64),
+    /// Another value.
+    Value,
+}
+
+impl Tried<'_> {
+    pub(super) fn is_arm(&self) -> bool {
+        self.key == ARM
+    }
+
+    pub(super) fn name(&self) -> String {
+        format!("{}.{}", self.sensor.name, self.key)
+    }
+
+    /// What makes a state of it.
+    pub(super) fn assignments(&self, start: &Start) -> Vec<String> {
+        let (name, key, unit) = (&self.sensor.name, &self.key, self.sort.unit);
+        let Start { initial, sigma, .. } = start;
+        let own = format!("sensor.{name}.{key}={{ estimate = true, initial = {initial}, sigma = \"{sigma} {unit}\" }}");
+        let others = self
+            .shared_by
+            .iter()
+            .map(|other| format!("sensor.{other}.{key}={{ shared = {:?} }}", self.name()));
+        [own].into_iter().chain(others).collect()
+    }
+
+    /// What another sensor that shares it has.
+    pub(super) fn shares(&self) -> String {
+        format!("{} = {{ shared = {:?} }}", self.key, self.name())
+    }
+
+    /// Whether it is that of a sensor which shares this one.
+    pub(super) fn is_shared_by(&self, other: &Self) -> bool {
+        self.key == other.key && self.shared_by.contains(&other.sensor.name)
+    }
+
+    /// A latency as one of all sensors of its source that are suspected, of which it is the first.
+    pub(super) fn receiver(&self, suspects: &[&Self]) -> Option<Self> {
+        let source = |tried: &Self| tried.sensor.node.get("source").and_then(Node::as_str).map(str::to_owned);
+        let is_alike = |other: &&&Self| other.sort.unit == "s" && other.declared == self.declared && source(other) == source(self);
+        let names: Vec<String> = suspects.iter().filter(is_alike).map(|other| other.sensor.name.clone()).collect();
+        let (first, others) = names.split_first()?;
+        (self.sort.unit == "s" && *first == self.sensor.name && !others.is_empty()).then(|| Self {
+            shared_by: others.to_vec(),
+            ..self.clone()
+        })
+    }
+
+    /// Whether another value is told where all are states; the sign of an arm is, in any case.
+    pub(super) fn is_judged(&self) -> bool {
+        !self.is_state || self.key == BIAS
+    }
+
+    /// From what is declared.
+    pub(super) fn start(&self) -> Start {
+        Start {
+            initial: self.declared.clone(),
+            sigma: self.sigma,
+            is: Other::Nothing,
+        }
+    }
+
+    /// The factor of another unit, or of the other sign, that a scale comes to.
+    pub(super) fn unit(&self, value: f64) -> Option<f64> {
+        let factors = SCALES.map(|percent| 1.0 + percent / 100.0);
+        let is = |factor: &f64| ((1.0 + value) / factor - 1.0).abs() < 0.05;
+        factors.into_iter().find(is).filter(|_| self.key == "scale")
+    }
+
+    /// From a value in SI.
+    pub(super) fn from(&self, value: f64) -> Start {
+        Start {
+            initial: format!("\"{} {}\"", value / self.sort.si, self.sort.unit),
+            sigma: self.sigma,
+            is: Other::Value,
+        }
+    }
+
+    /// What a filter does not find from what is declared.
+    pub(super) fn far_starts(&self, declared: f64) -> Vec<Start> {
+        let near = |initial: String, is| Start {
+            initial,
+            sigma: self.sort.sigma / 2.0,
+            is,
+        };
+        match &self.key[..] {
+            _ if self.is_rotation => {
+                let Some([roll, pitch, yaw]) = rpy(&self.declared) else {
+                    return Vec::new();
+                };
+                // One number that is turned is a factor or a sign, and a constraint has no axes of its own.
+                let model = &self.sensor.block.model;
+                if model.noise().len() < 2 || model.reading().channels().is_empty() {
+                    return Vec::new();
+                }
+                let round = |angle: f64| if angle > 180.0 { angle - 360.0 } else { angle };
+                let turned = |axis: &'static str, by: f64| {
+                    let about = if axis == "down" {
+                        [roll, pitch, round(yaw + by)]
+                    } else {
+                        [round(roll + by), pitch, yaw]
+                    };
+                    let words: Vec<String> = about.iter().map(|angle| format!("\"{angle} deg\"")).collect();
+                    near(format!("[{}]", words.join(", ")), Other::Turned(axis, by))
+                };
+                [("down", 90.0), ("down", -90.0), ("down", 180.0), ("forward", 180.0)]
+                    .map(|(axis, by)| turned(axis, by))
+                    .into()
+            }
+            "scale" => SCALES
+                .map(|percent| near(format!("\"{percent} %\""), Other::Factor(1.0 + percent / 100.0)))
+                .into(),
+            "time_offset" => {
+                let undeclared = Some(0.0).filter(|_| declared.abs() > LATER[0]);
+                let values = LATER.iter().map(|later| declared + later).chain(undeclared);
+                values.map(|value| self.from(value)).collect()
+            }
+            "gauge" => [0.5, 1.5, 2.0].map(|factor| self.from(factor * declared)).into(),
+            _ => Vec::new(),
+        }
+    }
+}
+
+/// Roll, pitch and yaw in degrees.
+fn rpy(declared: &str) -> Option<[f64; 3]> {
+    let (document, _) = fusion::config::Document::parse("declared", &format!("angles = {declared}\n"));
+    let angles: Vec3Of<dim::Angle> = document.root().get("angles")?.read(&mut Diagnostics::new())?;
+    // Of what a table of units says in radians, without 1e-15.
+    Some(angles.si().map(|angle| (angle * 180.0 / PI * 1e9).round() / 1e9))
+}
+
+/// All that is fixed, and of a kind that is tried.
+pub(super) fn of_design(design: &Design) -> Vec<Tried<'_>> {
+    design.sensors.iter().flat_map(|sensor| of_sensor(sensor, design)).collect()
+}
+
+fn of_sensor<'a>(sensor: &'a Named<SensorDesign>, design: &Design) -> Vec<Tried<'a>> {
+    let source = sensor.node.get("source").and_then(Node::as_str).unwrap_or_default();
+    let source = design.sources.iter().find(|s| s.name == source);
+    let delay = source.map_or(0.0, |source| delay(&source.node, sensor));
+    let has_source = source.is_some();
+    let mut keys = parameters(&sensor.node);
+    let is_known = |keys: &[(String, Json)], key: &str| keys.iter().any(|(k, _)| k == key);
+    // A declination that is no parameter of its own acts as a bias does.
+    let is_bias_tried = sensor.node.get("type").and_then(Node::as_str) == Some("heading") && !is_known(&keys, "declination");
+    if let Some((_, schema)) = keys.iter().find(|(key, _)| key == BIAS && is_bias_tried).cloned() {
+        // The coefficients of the deviation are angles like the bias.
+        keys.extend(["deviation.sin", "deviation.cos"].map(|key| (key.to_owned(), schema.clone())));
+    }
+    let of = |(key, schema): (String, Json)| {
+        let sigma = with(&schema, &|schema| schema["properties"].get("sigma").cloned())?;
+        let example = with(&sigma, &|schema| schema["examples"][0].as_str().map(str::to_owned).map(Json::from))?;
+        let (_, unit) = example.as_str()?.rsplit_once(' ')?;
+        let unit = if unit == "km/h" { "m/s" } else { unit };
+        let sort = *SORTS.iter().find(|sort| sort.unit == unit)?;
+        let sort = match &key[..] {
+            "gauge" => GAUGE,
+            "scale" => SCALE,
+            _ => sort,
+        };
+        let has_axes = with(&sigma, &|schema| schema.get("minItems").cloned()).is_some();
+        let node = sensor.node.at(&key);
+        // The sign of an arm that is a state is tried too, from further away than it may go; and so are quarter turns, units
+        // and signs of what is estimated.
+        let is_state = node.is_some_and(is_state);
+        let is_rotation = has_axes && sort.unit == "deg";
+        let is_wide = key == ARM || key == "scale" || key == BIAS && is_bias_tried || is_rotation;
+        let constant = match node.map(|node| (node, node.get("initial"))) {
+            Some((_, Some(initial))) if is_wide || !is_state => Some(initial),
+            Some((_, Some(_))) => return None,
+            Some((node, None)) if node.get("shared").is_some() => return None,
+            Some((node, None)) => Some(node),
+            None => None,
+        };
+        if is_state && key == ARM && length(constant) < SHORTEST {
+            return None;
+        }
+        let zero = || if has_axes { "[0, 0, 0]" } else { "0" }.to_owned();
+        // A slow error of a length or a speed, as the bias of a range, is none that is fixed; what a stage makes has no arm but a
+        // declared one, and no latency. The air that flows round a vehicle which pitches changes its pressure as an arm does.
+        let is_in_air = sensor.node.get("type").and_then(Node::as_str) == Some("barometer");
+        let is_meant = match sort.unit {
+            "m" => key == "gauge" || key == ARM && (has_source && !is_in_air || length(constant) >= SHORTEST),
+            "m/s" => key == "current",
+            "s" => has_source,
+            _ => true,
+        };
+        is_meant.then(|| Tried {
+            sensor,
+            declared: constant.map_or_else(zero, Node::inline),
+            sigma: if key == ARM {
+                2.0 * length(constant).max(sort.sigma / 2.0)
+            } else {
+                sort.sigma
+            },
+            is_rotation,
+            is_state,
+            prior: node.filter(|_| is_state && key == ARM).map_or([0.0; 3], prior),
+            delay,
+            shared_by: Vec::new(),
+            key,
+            sort,
+        })
+    };
+    keys.into_iter().filter_map(of).collect()
+}
+
+/// What a source declares of the stamps of a sensor's rows: by how much later they are than the values are valid \[s\].
+fn delay(source: &Node, sensor: &Named<SensorDesign>) -> f64 {
+    let read = |node: Option<&Node>| -> f64 {
+        let declared: Option<Duration> = node.and_then(|n| n.read(&mut Diagnostics::new()));
+        declared.map_or(0.0, Duration::si)
+    };
+    let reading = sensor.block.model.reading();
+    let channel = reading.channels().first().map(|c| format!("channels.{}.latency", c.name));
+    read(channel.and_then(|latency| source.at(&latency))) - read(source.at("time.offset"))
+}
+
+/// Whether a parameter is estimated.
+fn is_state(node: &Node) -> bool {
+    node.get("estimate").is_some_and(|e| e.inline() == "true")
+}
+
+/// 1σ with which an arm that is a state begins \[m\].
+fn prior(node: &Node) -> [f64; 3] {
+    let sigma: Option<Axes<dim::Length>> = node.get("sigma").and_then(|n| n.read(&mut Diagnostics::new()));
+    sigma.map_or([0.0; 3], Axes::si)
+}
+
+/// The length of a declared arm \[m\].
+fn length(arm: Option<&Node>) -> f64 {
+    let arm: Option<Vec3Of<dim::Length>> = arm.and_then(|n| n.read(&mut Diagnostics::new()));
+    arm.map_or(0.0, |arm| arm.si().iter().map(|l| l * l).sum::<f64>().sqrt())
+}
+
+/// What `read` finds first within a schema.
+fn with(schema: &Json, read: &dyn Fn(&Json) -> Option<Json>) -> Option<Json> {
+    read(schema).or_else(|| match schema {
+        Json::Object(fields) => fields.values().find_map(|field| with(field, read)),
+        Json::Array(items) => items.iter().find_map(|item| with(item, read)),
+        _ => None,
+    })
+}

@@ -1,0 +1,510 @@
+//! Which of the fixed parameters explains the data best, one after the other.
+
+use super::course::{Course, Estimate, Gain, Limits, Trial};
+use super::parameter::{Other, SHORTEST, Start, Tried, of_design};
+use super::told::{self, Verdict};
+use crate::frames::judge::{Comparison, Judged, Step};
+use fusion::config::{Diagnostics, Document, Node, Value};
+use fusion::design::{Design, Named, SensorDesign};
+use fusion::observe::RunObserver;
+use fusion::run::{Options, Smoothing, examine, run_sharing};
+use fusion_models::sim::SharedCourse;
+use fusion_models::units::Duration;
+use rayon::prelude::*;
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// So many parameters are told at most: each is looked for where those before are put right.
+const ROUNDS: usize = 4;
+/// What a parameter alone has to gain in −2 ln of the density of all innovations: 36 would be 6σ.
+const LEAST: f64 = 40.0;
+/// What is further away than a filter finds has to gain that much.
+const FAR: f64 = 200.0;
+/// It has to be better in so many parts of the log.
+const SHARE: f64 = 0.6;
+/// A latency that went further than this is linearised again \[s\], at most so often.
+const AGAIN: f64 = 0.05;
+const TIMES: usize = 4;
+
+/// A latency is linearised where it was at first: only at the end is it known what it loses.
+const SHARED: Limits = Limits {
+    share: SHARE,
+    loss: f64::INFINITY,
+};
+/// What has lost as much as it has to gain is given up.
+const SOON: Limits = Limits { share: SHARE, loss: FAR };
+
+/// What is wrong, and what is gained without it.
+pub(super) struct Cause<'a> {
+    pub(super) what: What<'a>,
+    gain: Gain,
+    /// What puts it right.
+    sets: Vec<String>,
+}
+
+/// What may be wrong.
+pub(super) enum What<'a> {
+    Parameter(Box<Tried<'a>>, Start, Estimate),
+    Columns(Written),
+    /// The stamps of the process, by so many seconds, and the sensor that would be early.
+    Clock {
+        source: usize,
+        by: f64,
+        than: String,
+    },
+}
+
+/// Columns of a channel that are written in another way: what is wrong with them, and what to write.
+#[derive(Clone)]
+pub(super) struct Written {
+    pub(super) source: usize,
+    pub(super) channel: String,
+    pub(super) wrong: &'static str,
+    pub(super) write: String,
+}
+
+impl Written {
+    fn told(&self) -> String {
+        format!("{} in `{}`", self.wrong, self.channel)
+    }
+}
+
+/// All parameters as states at once.
+#[derive(Default)]
+struct Joint {
+    /// The number of each with its estimate.
+    estimates: Vec<(usize, Estimate)>,
+    is_astray: bool,
+}
+
+/// What a parameter became alone, which is why nothing is said of it.
+type Alone = HashMap<String, Estimate>;
+
+struct Search<'a> {
+    design: &'a Design,
+    options: Options,
+    /// The design, with what was found put right.
+    document: Document,
+    tried: Vec<Tried<'a>>,
+    alone: Alone,
+    progress: &'a (dyn Fn(Step<'_>) + Sync),
+}
+
+/// Estimates what a design declares as fixed, and compares.
+pub(in super::super) fn judge(
+    design: &Design,
+    options: &Options,
+    progress: &(dyn Fn(Step<'_>) + Sync),
+    found: &mut Judged,
+) -> Result<(), Diagnostics> {
+    let mut search = Search {
+        design,
+        options: Options {
+            data: options.data.clone(),
+            base: options.base.clone(),
+            seed: options.seed,
+            smooth: Smoothing::Never,
+            ..Options::default()
+        },
+        document: design.document.clone(),
+        tried: of_design(design),
+        alone: Alone::new(),
+        progress,
+    };
+    if search.tried.is_empty() {
+        return Ok(());
+    }
+    let (mut joint, mut last, mut causes) = (Joint::default(), None, Vec::new());
+    for round in 0..=ROUNDS {
+        search.begun("the filter as declared, and with all fixed parameters as states", 0, 1);
+        let (base, states) = rayon::join(|| search.course(&[]), || search.joint());
+        let Some(base) = base? else { break };
+        joint = states?;
+        let cause = search.best(&base, &joint).filter(|_| round < ROUNDS);
+        last = Some(base);
+        let Some(cause) = cause else { break };
+        if cause.sets.iter().any(|set| search.document.set(set).is_err()) {
+            break;
+        }
+        if let What::Parameter(told, ..) = &cause.what {
+            let name = told.name();
+            search.tried.retain(|tried| tried.name() != name && !told.is_shared_by(tried));
+        }
+        causes.push(cause);
+    }
+    let base = last.unwrap_or_default();
+    // Each as it is where all of them are states: alone it also took in what the later ones explain.
+    for cause in &mut causes {
+        cause.refine(&base);
+        told::tell(design, &cause.what, found);
+    }
+    search.list(&joint, &base, found);
+    Ok(())
+}
+
+/// What is said where none was tried.
+pub(in super::super) fn untried(why: &str) -> Comparison {
+    told::listed("fixed parameters".to_owned(), 0.0, why.to_owned())
+}
+
+impl<'a> Search<'a> {
+    /// A run with these changes; `None` where they make no design.
+    fn course(&self, sets: &[String]) -> Result<Option<Course>, Diagnostics> {
+        let mut course = Course::default();
+        let is_whole = self.run(sets, &mut course)?;
+        Ok(is_whole.then_some(course))
+    }
+
+    /// The same of one that is given up where it cannot be told any more; `None` then, too.
+    fn trial(&self, base: &Course, limits: Limits, sets: &[String]) -> Option<Course> {
+        let mut trial = Trial::new(base, limits);
+        let ran = self.run(sets, &mut trial);
+        (ran == Ok(true)).then_some(trial.course)
+    }
+
+    /// Whether the changes make a design.
+    fn run(&self, sets: &[String], observer: &mut dyn RunObserver) -> Result<bool, Diagnostics> {
+        let mut document = self.document.clone();
+        if sets.iter().try_for_each(|set| document.set(set)).is_err() {
+            return Ok(false);
+        }
+        let Ok(mut design) = examine::build(document) else {
+            return Ok(false);
+        };
+        // Nothing is scored.
+        design.reference = None;
+        run_sharing(&design, &self.options, &SharedCourse::default(), &mut [observer])?;
+        Ok(true)
+    }
+
+    fn begun(&self, what: &str, done: usize, all: usize) {
+        (self.progress)(Step { what, done, all });
+    }
+
+    /// Does jobs that do not depend on each other, on all cores; the results are in their order.
+    fn each<J: Sync, T: Send>(&self, jobs: &[J], what: impl Fn(&J) -> String + Sync, one: impl Fn(&J) -> T + Sync) -> Vec<T> {
+        let done = AtomicUsize::new(0);
+        let one = |job: &J| {
+            self.begun(&what(job), done.load(Ordering::Relaxed), jobs.len());
+            let out = one(job);
+            self.begun(&what(job), done.fetch_add(1, Ordering::Relaxed) + 1, jobs.len());
+            out
+        };
+        jobs.par_iter().map(one).collect()
+    }
+
+    /// All as states at once; where some together are no design, or lead the filter astray, the arms alone.
+    fn joint(&self) -> Result<Joint, Diagnostics> {
+        let numbered = || self.tried.iter().enumerate().filter(|(_, tried)| tried.is_joint());
+        let all: Vec<(usize, &Tried<'_>)> = numbered().collect();
+        let arms: Vec<(usize, &Tried<'_>)> = numbered().filter(|(_, tried)| tried.is_arm()).collect();
+        let mut is_astray = false;
+        for tried in [all, arms].into_iter().filter(|tried| !tried.is_empty()) {
+            let sets: Vec<String> = tried.iter().flat_map(|(_, t)| t.assignments(&t.start())).collect();
+            let Some(course) = self.course(&sets)? else { continue };
+            let estimates = tried.iter().filter_map(|(i, t)| Some((*i, course.estimate(&t.name(), None)?)));
+            let estimates: Vec<(usize, Estimate)> = estimates.collect();
+            if !estimates.iter().any(|(_, e)| e.is_astray()) {
+                return Ok(Joint {
+                    estimates,
+                    is_astray: false,
+                });
+            }
+            is_astray = true;
+        }
+        Ok(Joint {
+            estimates: Vec::new(),
+            is_astray,
+        })
+    }
+
+    /// What explains the data best of all that is suspected; `None` where nothing does.
+    fn best(&mut self, base: &Course, joint: &Joint) -> Option<Cause<'a>> {
+        if let Some(cause) = self.unit(base) {
+            return Some(cause);
+        }
+        let is_astray = |tried: &Tried<'_>| base.estimate(&tried.name(), None).is_some_and(|e| e.is_astray());
+        let is_gross = base.is_any_gross();
+        let is_suspect = |i: usize, tried: &Tried<'_>| {
+            let estimate = joint.estimates.iter().find(|(j, _)| *j == i).map(|(_, e)| e);
+            estimate.map_or(joint.is_astray, |e| tried.differs(e) || tried.is_early(e))
+        };
+        // Its own states that went astray are tried from afar, and all where a sensor is not followed.
+        let each = self.tried.iter().enumerate();
+        let tried: Vec<(Tried<'a>, bool, bool)> = each.map(|(i, t)| (t.clone(), is_suspect(i, t), is_gross || is_astray(t))).collect();
+        let mut best: Option<Cause<'a>> = None;
+        let mut keep = |cause: Option<Cause<'a>>, more: f64| {
+            if let Some(cause) = cause
+                && best.as_ref().is_none_or(|best| cause.gain.total > best.gain.total + more)
+            {
+                best = Some(cause);
+            }
+        };
+        let (mut far, mut earlier) = (Vec::new(), Vec::new());
+        let asked: Vec<&(Tried<'a>, bool, bool)> = tried.iter().filter(|(_, is_suspect, is_far)| *is_suspect || *is_far).collect();
+        let near = self.each(
+            &asked,
+            |(tried, ..)| tried.told(),
+            |(tried, ..)| tried.is_joint().then(|| self.alone(base, tried, tried.start(), None)).flatten(),
+        );
+        for ((tried, _, is_far), near) in asked.into_iter().zip(near) {
+            if let Some((start, estimate, gain)) = near {
+                if *is_far {
+                    let declared: Vec<f64> = (0..estimate.value.len()).map(|k| estimate.declared(k)).collect();
+                    far.extend(
+                        tried
+                            .far_starts(declared[0])
+                            .into_iter()
+                            .map(|start| (tried, start, declared.clone())),
+                    );
+                }
+                if tried.is_earlier(&estimate) {
+                    earlier.push((tried, estimate.clone()));
+                }
+                // What is a state of the design already gains little: its own filter moves it too.
+                if tried.differs(&estimate) && (tried.is_state || gain.total >= LEAST && gain.share >= SHARE) {
+                    keep(Some(Cause::of(tried, start, estimate, gain)), 0.0);
+                } else {
+                    self.alone.insert(tried.name(), estimate);
+                }
+            } else if *is_far && !tried.is_joint() {
+                far.extend(tried.far_starts(0.0).into_iter().map(|start| (tried, start, Vec::new())));
+            }
+        }
+        // Sensors of one receiver are late alike: alone, each contradicts the other.
+        let suspects: Vec<&Tried<'_>> = tried.iter().filter(|(_, is_suspect, _)| *is_suspect).map(|(t, ..)| t).collect();
+        let receivers: Vec<Tried<'_>> = suspects.iter().filter_map(|first| first.receiver(&suspects)).collect();
+        let late = self.each(&receivers, Tried::told, |tried| self.alone(base, tried, tried.start(), None));
+        for (tried, late) in receivers.iter().zip(late) {
+            let late = late.filter(|(_, estimate, gain)| tried.differs(estimate) && gain.total >= LEAST && gain.share >= SHARE);
+            keep(late.map(|(start, estimate, gain)| Cause::of(tried, start, estimate, gain)), 0.0);
+        }
+        // Where one sensor would be early, the clock of the process is late by what any of them says.
+        if let Some((early, _)) = earlier.iter().find(|(tried, estimate)| tried.is_early(estimate)) {
+            let clocks = self.each(
+                &earlier,
+                |_| "the clock of the process".to_owned(),
+                |(_, e)| self.clock(base, early, e.difference[0]),
+            );
+            clocks.into_iter().for_each(|clock| keep(clock, -LEAST));
+        }
+        let trials = self.each(
+            &far,
+            |(tried, ..)| tried.told(),
+            |(tried, start, declared)| self.alone(base, tried, start.clone(), Some(declared)),
+        );
+        for ((tried, Start { is, .. }, _), trial) in far.into_iter().zip(trials) {
+            let Some((start, estimate, gain)) = trial else { continue };
+            let is_other = is != Other::Value || tried.differs(&estimate);
+            if is_other && estimate.is_near() && gain.total >= FAR && gain.share >= SHARE {
+                let start = Start { is, ..start };
+                keep(Some(Cause::of(tried, start, estimate, gain)), LEAST);
+            }
+        }
+        if is_gross {
+            let columns = self.columns();
+            let causes = self.each(&columns, |(what, _)| what.told(), |(what, sets)| self.column(base, what, sets));
+            causes.into_iter().for_each(|cause| keep(cause, LEAST));
+        }
+        best
+    }
+
+    /// A scale that is a state, and went to another unit or sign by itself.
+    fn unit(&self, base: &Course) -> Option<Cause<'a>> {
+        self.tried.iter().filter(|tried| tried.is_state).find_map(|tried| {
+            let estimate = base.estimate(&tried.name(), None)?;
+            let factor = tried.unit(*estimate.value.first()?)?;
+            let start = Start {
+                is: Other::Factor(factor),
+                ..tried.from(factor - 1.0)
+            };
+            let gain = Gain { total: 0.0, share: 0.0 };
+            (estimate.is_astray() && estimate.is_learnt[0]).then(|| Cause::of(tried, start, estimate, gain))
+        })
+    }
+
+    /// A parameter as the only state more, from a start; a latency is linearised again where it went. Where it is known what is
+    /// `declared`, the start is another one, which has to gain.
+    fn alone(&self, base: &Course, tried: &Tried<'_>, mut start: Start, declared: Option<&[f64]>) -> Option<(Start, Estimate, Gain)> {
+        let declared_before = declared;
+        let mut declared = declared.filter(|d| !d.is_empty()).map(<[f64]>::to_vec);
+        for time in 1.. {
+            let set = &tried.assignments(&start)[..];
+            let course = match declared_before {
+                None => self.course(set).ok()??,
+                Some(_) if tried.sort.unit == "s" => self.trial(base, SHARED, set)?,
+                Some(_) => self.trial(base, SOON, set)?,
+            };
+            let estimate = course.estimate(&tried.name(), declared.as_deref())?;
+            declared.get_or_insert_with(|| (0..estimate.value.len()).map(|k| estimate.declared(k)).collect());
+            let is_far = tried.sort.unit == "s" && estimate.away * tried.sort.sigma > AGAIN;
+            if !is_far || time == TIMES || estimate.is_astray() {
+                return Some((start, estimate, course.gain(base)));
+            }
+            start = tried.from(estimate.value[0]);
+        }
+        None
+    }
+
+    /// The stamps of the process later by what a sensor would be early.
+    fn clock(&self, base: &Course, tried: &Tried<'_>, by: f64) -> Option<Cause<'a>> {
+        let name = self.document.root().get("process")?.get("source").and_then(Node::as_str)?;
+        let source = self.design.sources.iter().position(|s| s.name == name)?;
+        let node = self.document.root().at(&format!("source.{name}.time.offset"));
+        let declared: Option<Duration> = node.and_then(|n| n.read(&mut Diagnostics::new()));
+        let offset = declared.map_or(0.0, Duration::si) + by;
+        let set = format!("source.{name}.time.offset=\"{offset:.4} s\"");
+        let gain = self.trial(base, SOON, std::slice::from_ref(&set))?.gain(base);
+        let than = tried.sensor.name.clone();
+        (gain.total >= LEAST && gain.share >= SHARE).then_some(Cause {
+            what: What::Clock { source, by, than },
+            gain,
+            sets: vec![set],
+        })
+    }
+
+    /// Columns with the other sign, of what has no scale, and exchanged columns of a place.
+    fn columns(&self) -> Vec<(Written, Vec<String>)> {
+        let of = |sensor: &'a Named<SensorDesign>| {
+            let is_scaled = self.tried.iter().any(|t| t.sensor.name == sensor.name && t.key == "scale");
+            let name = sensor.node.get("source").and_then(Node::as_str);
+            let source = self.design.sources.iter().position(|s| Some(&s.name[..]) == name);
+            let reading = sensor.block.model.reading();
+            let channel = reading.channels().first().map(|c| c.name.to_string());
+            let (Some(name), Some(source), Some(channel)) = (name, source, channel) else {
+                return Vec::new();
+            };
+            let path = format!("source.{name}.channels.{channel}");
+            let table = self.document.root().at(&path);
+            let written = |key: &str| table.and_then(|t| t.get(key)).and_then(Node::as_str);
+            let mut changes: Vec<(&'static str, Vec<(&str, String)>)> = Vec::new();
+            // The sign of a scale is tried there.
+            for key in ["column", "north", "east", "down", "up"].into_iter().filter(|_| !is_scaled) {
+                let other = written(key).map(minus);
+                changes.extend(other.map(|other| ("a wrong sign", vec![(key, format!("{other:?}"))])));
+            }
+            for (a, b) in [("north", "east"), ("latitude", "longitude")] {
+                let exchanged = written(a)
+                    .zip(written(b))
+                    .map(|(x, y)| vec![(a, format!("{y:?}")), (b, format!("{x:?}"))]);
+                changes.extend(exchanged.map(|exchanged| ("exchanged columns", exchanged)));
+            }
+            // No mounting mirrors what is ahead and what is to the right.
+            let columns = table.and_then(|t| t.get("columns")).and_then(|columns| match columns.value() {
+                Value::Array(items) => items.iter().map(Node::as_str).collect::<Option<Vec<&str>>>(),
+                _ => None,
+            });
+            if let Some([ahead, right, rest @ ..]) = columns.as_deref().filter(|_| channel == "body_velocity") {
+                let exchanged = [
+                    ("exchanged columns", [(*right).to_owned(), (*ahead).to_owned()]),
+                    ("exchanged columns, both with the other sign", [minus(right), minus(ahead)]),
+                    ("a wrong sign", [(*ahead).to_owned(), minus(right)]),
+                    ("a wrong sign", [minus(ahead), (*right).to_owned()]),
+                ];
+                changes.extend(exchanged.map(|(wrong, first)| {
+                    let all: Vec<String> = first.into_iter().chain(rest.iter().map(|&rest| rest.to_owned())).collect();
+                    (wrong, vec![("columns", format!("{all:?}"))])
+                }));
+            }
+            let written = changes.into_iter().map(|(wrong, keys)| {
+                let sets: Vec<String> = keys.iter().map(|(key, written)| format!("{path}.{key}={written}")).collect();
+                let write: Vec<String> = keys.iter().map(|(key, written)| format!("{key} = {written}")).collect();
+                let written = Written {
+                    source,
+                    channel: channel.clone(),
+                    wrong,
+                    write: write.join(", "),
+                };
+                (written, sets)
+            });
+            written.collect()
+        };
+        self.design.sensors.iter().flat_map(of).collect()
+    }
+
+    /// What is gained where columns are written so.
+    fn column(&self, base: &Course, what: &Written, sets: &[String]) -> Option<Cause<'a>> {
+        let gain = self.trial(base, SOON, sets)?.gain(base);
+        (gain.total >= FAR && gain.share >= SHARE).then(|| Cause {
+            what: What::Columns(what.clone()),
+            gain,
+            sets: sets.to_vec(),
+        })
+    }
+
+    /// Lists what nothing is told of.
+    fn list(&self, joint: &Joint, base: &Course, found: &mut Judged) {
+        if joint.is_astray && joint.estimates.is_empty() && found.mistakes.is_empty() {
+            found.comparisons.push(untried(
+                "not decided: as states they lead the filter astray, so something else is wrong",
+            ));
+        }
+        let estimates = joint.estimates.iter().map(|(i, e)| (&self.tried[*i], e));
+        // What the data tell nothing of is named, no more; declared arms were always listed.
+        let is_listed = |(tried, e): &(&Tried<'_>, &Estimate)| {
+            let is_declared_arm = tried.is_arm() && (0..3).any(|k| e.declared(k).abs() >= SHORTEST);
+            is_declared_arm || e.is_learnt.contains(&true)
+        };
+        let (listed, unknown): (Vec<_>, Vec<_>) = estimates.partition(is_listed);
+        for (tried, estimate) in listed {
+            found
+                .comparisons
+                .push(tried.unsuspected(estimate, self.alone.get(&tried.name()), base));
+        }
+        let mut unweighed: Vec<String> = unknown.iter().filter_map(|(tried, _)| tried.unweighed(base)).collect();
+        unweighed.dedup();
+        let unknown: Vec<String> = unknown.into_iter().map(|(tried, _)| tried.name()).collect();
+        if !unknown.is_empty() {
+            found.comparisons.push(untried(
+                &[vec![format!("these data tell too little of {}", unknown.join(", "))], unweighed]
+                    .concat()
+                    .join("; "),
+            ));
+        }
+    }
+}
+
+/// A column with the other sign.
+fn minus(column: &str) -> String {
+    column.strip_prefix('-').map_or_else(|| format!("-{column}"), str::to_owned)
+}
+
+impl<'a> Cause<'a> {
+    /// With the estimate that its state has in another run, where it is one that starts from what is declared, or from a
+    /// value that another estimate led to.
+    fn refine(&mut self, base: &Course) {
+        if let What::Parameter(tried, start, estimate) = &mut self.what
+            && matches!(start.is, Other::Nothing | Other::Value)
+        {
+            let declared: Vec<f64> = (0..estimate.value.len()).map(|k| estimate.declared(k)).collect();
+            if let Some(refined) = base.estimate(&tried.name(), Some(&declared)) {
+                *estimate = refined;
+            }
+        }
+    }
+
+    fn of(tried: &Tried<'a>, start: Start, estimate: Estimate, gain: Gain) -> Self {
+        Self {
+            sets: tried.assignments(&start),
+            what: What::Parameter(Box::new(tried.clone()), start, estimate),
+            gain,
+        }
+    }
+}
+
+impl Tried<'_> {
+    /// What is tried, for people.
+    fn told(&self) -> String {
+        format!("`{}` of `{}`", self.key, self.sensor.name)
+    }
+
+    /// Whether it is tried with all others, and not from far away alone.
+    fn is_joint(&self) -> bool {
+        self.is_judged() || self.is_arm()
+    }
+
+    /// Whether another value or sign is told of an axis.
+    fn differs(&self, e: &Estimate) -> bool {
+        (0..e.difference.len()).any(|k| self.verdict(e, k) != Verdict::Fits)
+    }
+}

@@ -1,0 +1,428 @@
+//! What is said of a parameter, and why nothing is.
+
+use super::course::{Course, Estimate};
+use super::parameter::{ARM, Other, SHORTEST, Start, Tried};
+use super::search::{What, Written};
+use crate::frames::judge::{Comparison, Judged, sized};
+use crate::frames::mistake;
+use fusion::config::{Diagnostic, Diagnostics, Node};
+use fusion::design::{Design, Named, SensorDesign, parameters};
+use fusion_models::units::Duration;
+use fusion_tables::short;
+
+/// An arm that is so many σ on the other side of zero points there. Latencies that are not declared, and errors that are
+/// correlated, move an estimate by several σ.
+const MIRRORED: f64 = 10.0;
+/// What lies within so many of the 1σ with which a state begins is what its declaration allows.
+const CLAIMED: f64 = 3.0;
+/// An arm that is declared, and so many σ elsewhere, is another one.
+const CERTAIN: f64 = 6.0;
+/// So many of the 1σ that is shown, which is wider than the filter's own where the estimate moves more, are no chance.
+const SURE: f64 = 3.0;
+/// A 1σ so much wider than the filter's own is told as such.
+const WIDENED: f64 = 1.5;
+/// A noise so many times the scatter of its innovations leaves a sensor no weight.
+const OVERSIZED: f64 = 3.0;
+/// From so many σ on it is said why nothing is told.
+const NOTABLE: f64 = 3.0;
+/// An estimate that goes so many of its first σ away tells of something else: of an arm it is twice its length.
+const NEAR: f64 = 2.5;
+
+/// What is said of an axis of a parameter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Verdict {
+    Fits,
+    /// The other sign is declared.
+    Mirrored,
+    /// Another value is.
+    Other,
+}
+
+impl Tried<'_> {
+    pub(super) fn verdict(&self, e: &Estimate, k: usize) -> Verdict {
+        let declared = e.declared(k);
+        if self.is_arm() && declared.abs() >= SHORTEST {
+            let is_far = e.value[k].abs() > MIRRORED * e.own[k] && e.value[k].abs() > declared.abs() / 2.0;
+            let is_claimed = e.difference[k].abs() > CLAIMED * self.prior[k];
+            if is_far && is_claimed && e.value[k] * declared < 0.0 && e.is_near() {
+                return Verdict::Mirrored;
+            }
+        }
+        if self.is_judged() && e.is_learnt[k] && self.doubts(e, k).is_none() {
+            Verdict::Other
+        } else {
+            Verdict::Fits
+        }
+    }
+
+    /// Whether a latency is shorter than declared.
+    pub(super) fn is_earlier(&self, e: &Estimate) -> bool {
+        let by = e.difference[0];
+        self.sort.unit == "s" && e.is_learnt[0] && by < -self.sort.least && by < -self.sort.certain * e.own[0]
+    }
+
+    /// Whether it is so much shorter that in all it would be negative: the clock of the process is late then.
+    pub(super) fn is_early(&self, e: &Estimate) -> bool {
+        self.is_earlier(e) && self.delay_of(e) < -self.sort.least
+    }
+
+    /// The whole delay: what the sensor and its source declare, and what was found \[s\].
+    fn delay_of(&self, e: &Estimate) -> f64 {
+        e.value[0] + self.delay
+    }
+
+    /// Standard errors from which on another value is told: of what is left out less is claimed than of what is declared.
+    fn certain(&self, declared: f64) -> f64 {
+        if self.is_arm() && declared.abs() >= SHORTEST {
+            CERTAIN
+        } else {
+            self.sort.certain
+        }
+    }
+
+    /// Why a difference is not told.
+    fn doubts(&self, e: &Estimate, k: usize) -> Option<String> {
+        let (sort, by) = (self.sort, e.difference[k].abs());
+        let (times, certain) = (by / e.own[k], self.certain(e.declared(k)));
+        let own = if e.is_widened() { " of the filter's own σ" } else { " σ" };
+        if by < sort.least * sort.si {
+            // Small, but certain: of a scale what it comes to, of others that it can be found.
+            let matters = match sort.unit {
+                _ if times <= certain => String::new(),
+                "%" => format!(", but {:.0} m in 1 km", by * 1e3),
+                _ => format!(", but {times:.0}{own} from it, so the filter would find it as a state"),
+            };
+            return Some(format!("within {} {} of what is declared{matters}", sort.least, sort.unit));
+        }
+        if times < certain {
+            return Some(format!("{times:.1}{own} from what is declared, {certain:.0} would be told"));
+        }
+        let times = by / e.sigma[k];
+        if times < SURE {
+            return Some(format!("{times:.1} σ from what is declared, {SURE:.0} would be told"));
+        }
+        if self.is_arm() && !e.is_near() && (0..3).any(|k| e.declared(k).abs() >= SHORTEST) {
+            return Some("it goes further than an arm of this vehicle".to_owned());
+        }
+        // Nothing is measured before it is.
+        if sort.unit == "s" && self.delay_of(e) < -sort.least {
+            return Some("the delay would be negative in all, so another clock may be late".to_owned());
+        }
+        (!e.is_steady[k]).then(|| "it goes on moving".to_owned())
+    }
+
+    /// Values in its unit, as they are read, with two digits of their σ.
+    fn shown(&self, values: &[f64], sigma: &[f64]) -> String {
+        let words = self.rounded(values, sigma);
+        match &words[..] {
+            [one] => one.clone(),
+            words => format!("[{}]", words.join(", ")),
+        }
+    }
+
+    /// Values as they are written in TOML.
+    fn written(&self, values: &[f64], sigma: &[f64]) -> String {
+        let unit = self.sort.unit;
+        let words: Vec<String> = self.rounded(values, sigma).iter().map(|v| format!("\"{v} {unit}\"")).collect();
+        match &words[..] {
+            [one] => one.clone(),
+            words => format!("[{}]", words.join(", ")),
+        }
+    }
+
+    fn rounded(&self, values: &[f64], sigma: &[f64]) -> Vec<String> {
+        let pairs = values.iter().zip(sigma);
+        pairs.map(|(v, sigma)| rounded(v / self.sort.si, sigma / self.sort.si)).collect()
+    }
+}
+
+/// A value to two digits of its σ.
+fn rounded(value: f64, sigma: f64) -> String {
+    let digits = if sigma > 0.0 { 1 - sigma.log10().floor() as i32 } else { 2 };
+    let text = format!("{value:.*}", digits.clamp(0, 9) as usize);
+    // What rounds to zero has no sign.
+    let is_zero = text.chars().all(|c| matches!(c, '-' | '0' | '.'));
+    text.strip_prefix('-').filter(|_| is_zero).map_or(text.clone(), str::to_owned)
+}
+
+impl Estimate {
+    /// Whether it stays where a linear filter may find it.
+    pub(super) fn is_near(&self) -> bool {
+        self.away <= NEAR
+    }
+
+    /// The largest factor by which a 1σ is wider than the filter's own.
+    fn widened(&self) -> f64 {
+        let factors = self.sigma.iter().zip(&self.own).map(|(sigma, own)| sigma / own);
+        factors.filter(|factor| factor.is_finite()).fold(1.0, f64::max)
+    }
+
+    fn is_widened(&self) -> bool {
+        self.widened() >= WIDENED
+    }
+
+    /// The standard errors of an axis that something was learnt of.
+    fn errors(&self, k: usize) -> f64 {
+        if self.is_learnt[k] {
+            self.difference[k].abs() / self.own[k]
+        } else {
+            0.0
+        }
+    }
+}
+
+/// What is listed of something.
+pub(super) fn listed(what: String, margin: f64, verdict: String) -> Comparison {
+    Comparison {
+        what,
+        with: "the estimate of this filter".to_owned(),
+        samples: 0,
+        correlation: Vec::new(),
+        margin,
+        verdict,
+    }
+}
+
+impl Tried<'_> {
+    /// An estimate in words.
+    fn words(&self, e: &Estimate) -> String {
+        let unit = self.sort.unit;
+        let widened = if e.is_widened() {
+            format!(", up to {:.1} times the filter's own: so far the estimate moves", e.widened())
+        } else {
+            String::new()
+        };
+        format!(
+            "{} {unit}, 1σ {} {unit}{widened}",
+            self.shown(&e.value, &e.sigma),
+            self.shown(&e.sigma, &e.sigma)
+        )
+    }
+
+    /// Why the data can say little of a sensor, whatever its parameter: nothing of it is weighed.
+    pub(super) fn unweighed(&self, base: &Course) -> Option<String> {
+        let times = base.oversized(&self.sensor.name).filter(|times| *times > OVERSIZED)?;
+        let of = &self.sensor.name;
+        Some(format!(
+            "the noise of `{of}` is {times:.0} times the scatter of its innovations, so it hardly counts"
+        ))
+    }
+
+    /// What is listed where nothing is told; `alone` is what the parameter became as the only state more.
+    pub(super) fn unsuspected(&self, e: &Estimate, alone: Option<&Estimate>, base: &Course) -> Comparison {
+        // Of the axis that is furthest away, why nothing is said.
+        let furthest = (0..e.difference.len()).max_by(|a, b| e.errors(*a).total_cmp(&e.errors(*b)));
+        let furthest = furthest.filter(|k| e.errors(*k) > NOTABLE && self.is_judged());
+        let doubts = furthest.and_then(|k| self.doubts(e, k));
+        let apart = alone.map(|alone| format!("the data do not tell it from others: alone it is {}", self.words(alone)));
+        let why = doubts.or_else(|| self.unweighed(base).or(apart).filter(|_| furthest.is_some()));
+        let why = why.map_or_else(String::new, |why| format!("; no warning: {why}"));
+        listed(self.name(), 0.0, self.words(e) + &why)
+    }
+}
+
+/// Tells what explains the data.
+pub(super) fn tell(design: &Design, what: &What<'_>, found: &mut Judged) {
+    match what {
+        What::Parameter(tried, start, e) => {
+            let verdicts: Vec<Verdict> = (0..e.difference.len()).map(|k| tried.verdict(e, k)).collect();
+            let is_mirrored = start.is == Other::Nothing && verdicts.contains(&Verdict::Mirrored);
+            let words = tried.words(e);
+            let is = if is_mirrored { "another sign" } else { "another value" };
+            let margin = (0..verdicts.len()).map(|k| e.errors(k)).fold(0.0, f64::max);
+            found.comparisons.push(listed(tried.name(), margin, format!("{is}: {words}")));
+            found.mistakes.push(match (start.is, tried.unit(e.value[0])) {
+                (Other::Turned(axis, by), _) => turned(tried, start, axis, by),
+                (Other::Factor(by), _) | (_, Some(by)) => factor(design, tried, by, e),
+                _ if is_mirrored => mirrored(tried, e, &verdicts, &words),
+                _ => other(design, tried, e, &words),
+            });
+        }
+        What::Columns(Written {
+            source,
+            channel,
+            wrong,
+            write,
+        }) => {
+            let source = &design.sources[*source];
+            let name = format!("{}.{channel}", source.name);
+            let message = format!("`{name}` has {wrong}: put right, the filter follows its data much better");
+            let told = mistake::at(&source.node, channel, "column", message).help(format!("write `{write}`"));
+            found.comparisons.push(listed(name, f64::INFINITY, (*wrong).to_owned()));
+            found.mistakes.push(told);
+        }
+        What::Clock { source, by, than } => {
+            let source = &design.sources[*source];
+            let message = format!(
+                "the stamps of `{}` are about {:.2} s late: else `{than}` would have measured before it did",
+                source.name, -by
+            );
+            let declared: Option<Duration> = source.node.at("time.offset").and_then(|n| n.read(&mut Diagnostics::new()));
+            let offset = declared.map_or(0.0, Duration::si) + by;
+            let place = source
+                .node
+                .at("time.offset")
+                .map_or_else(|| source.node.place_of("time"), Node::place);
+            let help = format!("write `source.{}.time.offset = \"{offset:.2} s\"`", source.name);
+            found.comparisons.push(listed(
+                format!("the stamps of {}", source.name),
+                f64::INFINITY,
+                format!("{:.2} s late", -by),
+            ));
+            found.mistakes.push(Diagnostic::warning(message).at(place).help(help));
+        }
+    }
+}
+
+/// The axes of a sensor are turned.
+fn turned(tried: &Tried<'_>, start: &Start, axis: &str, by: f64) -> Diagnostic {
+    let Tried { sensor, key, .. } = tried;
+    let message = format!(
+        "the axes of `{}` are turned by {by:.0} deg about {axis}: so the filter follows its data much better",
+        sensor.name
+    );
+    let help = format!("write `{key} = {}`, or exchange the columns accordingly", start.initial);
+    let place = sensor.node.get(key).map_or_else(|| sensor.node.place(), Node::place);
+    Diagnostic::warning(message).at(place).help(help)
+}
+
+/// The numbers of a sensor are too large by a factor, or have the other sign.
+fn factor(design: &Design, tried: &Tried<'_>, by: f64, e: &Estimate) -> Diagnostic {
+    let sensor = tried.sensor;
+    let name = sensor.node.get("source").and_then(Node::as_str).unwrap_or_default();
+    let source = design.sources.iter().find(|s| s.name == name);
+    let reading = sensor.block.model.reading();
+    let channel = reading.channels().first().map(|c| c.name.to_string());
+    let node = source
+        .zip(channel)
+        .and_then(|(s, channel)| s.node.at(&format!("channels.{channel}")));
+    let (size, help) = if by < 0.0 {
+        ("have the wrong sign".to_owned(), Some("change the sign of its columns".to_owned()))
+    } else {
+        let small = 1.0 / (1.0 + e.value[0]);
+        (sized(small), mistake::unit(node, "velocity", small, 0.1, 1.0))
+    };
+    let is = if by < 0.0 { size } else { format!("are {size}") };
+    let message = format!("the numbers of `{}` {is}: else the filter does not follow its data", sensor.name);
+    let place = node.map_or_else(|| sensor.node.place(), Node::place);
+    Diagnostic::warning(message)
+        .at(place)
+        .help(help.unwrap_or_else(|| "check `unit` and `scale`".to_owned()))
+}
+
+/// An arm that points to the other side.
+fn mirrored(tried: &Tried<'_>, e: &Estimate, verdicts: &[Verdict], words: &str) -> Diagnostic {
+    let node = &tried.sensor.node;
+    let axes: Vec<&str> = (0..3)
+        .filter(|k| verdicts[*k] == Verdict::Mirrored)
+        .map(|k| ["x", "y", "z"][k])
+        .collect();
+    let sign = |k: usize| if verdicts[k] == Verdict::Mirrored { -1.0 } else { 1.0 };
+    // As it is declared: sums and differences of it leave 1e-17.
+    let arm: Vec<String> = (0..3).map(|k| format!("\"{} m\"", short(sign(k) * e.declared(k)))).collect();
+    let key = if node.at(&format!("{ARM}.initial")).is_some() {
+        "initial"
+    } else {
+        ARM
+    };
+    let message = format!(
+        "the lever arm of `{}` has the wrong sign along {}: where it is estimated, it becomes {words}",
+        tried.sensor.name,
+        axes.join(" and ")
+    );
+    let help = format!(
+        "it points from the body origin to the sensor, forward, right, down: try `{key} = [{}]`",
+        arm.join(", ")
+    );
+    Diagnostic::warning(message).at(node.place_of(ARM)).help(help)
+}
+
+/// A parameter that is declared, or left out, as what it is not.
+fn other(design: &Design, tried: &Tried<'_>, e: &Estimate, words: &str) -> Diagnostic {
+    let Tried { sensor, key, sort, .. } = tried;
+    let (place, is) = match sensor.node.at(key) {
+        Some(node) => (node.place(), format!("is declared as {}", tried.declared)),
+        None => (sensor.node.place(), "is left out".to_owned()),
+    };
+    let becomes = if tried.is_rotation { "is turned further by" } else { "becomes" };
+    let alike: Vec<String> = tried.shared_by.iter().map(|other| format!("`{other}`")).collect();
+    let and = if alike.is_empty() {
+        String::new()
+    } else {
+        format!(", and of {} likewise", alike.join(" and "))
+    };
+    let message = format!(
+        "`{key}` of `{}` {is}{and}, and the data say otherwise: where it is estimated, it {becomes} {words}",
+        sensor.name
+    );
+    // A rotation is told as what turns the declared one.
+    let initial = if tried.is_rotation {
+        tried.declared.clone()
+    } else {
+        tried.written(&e.value, &e.sigma)
+    };
+    let help = if sort.unit == "s" && tried.delay != 0.0 {
+        let all = rounded(tried.delay_of(e), e.sigma[0]);
+        format!("`time.offset` or `latency` of its source moves its stamps too: in all the delay is {all} s; declare that at one place")
+    } else {
+        format!(
+            "try it as a state: `{key} = {{ estimate = true, initial = {initial}, sigma = \"{} {}\" }}`; where it then stays, and \
+             the consistency is better, it is so, or something else that acts like it",
+            sort.sigma, sort.unit
+        )
+    };
+    let help = match sensor.node.get("declination") {
+        Some(declination) if key == "bias" => {
+            format!(
+                "it acts as the `declination` does, which is {}: only the sum of both is told; {help}",
+                declination.inline()
+            )
+        }
+        _ => help,
+    };
+    // One antenna has one arm, whichever sensor reads it: the first of them has it.
+    let word = |sensor: &Named<SensorDesign>, key: &str| sensor.node.get(key).and_then(Node::as_str).map(str::to_owned);
+    let is_one_receiver = |other: &Named<SensorDesign>| {
+        word(other, "source") == word(sensor, "source") || word(sensor, "only_with").as_ref() == Some(&other.name)
+    };
+    let has_arm = |sensor: &Named<SensorDesign>| parameters(&sensor.node).iter().any(|(key, _)| key == ARM);
+    let before = design.sensors.iter().take_while(|other| other.name != sensor.name);
+    let beside = before
+        .filter(|other| tried.is_arm() && is_one_receiver(other))
+        .find(|other| has_arm(other));
+    let help = match beside {
+        Some(other) => format!(
+            "if both read one antenna, `{0}` has its arm, and here stands `{ARM} = {{ shared = \"{0}.{ARM}\" }}`; else {help}",
+            other.name
+        ),
+        None => help,
+    };
+    let help = if alike.is_empty() {
+        help
+    } else {
+        format!(
+            "{help}; one receiver has one clock, so in {} stands `{}`",
+            alike.join(" and "),
+            tried.shares()
+        )
+    };
+    Diagnostic::warning(message).at(place).help(help)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::rounded;
+
+    #[test]
+    fn a_value_is_shown_to_two_digits_of_its_sigma() {
+        for (value, sigma, shown) in [
+            (0.3012, 0.0042, "0.3012"),
+            (-0.12345, 0.12, "-0.12"),
+            (2.861, 10.0, "3"),
+            (-0.0001, 0.01, "0.000"),
+            (1.0, 0.0, "1.00"),
+        ] {
+            assert_eq!(rounded(value, sigma), shown);
+        }
+    }
+}

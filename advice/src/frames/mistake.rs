@@ -1,0 +1,270 @@
+//! What is said of a mistake, and what to write instead.
+
+use fusion::config::{Diagnostic, Node};
+use fusion_models::units::parse_unit;
+
+/// Where each body axis is found: the declared axis, and whether with the other sign.
+pub(super) type Axes = [(usize, bool); 3];
+
+/// As declared.
+pub(super) const DECLARED: Axes = [(0, false), (1, false), (2, false)];
+
+const NAMES: [&str; 3] = ["x", "y", "z"];
+const BODY: [&str; 3] = ["forward", "right", "down"];
+const WORLD: [&str; 3] = ["north", "east", "down"];
+
+/// The axes as they should be declared.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Whole {
+    pub(super) axes: Axes,
+    /// The axis whose sign nothing decides: it is kept as declared.
+    pub(super) open: Option<usize>,
+}
+
+impl Whole {
+    /// With the sign that nothing decides so that the axes are right-handed.
+    pub(super) fn turned(mut self) -> Self {
+        if let Some(row) = self.open.filter(|_| handedness(&self.axes) < 0.0) {
+            self.axes[row].1 = !self.axes[row].1;
+        }
+        self
+    }
+}
+
+/// Completes what is known: of one axis that is missing it is known which one is left, and `sign` says whether as its negative. `None`
+/// where too little is known, or an axis is there twice.
+pub(super) fn complete(known: [Option<(usize, bool)>; 3], sign: impl Fn(usize, usize) -> Option<bool>) -> Option<Whole> {
+    let missing: Vec<usize> = (0..3).filter(|i| known[*i].is_none()).collect();
+    let mut axes = known.map(|k| k.unwrap_or((3, false)));
+    let mut open = None;
+    match missing[..] {
+        [] => {}
+        [row] => {
+            let used: usize = axes.iter().map(|(axis, _)| *axis).filter(|a| *a < 3).sum();
+            let left = 3_usize.checked_sub(used)?;
+            let told = sign(row, left);
+            axes[row] = (left, told.unwrap_or(false));
+            open = told.is_none().then_some(row);
+        }
+        _ => return None,
+    }
+    is_permutation(&axes).then_some(Whole { axes, open })
+}
+
+fn is_permutation(axes: &Axes) -> bool {
+    (0..3).all(|axis| axes.iter().any(|(a, _)| *a == axis))
+}
+
+/// The determinant: −1 where the axes as declared are left-handed.
+pub(super) fn handedness(axes: &Axes) -> f64 {
+    let mut m = nalgebra::Matrix3::zeros();
+    axes.iter()
+        .enumerate()
+        .for_each(|(row, (axis, negative))| m[(row, *axis)] = if *negative { -1.0 } else { 1.0 });
+    m.determinant()
+}
+
+pub(super) fn signed(name: &str, negative: bool) -> String {
+    if negative { format!("-{name}") } else { name.to_owned() }
+}
+
+/// The names of axes of the body, or of the world.
+pub(super) const fn names(is_world: bool) -> [&'static str; 3] {
+    if is_world { WORLD } else { NAMES }
+}
+
+/// The axes that `is_one` says, with commas.
+pub(super) fn of_rows(is_world: bool, is_one: impl Fn(usize) -> bool) -> String {
+    let all = if is_world { WORLD } else { BODY };
+    let named: Vec<&str> = (0..3).filter(|row| is_one(*row)).map(|row| all[row]).collect();
+    named.join(", ")
+}
+
+/// What differs, an axis each: `north is the declared east`.
+pub(super) fn differing(known: &[Option<(usize, bool)>; 3], is_world: bool) -> String {
+    let (are, declared) = if is_world { (WORLD, WORLD) } else { (BODY, NAMES) };
+    let differ = known
+        .iter()
+        .enumerate()
+        .filter_map(|(row, k)| k.filter(|k| *k != (row, false)).map(|k| (row, k)));
+    let each = differ.map(|(row, (axis, negative))| {
+        let sign = if negative { "minus " } else { "" };
+        format!("{} is {sign}the declared {}", are[row], declared[axis])
+    });
+    each.collect::<Vec<_>>().join(", ")
+}
+
+/// What to write instead in the table of a channel.
+pub(super) fn remedy(channel: Option<&Node>, axes: &Axes) -> String {
+    let columns: Option<Vec<&str>> = channel
+        .and_then(|c| c.get("columns"))
+        .and_then(|c| match c.value() {
+            fusion::config::Value::Array(items) => items.iter().map(Node::as_str).collect(),
+            _ => None,
+        })
+        .filter(|c: &Vec<&str>| c.len() == 3);
+    let rotation = channel.and_then(|c| c.get("rotation"));
+    let before = rotation.map_or(Some(DECLARED), axes_of);
+    let is_turned = handedness(axes) > 0.0;
+    match (columns, before) {
+        (_, Some(before)) if is_turned && rotation.is_some() => {
+            let after = axes.map(|(axis, negative)| (before[axis].0, before[axis].1 != negative));
+            format!("write `rotation = {{ axes = [{}] }}`", list(&after))
+        }
+        (Some(columns), Some(before)) => format!("write `columns = [{}]`", exchanged(&columns, &before, axes).join(", ")),
+        (None, Some(_)) if is_turned => format!("write `rotation = {{ axes = [{}] }}`", list(axes)),
+        (_, None) if is_turned => format!("after the `rotation` there, turn the axes by `{}`", list(axes)),
+        _ => format!(
+            "the axes are left-handed: change the sign of a column; the body axes are {}",
+            list(axes)
+        ),
+    }
+}
+
+/// The columns that a rotation `before` of them brings to `axes` of what is declared.
+fn exchanged(columns: &[&str], before: &Axes, axes: &Axes) -> Vec<String> {
+    let mut written = vec![String::new(); 3];
+    for ((to, outer), (axis, negative)) in before.iter().zip(axes) {
+        let (from, inner) = before[*axis];
+        let (is_negative, name) = columns[from].strip_prefix('-').map_or((false, columns[from]), |name| (true, name));
+        let minus = [*outer, *negative, inner, is_negative].iter().filter(|minus| **minus).count() % 2 == 1;
+        written[*to] = format!("{:?}", signed(name, minus));
+    }
+    written
+}
+
+fn list(axes: &Axes) -> String {
+    let one = |(axis, negative): &(usize, bool)| format!("{:?}", signed(NAMES[*axis], *negative));
+    axes.iter().map(one).collect::<Vec<_>>().join(", ")
+}
+
+/// The axes that a rotation is declared by.
+fn axes_of(rotation: &Node) -> Option<Axes> {
+    let mut found = DECLARED;
+    let fusion::config::Value::Array(items) = rotation.get("axes")?.value() else {
+        return None;
+    };
+    for (to, item) in found.iter_mut().zip(items) {
+        let text = item.as_str()?;
+        let (negative, letter) = text.strip_prefix('-').map_or((false, text), |letter| (true, letter));
+        *to = (NAMES.iter().position(|n| *n == letter)?, negative);
+    }
+    Some(found)
+}
+
+/// A mistake in a channel of a source.
+pub(super) fn at(source: &Node, channel: &str, key: &str, message: String) -> Diagnostic {
+    let path = format!("channels.{channel}");
+    let place = match source.at(&path).and_then(|c| c.get(key)) {
+        Some(node) => node.place(),
+        None => source.place_of(&path),
+    };
+    Diagnostic::warning(message).at(place)
+}
+
+/// Units that the columns of a channel come in, as they are written.
+fn units(channel: &str, is_increment: bool) -> &'static [&'static str] {
+    match (channel, is_increment) {
+        ("angular_rate", true) => &["rad", "deg"],
+        ("angular_rate", false) => &["rad/s", "deg/s"],
+        ("specific_force", true) => &["m/s"],
+        ("specific_force", false) => &["m/s^2", "g", "mg"],
+        ("velocity", _) => &["m/s", "km/h", "kn", "mph", "ft/s", "cm/s", "mm/s"],
+        _ => &[],
+    }
+}
+
+/// Whether a factor is that between two units of velocity, one of which is m/s, within 5 %.
+pub(super) fn is_of_velocities(factor: f64) -> bool {
+    let sizes = units("velocity", false).iter().filter_map(|unit| parse_unit(unit).ok());
+    sizes
+        .map(|(size, _)| size)
+        .any(|size| (factor.ln().abs() - size.ln().abs()).abs() < 0.05)
+}
+
+/// What a wrong factor may come from, and what to write; `small` is by how much the numbers are too small, known to `within` in its
+/// logarithm, and `rate` how many samples a second has.
+pub(super) fn unit(node: Option<&Node>, channel: &str, small: f64, within: f64, rate: f64) -> Option<String> {
+    let is = |factor: f64| (small / factor).ln().abs() < within;
+    let is_increment = node.and_then(|n| n.get("increment")).is_some_and(|n| n.inline() == "true");
+    let all = units(channel, is_increment);
+    let declared = node.and_then(|n| n.get("unit")).and_then(Node::as_str).or(all.first().copied())?;
+    let size = |unit: &str| parse_unit(unit).ok().map(|(size, _)| size);
+    let scale: f64 = node.and_then(|n| n.get("scale")).map_or(Some(1.0), |n| n.inline().parse().ok())?;
+    if scale != 1.0 && is(1.0 / scale) {
+        return Some("it would fit without the `scale`: leave it out".to_owned());
+    }
+    let declared_size = size(declared)?;
+    let away = |unit: &str| Some((size(unit)? / (declared_size * scale * small)).ln().abs());
+    let nearest = all.iter().filter_map(|unit| Some((away(unit)?, *unit)));
+    let nearest = nearest
+        .filter(|(away, unit)| *away < within && *unit != declared)
+        .min_by(|a, b| a.0.total_cmp(&b.0));
+    // 50 rows a second are near the degrees of a radian.
+    let is_nearer = |factor: f64| is(factor) && nearest.is_none_or(|(away, _)| (small / factor).ln().abs() < away);
+    if matches!(channel, "angular_rate" | "specific_force") && !is_increment && is_nearer(rate) {
+        return Some("the columns hold increments over a sample: write `increment = true`".to_owned());
+    }
+    if is_increment && is_nearer(1.0 / rate) {
+        return Some("the columns hold rates, no increments: leave out `increment`".to_owned());
+    }
+    let (_, unit) = nearest?;
+    Some(format!(
+        "`{declared}` is declared, the numbers fit `{unit}`: write `unit = {unit:?}`"
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fusion::config::Document;
+
+    #[test]
+    fn of_a_missing_axis_no_sign_is_invented() {
+        let exchanged = [Some((1, false)), Some((0, false)), None];
+        let of = |sign: Option<bool>| complete(exchanged, |_, _| sign);
+        let axes = |down: bool| [(1, false), (0, false), (2, down)];
+        let whole = |down, open| Some(Whole { axes: axes(down), open });
+        assert_eq!(of(None), whole(false, Some(2)));
+        assert_eq!(of(Some(true)), whole(true, None));
+        assert_eq!(of(Some(false)), whole(false, None));
+        // Of what is mounted otherwise it is that of a turn.
+        assert_eq!(of(None).map(Whole::turned), whole(true, Some(2)));
+        assert_eq!(of(Some(false)).map(Whole::turned), whole(false, None), "what is decided stays");
+        assert_eq!(complete([Some((1, false)), None, None], |_, _| None), None, "two are missing");
+        assert_eq!(
+            complete([Some((0, false)), Some((0, true)), None], |_, _| None),
+            None,
+            "one is there twice"
+        );
+    }
+
+    #[test]
+    fn a_factor_is_told_as_the_unit_that_fits() {
+        let told = |channel: &str, table: &str, small: f64| {
+            let (document, found) = Document::parse("design.toml", &format!("channel = {table}\n"));
+            assert_eq!(found, []);
+            unit(document.root().get("channel"), channel, small, 0.05, 100.0)
+        };
+        for (channel, table, small, write) in [
+            ("velocity", r#"{ unit = "m/s" }"#, 1852.0 / 3600.0, "write `unit = \"kn\"`"),
+            ("velocity", "{}", 1.0 / 3.6, "write `unit = \"km/h\"`"),
+            ("velocity", r#"{ unit = "kn" }"#, 3600.0 / 1852.0, "write `unit = \"m/s\"`"),
+            ("velocity", r#"{ unit = "m/s" }"#, 0.3048, "write `unit = \"ft/s\"`"),
+            ("velocity", r#"{ unit = "m/s", scale = 1.9 }"#, 1.0 / 1.9, "leave it out"),
+            ("angular_rate", r#"{ unit = "rad/s" }"#, 0.01745, "write `unit = \"deg/s\"`"),
+            ("specific_force", r#"{ unit = "g" }"#, 0.102, "write `unit = \"m/s^2\"`"),
+            ("specific_force", r#"{ unit = "m/s" }"#, 100.0, "write `increment = true`"),
+            (
+                "angular_rate",
+                r#"{ unit = "rad", increment = true }"#,
+                0.01,
+                "leave out `increment`",
+            ),
+        ] {
+            let told = told(channel, table, small).unwrap_or_default();
+            assert!(told.contains(write), "{channel} {table} {small}: {told}");
+        }
+        assert_eq!(told("velocity", r#"{ unit = "m/s" }"#, 1.43), None, "no unit is that large");
+    }
+}

@@ -1,0 +1,532 @@
+//! The stamps of a file: which column, which unit, how regular.
+
+use super::Day;
+use super::numbers::{median, quantile};
+use super::signal::factor;
+use super::words::{Words, contains};
+use fusion::source::table::{Column, Table, gps_of_unix};
+
+/// An interval longer than so many usual ones is a gap.
+const GAP: f64 = 3.5;
+
+/// How the stamps of a file are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// Numbers of the unit.
+    Count,
+    /// Numbers of the unit, and a second column that is added.
+    Sum {
+        /// The second column.
+        second: usize,
+        /// What one of it stands for, as designs write it.
+        each: &'static str,
+    },
+    /// The number of a recording in a second column, whose clocks begin anew: so many seconds are taken for each.
+    Recordings {
+        /// The second column.
+        second: usize,
+        /// Seconds for each.
+        each: u32,
+    },
+    /// What a column counts; a comment tells how many there are in a second.
+    Counter,
+    /// Dates with the time of day.
+    Calendar,
+    /// None: samples are evenly spaced.
+    Even,
+}
+
+/// What the stamps of a file count from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Origin {
+    /// Nobody says it.
+    Unknown,
+    /// GPS time, as calendars and GPS weeks are read.
+    Gps,
+    /// 1970-01-01 UTC; here they are brought to GPS time.
+    Unix,
+}
+
+/// A week of GPS.
+const WEEK: f64 = 604_800.0;
+
+/// The stamps of a file.
+#[derive(Clone, Debug)]
+pub struct Clock {
+    /// Its column.
+    pub column: usize,
+    /// How it is written.
+    pub form: Form,
+    /// What it counts from.
+    pub origin: Origin,
+    /// Its unit as designs write it.
+    pub unit: &'static str,
+    /// Why this column and this unit.
+    pub why: String,
+    /// The stamps in seconds, as they are written; calendars and weeks in GPS time.
+    pub stamps: Vec<f64>,
+    /// Rows a second, by the median interval.
+    pub rate: f64,
+    /// Half of the intervals differ from the median by more than this share of it.
+    pub jitter: f64,
+    /// Intervals of more than 3.5 usual ones.
+    pub gaps: usize,
+    /// The longest interval \[s\], and where it begins.
+    pub longest: (f64, f64),
+    /// Rows with the stamp of the row before.
+    pub ties: usize,
+    /// Rows with an earlier stamp than the row before.
+    pub backwards: usize,
+    /// Of these, those that go back by more than a second: the clock began anew.
+    pub resets: usize,
+    /// What was added to the stamps, to bring them to the clock of the positions \[s\].
+    pub shift: f64,
+    /// The day of times of day, where the file has no date.
+    pub day: Option<Day>,
+}
+
+impl Clock {
+    /// That of a table; `None` where no column looks like time.
+    pub(super) fn of(table: &Table) -> Option<Self> {
+        let unnamed = || rising(table).filter(|k| !is_counter(table, *k));
+        let clock =
+            Self::named(table).or_else(|| unnamed().map(|column| Self::at(table, column, &Words::of(table.columns[column].called()))));
+        let clock = clock.or_else(|| counted(table))?;
+        Some(clock.of_recordings(table).unwrap_or(clock))
+    }
+
+    /// That of a column which is called time.
+    pub(crate) fn named(table: &Table) -> Option<Self> {
+        if let Some(column) = table.stamp {
+            let words = stamp_words(table.columns[column].called());
+            return calendar(table)
+                .filter(|c| c.column == column)
+                .or_else(|| Some(Self::at(table, column, &words)));
+        }
+        let by_name = || named(table).map(|(column, words)| Self::at(table, column, &words));
+        // Dates to the second beside finer stamps say when the log is from, not when a row is.
+        let dates = calendar(table);
+        let fine = dates.clone().filter(|c| c.ties * 2 < c.stamps.len() && c.day.is_none());
+        let others = || week(table).or_else(|| split(table)).or_else(by_name).or_else(|| even(table));
+        fine.or_else(others).or(dates)
+    }
+
+    fn at(table: &Table, column: usize, words: &Words) -> Self {
+        let values = &table.columns[column].values;
+        let step = median(values.windows(2).map(|w| w[1] - w[0]).filter(|d| *d > 0.0));
+        let (unit, why) = unit(words, values, step);
+        let scale = factor(unit);
+        let stamps: Vec<f64> = values.iter().map(|v| v * scale).collect();
+        let is_solution = table.format.has_own_clock;
+        Self {
+            column,
+            unit,
+            why,
+            origin: if is_solution { Origin::Gps } else { Origin::Unknown },
+            ..Self::measured(stamps)
+        }
+    }
+
+    /// The columns that it is read from.
+    pub(super) fn columns(&self, table: &Table) -> Vec<usize> {
+        let date = table.columns[self.column].calendar.as_ref().and_then(|c| c.date);
+        let second = match self.form {
+            Form::Sum { second, .. } | Form::Recordings { second, .. } => Some(second),
+            _ => date,
+        };
+        core::iter::once(self.column).chain(second).collect()
+    }
+
+    /// Brings stamps of a size that counts since 1970 to GPS time, where they are beside clocks of that: whichever of both
+    /// clocks it is, the logs are of one time.
+    pub(super) fn bring_to_gps(&mut self, others: (f64, f64)) {
+        let (first, last) = self.span();
+        let Some(shift) = gps_of_unix(first).map(|gps| gps - first) else {
+            return;
+        };
+        let apart = |by: f64| (first + by - others.1).max(others.0 - last - by).max(0.0);
+        if apart(shift) > apart(0.0) {
+            self.origin = Origin::Gps;
+            return;
+        }
+        self.origin = Origin::Unix;
+        self.stamps.iter_mut().for_each(|t| *t += shift);
+        self.longest.1 += shift;
+    }
+
+    fn measured(stamps: Vec<f64>) -> Self {
+        let intervals = || stamps.windows(2).map(|w| w[1] - w[0]);
+        let usual = median(intervals().filter(|d| *d > 0.0));
+        let mut longest = (0.0, 0.0);
+        for w in stamps.windows(2) {
+            if w[1] - w[0] > longest.0 {
+                longest = (w[1] - w[0], w[0]);
+            }
+        }
+        Self {
+            column: 0,
+            form: Form::Count,
+            origin: Origin::Unknown,
+            unit: "s",
+            why: String::new(),
+            rate: 1.0 / usual,
+            jitter: median(intervals().filter(|d| *d > 0.0).map(|d| (d / usual - 1.0).abs())),
+            gaps: intervals().filter(|d| *d > GAP * usual).count(),
+            longest,
+            ties: intervals().filter(|d| *d == 0.0).count(),
+            backwards: intervals().filter(|d| *d < 0.0).count(),
+            resets: intervals().filter(|d| *d < -1.0).count(),
+            shift: 0.0,
+            day: None,
+            stamps,
+        }
+    }
+
+    /// As this one, where it begins anew each time that another column steps: the number of a recording.
+    fn of_recordings(&self, table: &Table) -> Option<Self> {
+        /// Between two recordings the state is not carried on: more than any gap that it is \[s\].
+        const APART: f64 = 10.0;
+        if self.resets == 0 || self.form != Form::Count {
+            return None;
+        }
+        let t = &self.stamps;
+        let steps = |column: &usize| {
+            let values = &table.columns[*column].values;
+            let is_number = values.iter().all(|v| v.fract() == 0.0 && (0.0..1e6).contains(v));
+            is_number && (1..t.len()).all(|k| (values[k] > values[k - 1]) == (t[k] < t[k - 1]) && values[k] >= values[k - 1])
+        };
+        let second = (0..table.columns.len()).filter(|k| *k != self.column).find(steps)?;
+        let (first, last) = self.span();
+        // The next of 1, 2, 5, 10, …
+        let least = (last - first) + APART;
+        let power = 10_f64.powf(least.log10().floor());
+        let each = [1.0, 2.0, 5.0, 10.0].map(|k| k * power).into_iter().find(|each| *each >= least)?;
+        let stamps = t.iter().zip(&table.columns[second].values).map(|(t, number)| t + each * number);
+        Some(Self {
+            column: self.column,
+            form: Form::Recordings { second, each: each as u32 },
+            unit: self.unit,
+            why: self.why.clone(),
+            origin: self.origin,
+            ..Self::measured(stamps.collect())
+        })
+    }
+
+    /// Moves the stamps.
+    pub(super) fn shift(&mut self, by: f64) {
+        self.shift += by;
+        self.longest.1 += by;
+        self.stamps.iter_mut().for_each(|t| *t += by);
+    }
+
+    /// The earliest and the latest stamp \[s\].
+    #[must_use]
+    pub fn span(&self) -> (f64, f64) {
+        let all = || self.stamps.iter().copied();
+        (quantile(all(), 0.0), quantile(all(), 1.0))
+    }
+}
+
+/// Dates with the time of day.
+fn calendar(table: &Table) -> Option<Clock> {
+    let column = table.stamp.filter(|k| table.columns[*k].calendar.is_some());
+    let column = column.or_else(|| table.columns.iter().position(|c| c.calendar.is_some()))?;
+    let scale = table.columns[column].calendar.as_ref()?.scale;
+    Some(Clock {
+        column,
+        form: Form::Calendar,
+        origin: Origin::Gps,
+        unit: "ns",
+        why: format!("dates, {scale} unless their text names another scale"),
+        day: table.columns[column].is_time_of_day.then(Day::default),
+        ..Clock::measured(table.columns[column].values.iter().map(|v| v * 1e-9).collect())
+    })
+}
+
+/// Rows that a column counts, whose rate a comment tells.
+fn counted(table: &Table) -> Option<Clock> {
+    let (comment, rate) = table.told.as_ref()?;
+    let column = rising(table).filter(|k| is_counter(table, *k))?;
+    let stamps = table.columns[column].values.iter().map(|v| v / rate);
+    Some(Clock {
+        column,
+        form: Form::Counter,
+        why: format!("guessed: it counts the rows, and a comment says `{comment}`"),
+        rate: *rate,
+        ..Clock::measured(stamps.collect())
+    })
+}
+
+/// Samples whose rate a number beside them says.
+fn even(table: &Table) -> Option<Clock> {
+    let (name, rate) = table.rate.as_ref()?;
+    let stamps = table.columns.first()?.values.iter().map(|v| v * 1e-9);
+    Some(Clock {
+        form: Form::Even,
+        unit: "ns",
+        why: format!("no array of stamps; `{name}` tells the rate"),
+        rate: *rate,
+        ..Clock::measured(stamps.collect())
+    })
+}
+
+/// The column whose last word is one of these, and what stands before.
+fn ending(table: &Table, words: &[&str], is_sound: impl Fn(f64) -> bool) -> Option<(usize, String)> {
+    let name = |k: usize| table.columns[k].called().to_lowercase();
+    let found = (0..table.columns.len()).find_map(|k| {
+        let name = name(k);
+        let last = name.rsplit(|c: char| !c.is_alphanumeric()).find(|w| !w.is_empty())?;
+        let prefix = name[..name.rfind(last)?].to_owned();
+        words.contains(&last).then_some((k, prefix))
+    })?;
+    let values = || table.columns[found.0].values.iter().filter(|v| v.is_finite());
+    (values().count() * 2 > table.rows() && values().all(|v| is_sound(*v))).then_some(found)
+}
+
+/// Stamps in two columns, their sum.
+fn sum(table: &Table, column: usize, unit: &'static str, second: usize, each: &'static str, size: f64) -> Clock {
+    let (a, b) = (&table.columns[column].values, &table.columns[second].values);
+    Clock {
+        column,
+        form: Form::Sum { second, each },
+        unit,
+        why: format!("`{}` is added, {each} each", table.columns[second].name),
+        ..Clock::measured(a.iter().zip(b).map(|(a, b)| a * factor(unit) + b * size).collect())
+    }
+}
+
+/// A GPS week, and the time of it.
+fn week(table: &Table) -> Option<Clock> {
+    let (second, _) = ending(table, &["week", "weeknumber", "wn", "gpsweek"], |v| {
+        v.fract() == 0.0 && (1000.0..10_000.0).contains(&v)
+    })?;
+    let in_seconds = ending(table, &["tow", "sow", "itow", "seconds", "secs", "s"], |v| {
+        (0.0..WEEK + 1.0).contains(&v)
+    });
+    let in_milliseconds = || ending(table, &["tow", "itow", "ms", "towms"], |v| (0.0..1e3 * (WEEK + 1.0)).contains(&v));
+    let (column, unit) = in_seconds
+        .map(|(k, _)| (k, "s"))
+        .or_else(|| in_milliseconds().map(|(k, _)| (k, "ms")))?;
+    Some(Clock {
+        origin: Origin::Gps,
+        ..sum(table, column, unit, second, "604800 s", WEEK)
+    })
+}
+
+/// Whole seconds, and what is beyond them in finer units.
+fn split(table: &Table) -> Option<Clock> {
+    let whole = |limit: f64| move |v: f64| v.fract() == 0.0 && (0.0..limit).contains(&v);
+    let nanos = ending(
+        table,
+        &["ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanosecond", "nanoseconds", "nanos"],
+        whole(1e9),
+    );
+    let micros = || ending(table, &["us", "usec", "usecs", "microsec", "microseconds", "micros"], whole(1e6));
+    let (fine, each, size) = nanos.map(|n| (n, "1 ns", 1e-9)).or_else(|| micros().map(|m| (m, "1 us", 1e-6)))?;
+    let (column, prefix) = ending(table, &["s", "sec", "secs", "second", "seconds"], |v| v.fract() == 0.0)?;
+    (prefix == fine.1).then(|| sum(table, column, "s", fine.0, each, size))
+}
+
+/// The name of a column of stamps, taken apart. A unit may be joined to it, as in `TimeUS`; that of no other quantity may,
+/// for `times` is a word and `accels` another.
+pub(super) fn stamp_words(name: &str) -> Words {
+    let mut words = Words::of(name);
+    let joined = ["timestamp", "time"]
+        .iter()
+        .find_map(|w| words.stem.strip_prefix(w).map(|unit| (*w, unit)));
+    let unit = |written: &str| ["s", "ms", "us", "ns"].into_iter().find(|unit| *unit == written);
+    if let Some((stem, Some(unit))) = joined.map(|(stem, written)| (stem, unit(written))) {
+        words = Words {
+            stem: stem.to_owned(),
+            unit: words.unit.or(Some(unit)),
+        };
+    }
+    words
+}
+
+/// Whether a column is called time.
+pub(super) fn is_called_time(words: &Words) -> bool {
+    words.ends_with(&["t", "time", "timestamp", "stamp", "tow", "gpst", "utc"])
+}
+
+/// The column that is called time. A `t` alone may be a temperature: any other such name outranks it, and it has to rise.
+fn named(table: &Table) -> Option<(usize, Words)> {
+    let words = table.columns.iter().map(|c| stamp_words(c.called())).enumerate();
+    let is_number = |k: &usize| {
+        table.columns[*k].calendar.is_none() && table.columns[*k].values.iter().filter(|v| v.is_finite()).count() * 2 > table.rows()
+    };
+    let is_bare = |w: &Words| w.stem == "t" && w.unit.is_none();
+    let rank = |(k, w): &(usize, Words)| (!is_in_order(table, *k), is_bare(w), w.stem.len());
+    words
+        .filter(|(k, w)| is_called_time(w) && is_number(k) && (!is_bare(w) || is_in_order(table, *k)))
+        .min_by_key(rank)
+}
+
+/// Whether a column goes back in less than a hundredth of the rows.
+fn is_in_order(table: &Table, column: usize) -> bool {
+    let values = &table.columns[column].values;
+    values.windows(2).filter(|w| w[1] < w[0]).count() * 100 < values.len()
+}
+
+/// Whether a column that is not called time rises by exactly one from row to row: it counts the rows, and says nothing of their
+/// rate.
+fn is_counter(table: &Table, column: usize) -> bool {
+    let column = &table.columns[column];
+    let by_one = column.values.windows(2).filter(|w| w[1] - w[0] == 1.0).count();
+    let is_unit = |unit: &str| matches!(unit, "s" | "ms" | "us" | "ns");
+    let words = Words::of(column.called());
+    // Packets may be lost, or told of one sensor each n-th time: whole numbers that are called a count are one.
+    let is_called = contains(
+        &words.stem,
+        &["packet", "count", "counter", "index", "sample", "samples", "frame", "seq", "row"],
+    ) && column.values.iter().all(|v| !v.is_finite() || v.fract() == 0.0);
+    !words.unit.is_some_and(is_unit) && !is_unit(&words.stem) && (is_called || by_one * 100 >= column.values.len().saturating_sub(1) * 99)
+}
+
+/// Why a table has no clock, in a sentence about its file; and what to do.
+pub(super) fn why_none(table: &Table) -> String {
+    let name = table.path.file_name().unwrap_or_default().to_string_lossy();
+    let is_text = |c: &&Column| {
+        !c.first.trim().is_empty()
+            && c.calendar.is_none()
+            && c.values.iter().all(|v| v.is_nan())
+            && is_called_time(&stamp_words(c.called()))
+    };
+    if let Some(column) = table.columns.iter().find(is_text) {
+        let (column, first) = (&column.name, column.first.trim());
+        let parts: Vec<&str> = first.split(|c: char| !c.is_ascii_digit()).collect();
+        let numbers: Vec<u32> = parts.iter().map_while(|p| p.parse().ok()).collect();
+        // A day or a month first: of numbers up to twelve nobody knows which.
+        let order = match numbers[..] {
+            [1..=12, 13..=31, ..] => Some("\"mdy\""),
+            [13..=31, 1..=12, ..] => Some("\"dmy\""),
+            [1..=12, 1..=12, ..] => Some("\"dmy\"` or `\"mdy\""),
+            _ => None,
+        };
+        return match order {
+            Some(order) => format!(
+                "`{name}`: the dates of `{column}`, such as {first}, begin with the day or the month. Declare `time = {{ column = \
+                 \"{column}\", calendar = \"utc\", order = … }}` with the order `{order}`"
+            ),
+            None => format!("`{name}`: `{column}` holds no numbers and no dates that are known here; its first is {first}"),
+        };
+    }
+    if let Some(counter) = rising(table).filter(|k| is_counter(table, *k)) {
+        // A column without a name of its own is called by its number.
+        let number = (counter + 1).to_string();
+        let column = Some(&table.columns[counter].name)
+            .filter(|name| !name.is_empty() && table.names.is_none())
+            .unwrap_or(&number);
+        return format!(
+            "`{name}` has no time: `{column}` counts its rows, and nothing here says how many there are in a second. Declare it: `time = {{ \
+             column = \"{column}\", rate = \"100 Hz\" }}` with the rate of the instrument"
+        );
+    }
+    format!("`{name}` has no column of time: none is called `t`, `time` or `timestamp`, and none rises from row to row")
+}
+
+/// Takes in each table the column of time that all the others use, where it has one of that name besides.
+pub(super) fn agree(tables: &mut [Table]) {
+    let used = |table: &Table| {
+        let clock = Clock::named(table)?;
+        Some(table.columns[clock.column].called().to_lowercase())
+    };
+    let mut names: Vec<Option<String>> = tables.iter().map(used).collect();
+    for k in 0..tables.len() {
+        let mut others = names
+            .iter()
+            .enumerate()
+            .filter(|(other, _)| *other != k)
+            .filter_map(|(_, name)| name.as_ref());
+        let Some(common) = others.next().filter(|first| others.all(|name| name == *first)).cloned() else {
+            continue;
+        };
+        let own = names[k].as_ref().is_some_and(|own| *own != common);
+        let column = tables[k].columns.iter().position(|c| c.called().to_lowercase() == common);
+        let is_sound = |column: &usize| {
+            let of = &tables[k].columns[*column];
+            let is_told = of.calendar.is_some() || is_called_time(&stamp_words(of.called()));
+            is_told && is_in_order(&tables[k], *column) && of.values.iter().filter(|v| v.is_finite()).count() * 2 > of.values.len()
+        };
+        if let Some(column) = column.filter(|column| own && is_sound(column)) {
+            tables[k].stamp = Some(column);
+            names[k] = Some(common);
+        }
+    }
+}
+
+/// The column that rises from row to row, all but a hundredth of them.
+fn rising(table: &Table) -> Option<usize> {
+    let rises = |k: &usize| {
+        let values = &table.columns[*k].values;
+        let up = values.windows(2).filter(|w| w[1] > w[0]).count();
+        values.len() > 10 && up * 100 >= (values.len() - 1) * 99
+    };
+    (0..table.columns.len()).find(rises)
+}
+
+/// The unit of stamps, by the name or by their size.
+fn unit(words: &Words, values: &[f64], step: f64) -> (&'static str, String) {
+    if let Some(unit) = words.unit.filter(|u| matches!(*u, "s" | "ms" | "us" | "ns")) {
+        return (unit, "by its name".to_owned());
+    }
+    // The name may be a unit alone.
+    if let Some(unit) = ["ms", "us", "ns"].into_iter().find(|unit| *unit == words.stem) {
+        return (unit, "by its name".to_owned());
+    }
+    // A date of this century in each unit, or the interval of a counter since power-up.
+    let first = values.iter().copied().find(|v| v.is_finite()).unwrap_or_default().abs();
+    let unit = match (first, step) {
+        (f, _) if f > 1e17 => "ns",
+        (f, _) if f > 1e14 => "us",
+        (f, _) if f > 1e11 => "ms",
+        (f, _) if f > 1e9 => "s",
+        (_, s) if s >= 1e6 => "ns",
+        (_, s) if s >= 1e3 => "us",
+        (f, s) if s >= 4.0 && f.fract() == 0.0 => "ms",
+        _ => "s",
+    };
+    (unit, format!("first {first}, usual interval {step}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(name: &str, values: Vec<f64>) -> Option<Clock> {
+        let column = Column {
+            name: name.to_owned(),
+            values,
+            ..Column::default()
+        };
+        Clock::of(&Table {
+            columns: vec![column],
+            ..Table::default()
+        })
+    }
+
+    #[test]
+    fn gaps_ties_and_resets_are_counted() {
+        let mut t: Vec<f64> = (0..100).map(|k| 0.1 * f64::from(k)).collect();
+        t.extend([9.9, 9.85, 12.0, 2.0, 2.1]);
+        let c = of("t_s", t).unwrap();
+        assert!((c.rate - 10.0).abs() < 1e-6 && c.jitter < 1e-6, "{}", c.rate);
+        assert_eq!((c.gaps, c.ties, c.backwards, c.resets), (1, 1, 2, 1));
+        assert!((c.longest.0 - 2.15).abs() < 1e-9, "{:?}", c.longest);
+    }
+
+    #[test]
+    fn units_of_stamps_are_told_by_name_and_by_size() {
+        let unit = |name, first: f64, step: f64| of(name, (0..20).map(|k| first + step * f64::from(k)).collect()).unwrap().unit;
+        assert_eq!(unit("t_ms", 0.0, 0.01), "ms");
+        assert_eq!(unit("ms", 0.0, 1000.0), "ms");
+        assert_eq!(unit("#timestamp [ns]", 1.52e18, 5e6), "ns");
+        assert_eq!(unit("Timestamp", 1.586e9, 0.26), "s");
+        assert_eq!(unit("1", 261_906.0, 10.0), "ms");
+        // Joined to the name, in any case, and before the size: this looks like seconds of 2016.
+        assert_eq!(unit("TimeUS", 1.464e9, 2e5), "us");
+        assert_eq!(unit("timestampMs", 0.0, 1.0), "ms");
+        assert_eq!(stamp_words("TimeUS [us]").stem, "time");
+        assert!(of("x", vec![1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0]).is_none());
+    }
+}

@@ -1,0 +1,406 @@
+//! Logs of which nobody has said anything: what their columns probably are, how regular they are, how an
+//! inertial unit sits in its vehicle, and a first design made of that.
+//!
+//! ```text
+//! files ── source/table ──▶ Log: clock, signals ──▶ Inspection: who is IMU, position, reference ──▶ page
+//!                                                        imu, track, pair                      └─▶ design
+//! ```
+//!
+//! Everything here is a guess, and is shown with its reason. Nothing of it is used by a run: the design that is
+//! written is a text that its owner corrects.
+//!
+//! Memory   all of the files, eight bytes for each cell
+
+mod beside;
+mod clock;
+mod day;
+mod design;
+mod field;
+mod imu;
+mod log;
+mod numbers;
+mod page;
+mod pair;
+mod signal;
+mod stance;
+mod standing;
+#[cfg(test)]
+mod tests;
+mod track;
+mod turn;
+mod water;
+mod words;
+mod yaw;
+
+pub use clock::{Clock, Form, Origin};
+pub use day::Day;
+pub use field::Field;
+pub use imu::{Imu, Rest};
+pub use log::{Instances, Log, Repeats};
+pub use pair::Pair;
+pub(crate) use signal::reported_by_name;
+pub use signal::{Kind, Signal};
+pub use stance::Stances;
+pub use standing::Standing;
+use track::Odometer;
+pub use track::Track;
+pub use water::Water;
+pub(crate) use words::stated_unit;
+pub use yaw::Yaw;
+
+use fusion::config::{Diagnostic, Diagnostics};
+use fusion::source::LogFormat;
+use fusion::source::table::Table;
+use signal::Kind::{AngularRate, Euler, Geodetic, Heading, Local, MagneticField, Quaternion, SpecificForce, Velocity};
+use std::path::{Path, PathBuf};
+
+/// Nobody runs faster for long \[m/s\].
+const RUNNING: f64 = 10.0;
+/// Receivers at rest report less \[m/s\].
+const SLOW: f64 = 0.2;
+
+/// Logs, and what they are to a filter.
+#[derive(Clone, Debug)]
+pub struct Inspection {
+    /// The files.
+    pub logs: Vec<Log>,
+    /// The inertial unit: which file, and what it says.
+    pub imu: Option<(usize, Imu)>,
+    /// The positions that a filter would use.
+    pub position: Option<(usize, Track)>,
+    /// The log with the velocities of these positions, where they have a file of their own.
+    pub velocity: Option<usize>,
+    /// The positions that look like a ground truth.
+    pub reference: Option<(usize, Track)>,
+    /// Unit and positions side by side.
+    pub pair: Option<Pair>,
+    /// The recorded heading of the log that an attitude or a heading would be read from, against the course.
+    pub yaw: Option<Yaw>,
+    /// The magnetometer: which file, and what it reads of the Earth's field, or why it is not used.
+    pub field: Option<(usize, Result<Field, String>)>,
+    /// What moves past each speed and body velocity, as far as that is told.
+    pub water: Vec<(Kind, Water)>,
+}
+
+/// Files, and those of folders whose names end as logs do, in the order of their names; of a folder with nothing but one
+/// folder those of that.
+///
+/// # Errors
+/// A folder holds none, or cannot be read.
+pub fn files(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Diagnostics> {
+    let mut all = Vec::new();
+    for path in paths {
+        if path.is_dir() {
+            all.extend(inside(path)?);
+        } else {
+            all.push(path.clone());
+        }
+    }
+    Ok(all)
+}
+
+fn inside(folder: &Path) -> Result<Vec<PathBuf>, Diagnostic> {
+    let shown = folder.display();
+    let entries = std::fs::read_dir(folder).map_err(|e| Diagnostic::error(format!("`{shown}` cannot be read: {e}")))?;
+    let paths: Vec<PathBuf> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
+    let endings: Vec<&str> = LogFormat::all().iter().flat_map(|format| format.endings).copied().collect();
+    let is_log = |p: &&PathBuf| p.is_file() && endings.iter().any(|e| p.to_string_lossy().ends_with(e));
+    let mut logs: Vec<PathBuf> = paths.iter().filter(is_log).cloned().collect();
+    logs.sort_unstable();
+    if !logs.is_empty() {
+        return Ok(logs);
+    }
+    let folders: Vec<String> = paths.iter().filter(|p| p.is_dir()).map(|p| format!("`{}`", p.display())).collect();
+    let inner: Vec<&PathBuf> = paths.iter().filter(|p| p.is_dir()).collect();
+    if let [only] = inner[..] {
+        return inside(only);
+    }
+    let error = Diagnostic::error(format!("`{shown}` holds no log: no name ends in {}", endings.join(", ")));
+    Err(if folders.is_empty() {
+        error.help("name the files themselves")
+    } else {
+        error.help(format!("its folders are {}: name one of them", folders.join(", ")))
+    })
+}
+
+impl Inspection {
+    /// Reads the files and looks at them.
+    ///
+    /// # Errors
+    /// Files that cannot be read, all of them.
+    pub fn of(paths: &[PathBuf]) -> Result<Self, Diagnostics> {
+        let (mut tables, mut d) = (Vec::new(), Diagnostics::new());
+        for path in paths {
+            match Table::read_all(path) {
+                Ok(read) => tables.extend(read),
+                Err(error) => d.extend(error.of_file()),
+            }
+        }
+        clock::agree(&mut tables);
+        d.unless_errors(Self::look(tables.into_iter().map(Log::of).collect()))
+    }
+
+    /// Looks at logs.
+    #[must_use]
+    pub fn look(mut logs: Vec<Log>) -> Self {
+        day::give_days(&mut logs);
+        bring_to_gps(&mut logs);
+        let apart = logs.iter().position(has_velocity_alone);
+        let (position, reference) = tracks(&logs, apart);
+        let velocity = apart.filter(|_| position.as_ref().is_some_and(|(k, _)| !logs[*k].has(Velocity)));
+        if let Some((_, track)) = position.as_ref().or(reference.as_ref()) {
+            bring_together(&mut logs, track);
+        }
+        if let Some((_, track)) = &position {
+            logs.iter_mut().for_each(|log| water::settle_speed(log, track));
+        }
+        let best = position.as_ref().or(reference.as_ref());
+        let reported = best.filter(|(_, track)| track.is_reported).map(|(_, track)| track);
+        let wheels = logs.iter().find_map(|log| Odometer::of(log, Kind::Speed));
+        let stands = |t: f64| match (reported, &wheels) {
+            (Some(track), _) => track.speed(t).map(|speed| speed < SLOW),
+            (None, Some(wheels)) => wheels.stands(t),
+            (None, None) => None,
+        };
+        let mut imu = units(&logs).first().and_then(|k| Some((*k, Imu::of(&logs[*k], &stands)?)));
+        // What swings now and then and is faster than a runner is no foot.
+        if let Some((_, imu)) = imu.as_mut().filter(|_| reported.is_some_and(|track| track.top_speed() > RUNNING)) {
+            imu.stances = None;
+        }
+        let pair = imu.as_ref().zip(best).and_then(|((k, imu), (_, track))| {
+            let log = &logs[*k];
+            let (force, rate) = (log.values(SpecificForce)?, log.values(AngularRate)?);
+            Pair::of(log.stamps(), &force, &rate, imu.gravity, imu.up, track)
+        });
+        let water = position.as_ref().map_or_else(Vec::new, |(_, track)| {
+            let of = |kind| Some((kind, Water::of(&logs.iter().find_map(|log| Odometer::of(log, kind))?, track)?));
+            [Kind::Speed, Kind::BodyVelocity].into_iter().filter_map(of).collect()
+        });
+        let mut looked = Self {
+            logs,
+            imu,
+            position,
+            velocity,
+            reference,
+            pair,
+            yaw: None,
+            field: None,
+            water,
+        };
+        looked.yaw = looked.heading();
+        looked.field = looked.magnetometer();
+        looked
+    }
+
+    /// The first log with a heading, if it is not that of other positions than those that are used.
+    fn heading_log(&self) -> Option<usize> {
+        let is_used = |k: usize| self.position.as_ref().is_some_and(|(own, _)| *own == k);
+        let has_positions = |k: usize| self.logs[k].has(Geodetic) || self.logs[k].has(Local);
+        self.with(Heading).filter(|k| is_used(*k) || !has_positions(*k))
+    }
+
+    /// The field of the Earth, and the log that has it.
+    fn earth_field(&self) -> Option<(usize, Field)> {
+        let (k, field) = self.field.as_ref()?;
+        Some((*k, *field.as_ref().ok()?))
+    }
+
+    /// The current, north and east \[m/s\], if a speed of this kind is that through the water: as found, or unknown where only
+    /// the name says so.
+    fn current(&self, of: Kind) -> Option<[f64; 2]> {
+        self.found_current(of).or_else(|| self.is_of_water(of).then_some([0.0; 2]))
+    }
+
+    /// Whether the name of a column says that a speed of this kind is that through the water.
+    fn is_of_water(&self, of: Kind) -> bool {
+        let Some(k) = self.with(of) else { return false };
+        let names = self.logs[k].signal(of).map_or_else(Vec::new, |s| s.names(&self.logs[k].table));
+        let says = |name: &String| words::contains(&words::Words::of(name).stem, &["stw", "water"]);
+        names.iter().any(says)
+    }
+
+    /// The current, north and east \[m/s\], where the way shows that a speed of this kind is that through the water.
+    fn found_current(&self, of: Kind) -> Option<[f64; 2]> {
+        self.water.iter().find(|(kind, _)| *kind == of).and_then(|(_, water)| match water {
+            Water::Through(current) => Some(*current),
+            Water::Ground => None,
+        })
+    }
+
+    /// Whether something shows that a speed of this kind is that over ground.
+    fn is_over_ground(&self, of: Kind) -> bool {
+        self.water.iter().any(|(kind, water)| *kind == of && *water == Water::Ground)
+    }
+
+    /// The first magnetometer, if it reads the field of the Earth.
+    fn magnetometer(&self) -> Option<(usize, Result<Field, String>)> {
+        let (unit, imu) = self.imu.as_ref()?;
+        let bias = imu.rest.as_ref().map_or([0.0; 3], |rest| rest.bias);
+        let k = self.with(MagneticField)?;
+        Some((k, Field::of(&self.logs[k], &self.logs[*unit], bias)?))
+    }
+
+    /// The heading of the attitude reference against the course.
+    fn heading(&self) -> Option<Yaw> {
+        let (k, kind, axis) = match self.with(Euler) {
+            Some(k) => (k, Euler, 2),
+            None => (self.heading_log()?, Heading, 0),
+        };
+        let yaw: Vec<f64> = self.logs[k].values(kind)?.iter().map(|v| v[axis]).collect();
+        Yaw::of(self.logs[k].stamps(), &yaw, &self.position.as_ref()?.1)
+    }
+
+    /// The first log with this kind that has time, but for the reference; that of an instrument before the estimate of a filter.
+    fn with(&self, kind: Kind) -> Option<usize> {
+        let is_reference = |k: usize| self.reference.as_ref().is_some_and(|(r, _)| *r == k);
+        let mut all = (0..self.logs.len()).filter(|k| !is_reference(*k) && self.logs[*k].clock.is_some() && self.logs[*k].has(kind));
+        let first = all.clone().next();
+        all.find(|k| !self.logs[*k].is_estimate()).or(first)
+    }
+
+    /// What keeps a filter from being made of these files, in sentences.
+    #[must_use]
+    pub fn missing(&self) -> Vec<String> {
+        let mut all = Vec::new();
+        for log in self.logs.iter().filter(|l| l.clock.is_none()) {
+            all.push(clock::why_none(&log.table));
+            if log.has(SpecificForce) || log.has(AngularRate) {
+                all.push(format!(
+                    "if `{}` is of a unit at rest whose samples are even, `fusion allan {} --rate \"100 Hz\"` with its rate and \
+                     columns tells the noises",
+                    log.name(),
+                    log.table.path.display()
+                ));
+            }
+        }
+        for log in &self.logs {
+            let resets = log.clock.as_ref().map_or(0, |c| c.resets);
+            if resets > 0 {
+                all.push(format!(
+                    "`{}`: time goes back by more than a second {resets} times: several recordings in one file; declare \
+                     `time.plus` with the column that numbers them",
+                    log.name()
+                ));
+            }
+        }
+        let is_unit = |log: &&Log| log.clock.is_some() && log.has(SpecificForce) && log.has(AngularRate);
+        for log in self.logs.iter().filter(is_unit).filter(|_| self.imu.is_none()) {
+            all.push(format!(
+                "a second of the inertial unit in `{}` with four samples and no gap: without one nothing tells which axis points up",
+                log.name()
+            ));
+        }
+        let has = |kind| self.logs.iter().any(|log| log.has(kind));
+        let is_inertial = has(SpecificForce) && has(AngularRate);
+        if !(is_inertial || has(Euler) || has(Kind::Speed)) {
+            all.push("what drives a filter: angular rates with specific forces, an attitude, or a speed".to_owned());
+        }
+        if self.position.is_none() {
+            let walks = self.imu.as_ref().is_some_and(|(_, imu)| imu.stances.is_some());
+            let what = if walks {
+                "positions: without them the way of the foot begins at zero"
+            } else {
+                "positions: without them a filter gives the attitude only"
+            };
+            all.push(what.to_owned());
+        }
+        let is_flat = |log: &Log| log.signal(Geodetic).is_some_and(|s| s.columns.len() < 3);
+        if let Some((k, _)) = self
+            .position
+            .as_ref()
+            .filter(|(k, _)| self.imu.is_some() && is_flat(&self.logs[*k]))
+        {
+            all.push(format!(
+                "the height of the positions in `{}`: no column beside latitude and longitude is called so. If one is, name it `height_m`; \
+                 without it the origin is at 0 m, and no barometer is used",
+                self.logs[*k].name()
+            ));
+        }
+        all
+    }
+}
+
+/// Brings clocks that count since 1970 to GPS time, where others are.
+fn bring_to_gps(logs: &mut [Log]) {
+    /// Seconds since 1970 or 1980 are more in any log of this century.
+    const ABSOLUTE: f64 = 6e8;
+    let of_gps = logs.iter().filter_map(|log| log.clock.as_ref()).filter(|c| c.origin == Origin::Gps);
+    let spans = of_gps.map(Clock::span);
+    let Some(all) = spans.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) else {
+        return;
+    };
+    let clocks = logs.iter_mut().filter_map(|log| log.clock.as_mut());
+    for clock in clocks.filter(|c| c.origin == Origin::Unknown && c.span().0 > ABSOLUTE) {
+        clock.bring_to_gps(all);
+    }
+}
+
+/// Moves the stamps of the unit whose turns agree with those of the positions only at another time.
+fn bring_together(logs: &mut [Log], track: &Track) {
+    /// Below this the turns do not agree.
+    const AGREES: f64 = 0.5;
+    let Some(k) = units(logs).first().copied() else { return };
+    let log = &logs[k];
+    let has_positions = log.has(Geodetic) || log.has(Local);
+    let (Some(force), Some(rate), Some(imu)) = (log.values(SpecificForce), log.values(AngularRate), Imu::of(log, &|_| None)) else {
+        return;
+    };
+    let pair = Pair::of(log.stamps(), &force, &rate, imu.gravity, imu.up, track);
+    if has_positions || pair.is_some_and(|pair| pair.correlation.abs() > AGREES) {
+        return;
+    }
+    let lag = pair::apart(log.stamps(), &rate, imu.gravity, track);
+    if let (Some(lag), Some(clock)) = (lag, &mut logs[k].clock) {
+        clock.shift(lag);
+    }
+}
+
+/// The logs of inertial units, the one with the smallest rates first: two units on one vehicle turn alike, and
+/// the better one has the smaller biases.
+fn units(logs: &[Log]) -> Vec<usize> {
+    let is_unit = |k: &usize| logs[*k].clock.is_some() && logs[*k].has(SpecificForce) && logs[*k].has(AngularRate);
+    let mut all: Vec<(usize, f64)> = (0..logs.len())
+        .filter(is_unit)
+        .map(|k| {
+            let rates = logs[k].values(AngularRate).unwrap_or_default();
+            (k, numbers::median(rates.into_iter().map(numbers::norm)))
+        })
+        .collect();
+    all.sort_by(|a, b| a.1.total_cmp(&b.1));
+    all.into_iter().map(|(k, _)| k).collect()
+}
+
+/// Whether a log has velocities and no positions.
+fn has_velocity_alone(log: &Log) -> bool {
+    log.clock.is_some() && log.has(Velocity) && !(log.has(Geodetic) || log.has(Local)) && !log.is_estimate()
+}
+
+type Found = Option<(usize, Track)>;
+
+/// The positions to use, and those that look like a ground truth: of several, the ones that come with an
+/// attitude, or else the ones with the smallest 1σ of their own, or where none tells one with a tenth of the scatter. `apart` is a log with velocities alone.
+fn tracks(logs: &[Log], apart: Option<usize>) -> (Found, Found) {
+    // Beside what a receiver wrote, positions of another filter are neither measurements nor a truth.
+    let is_received = logs.iter().any(|log| log.clock.is_some() && log.is_of_receiver());
+    let is_left = |log: &Log| is_received && log.is_estimate();
+    let has = |k: &usize| (logs[*k].has(Geodetic) || logs[*k].has(Local)) && !is_left(&logs[*k]);
+    let mut all: Vec<(usize, Track)> = (0..logs.len())
+        .filter(has)
+        .filter_map(|k| Some((k, Track::of(&logs[k], apart.map(|a| &logs[a]))?)))
+        .collect();
+    let quality = |(k, track): &(usize, Track)| {
+        let has_attitude = logs[*k].has(Quaternion) || logs[*k].has(Euler);
+        (!has_attitude, track.claimed.unwrap_or(f64::INFINITY))
+    };
+    let is_better = |best: &(usize, Track), other: &(usize, Track)| {
+        let is_unclaimed = best.1.claimed.or(other.1.claimed).is_none();
+        quality(best) < quality(other) || (is_unclaimed && 10.0 * best.1.scatter < other.1.scatter)
+    };
+    let rank = |found: &(usize, Track)| (quality(found), found.1.scatter);
+    all.sort_by(|a, b| rank(a).partial_cmp(&rank(b)).unwrap_or(core::cmp::Ordering::Equal));
+    let mut all = all.into_iter();
+    match (all.next(), all.next()) {
+        (Some(best), Some(other)) if is_better(&best, &other) => (Some(other), Some(best)),
+        (first, _) => (first, None),
+    }
+}

@@ -1,0 +1,16 @@
+//! Advice: what undescribed logs probably are, which declarations the data contradict, and what to look at next.
+//!
+//! | module | has |
+//! |---|---|
+//! | [`inspect`] | what the columns of logs probably are, and a first design |
+//! | [`frames`] | wrong axes, signs, units and fixed parameters, found by comparing recorded channels |
+//! | [`findings`] | what to look at next, from the statistics of a run |
+//! | [`allan`] | the noises of an inertial unit, from a log at rest |
+//!
+//! A program that links this crate gets its findings in the summary of every run
+//! ([`Advisor`](fusion::run::Advisor)).
+
+pub mod allan;
+pub mod findings;
+pub mod frames;
+pub mod inspect;

@@ -1,0 +1,202 @@
+//! A log format of a project's own: JSON lines, an object in each, as loggers of robots write them.
+//!
+//! The format says where the cells of a row are. What they mean (stamps, calendars, units, `valid`, gzip, bad rows) is
+//! declared and decoded as for every format. Its columns are called by their path: `angular_velocity.x`, `gyro[0]`.
+//!
+//! Memory   one line, of 16 MiB at most
+
+use fusion::models::block::BuildError;
+use fusion::rows::{DataError, ProvidedChannel, RowStream, SourceError};
+use fusion::source::decode::{Cell, Malformed, Plan, RawRows, TimeSpec};
+use fusion::source::table::Table;
+use fusion::source::{DataFile, LogFormat, OpenContext, SourceSpec};
+use serde_json::Value;
+use std::collections::HashMap;
+use std::io::{BufRead, BufReader, Read};
+use std::path::PathBuf;
+
+/// The longest line \[bytes\].
+const LONGEST: u64 = 16 << 20;
+
+/// Links the format into a program; call it once, so that the linker keeps it.
+pub fn link() {}
+
+fusion::format_spec! {
+    /// JSON lines, plain or gzip-compressed. A column is called by its path, such as `angular_velocity.x` or `gyro[0]`.
+    pub struct JsonLinesSpec {
+        /// The file, relative to the data directory; gzip is recognised by its content.
+        path: PathBuf,
+        /// The clock: the column of the stamps and what they say.
+        time: TimeSpec,
+    }
+}
+
+fusion::models::register! { Source, "json_lines", JsonLinesSpec, r#"
+path = "drive.jsonl"
+time = { column = "stamp", unit = "ms" }
+[channels.angular_rate]
+columns = ["gyro[0]", "gyro[1]", "gyro[2]"]
+unit = "deg/s"
+"# }
+
+static FORMAT: LogFormat = LogFormat {
+    name: "json_lines",
+    has_own_clock: false,
+    endings: &[".jsonl", ".jsonl.gz"],
+    recognises: |first| first.starts_with(b"{\""),
+    read: |path| {
+        let context = OpenContext::default();
+        let rows = Lines::open(&DataFile::new(path, &context), &context)?;
+        Ok(vec![Table::of_rows(path, &FORMAT, rows)?])
+    },
+};
+
+fusion::inventory::submit! { FORMAT }
+
+#[typetag::deserialize(name = "json_lines")]
+impl SourceSpec for JsonLinesSpec {
+    fn files(&self) -> Vec<PathBuf> {
+        vec![self.path.clone()]
+    }
+
+    fn channels(&self) -> Result<Vec<ProvidedChannel>, Vec<BuildError>> {
+        Ok(self.plan()?.provided())
+    }
+
+    fn open(&self, context: &OpenContext) -> Result<Box<dyn RowStream>, SourceError> {
+        let file = DataFile::new(&self.path, context);
+        self.plan()?.decode(Lines::open(&file, context)?, &file, context)
+    }
+
+    fn open_rows(&self, rows: Box<dyn RawRows>, context: &OpenContext) -> Result<Box<dyn RowStream>, SourceError> {
+        self.plan()?.decode(rows, &DataFile::new(&self.path, context), context)
+    }
+}
+
+impl JsonLinesSpec {
+    fn plan(&self) -> Result<Plan<'_>, Vec<BuildError>> {
+        self.rows().checked()
+    }
+}
+
+/// The lines of a file. The first object says which columns there are.
+struct Lines {
+    file: String,
+    text: BufReader<Box<dyn Read + Send>>,
+    line: usize,
+    columns: Vec<String>,
+    places: HashMap<String, usize>,
+    cells: Vec<Value>,
+    wrong: Option<String>,
+    /// The first row has been read already.
+    is_ahead: bool,
+}
+
+impl Lines {
+    fn open(file: &DataFile, context: &OpenContext) -> Result<Self, SourceError> {
+        let mut lines = Self {
+            file: file.name(),
+            text: BufReader::new(file.bytes(context)?),
+            line: 0,
+            columns: Vec::new(),
+            places: HashMap::new(),
+            cells: Vec::new(),
+            wrong: None,
+            is_ahead: false,
+        };
+        if let Some(object) = lines.object()? {
+            flattened("", object, &mut |name, _| lines.columns.push(name));
+        }
+        lines.places = lines.columns.iter().cloned().zip(0..).collect();
+        (lines.text, lines.line) = (BufReader::new(file.bytes(context)?), 0);
+        lines.is_ahead = lines.next()?;
+        Ok(lines)
+    }
+
+    /// The object of the next line that is not empty; none after the last one.
+    fn object(&mut self) -> Result<Option<Value>, DataError> {
+        let wrong = |line: usize, what: String| DataError::new(self.file.clone(), format!("line {line}: {what}"));
+        let mut text = String::new();
+        while text.trim().is_empty() {
+            text.clear();
+            self.line += 1;
+            let read = (&mut self.text).take(LONGEST).read_line(&mut text);
+            match read.map_err(|error| wrong(self.line, error.to_string()))? as u64 {
+                0 => return Ok(None),
+                LONGEST => return Err(wrong(self.line, "it is longer than 16 MiB".to_owned())),
+                _ => {}
+            }
+        }
+        Ok(Some(
+            serde_json::from_str(&text).unwrap_or_else(|error| Value::String(error.to_string())),
+        ))
+    }
+
+    fn next(&mut self) -> Result<bool, DataError> {
+        let Some(object) = self.object()? else { return Ok(false) };
+        self.cells = vec![Value::Null; self.columns.len()];
+        self.wrong = object.as_str().map(|error| format!("this line is no JSON object: {error}"));
+        let (places, cells) = (&self.places, &mut self.cells);
+        flattened("", object, &mut |name, value| {
+            if let Some(place) = places.get(&name) {
+                cells[*place] = value;
+            }
+        });
+        Ok(true)
+    }
+}
+
+/// Tells the numbers and texts of a value, each with its path.
+fn flattened(path: &str, value: Value, tell: &mut dyn FnMut(String, Value)) {
+    match value {
+        Value::Object(fields) => {
+            for (name, inner) in fields {
+                let path = if path.is_empty() { name } else { format!("{path}.{name}") };
+                flattened(&path, inner, tell);
+            }
+        }
+        Value::Array(items) => {
+            for (k, inner) in items.into_iter().enumerate() {
+                flattened(&format!("{path}[{k}]"), inner, tell);
+            }
+        }
+        single => tell(path.to_owned(), single),
+    }
+}
+
+impl RawRows for Lines {
+    fn columns(&self) -> &[String] {
+        &self.columns
+    }
+
+    fn advance(&mut self) -> Result<bool, DataError> {
+        if core::mem::take(&mut self.is_ahead) {
+            Ok(true)
+        } else {
+            self.next()
+        }
+    }
+
+    fn place(&self) -> usize {
+        self.line
+    }
+
+    fn cell(&self, column: usize) -> Cell<'_> {
+        match &self.cells[column] {
+            Value::Number(number) => match number.as_i64() {
+                Some(whole) => Cell::Integer(whole),
+                None => Cell::Number(number.as_f64().unwrap_or(f64::NAN)),
+            },
+            Value::String(text) => Cell::Text(text.as_bytes()),
+            Value::Bool(is_so) => Cell::Integer(i64::from(*is_so)),
+            _ => Cell::Text(b""),
+        }
+    }
+
+    fn malformed(&self) -> Option<Malformed> {
+        self.wrong.clone().map(|message| Malformed {
+            message,
+            help: "leave such lines out with `bad_rows = \"skip\"`",
+        })
+    }
+}

@@ -1,0 +1,165 @@
+//! A table of text, written cell by cell.
+
+use super::decimal;
+use core::fmt::Display;
+use std::io::{self, Write};
+
+/// Text is handed on in pieces of about this size.
+const PIECE: usize = 32 << 10;
+
+/// Writes rows of as many cells as the first has; a cell that would break its row is quoted (RFC 4180).
+#[derive(Debug)]
+pub struct Cells<W: Write> {
+    out: W,
+    /// What is held back: rows, and the begun one.
+    text: Vec<u8>,
+    /// Cells of the begun row, and of the first.
+    begun: usize,
+    width: Option<usize>,
+}
+
+impl<W: Write> Cells<W> {
+    /// Writes into `out`.
+    pub fn new(out: W) -> Self {
+        Self {
+            out,
+            text: Vec::with_capacity(PIECE + PIECE / 8),
+            begun: 0,
+            width: None,
+        }
+    }
+
+    /// Begins a cell: where its text starts.
+    fn begin(&mut self) -> usize {
+        if self.begun > 0 {
+            self.text.push(b',');
+        }
+        self.begun += 1;
+        self.text.len()
+    }
+
+    /// A cell as it is formatted: `format_args!("{x:.3}")`, a name.
+    pub fn put(&mut self, content: impl Display) -> io::Result<()> {
+        let start = self.begin();
+        write!(self.text, "{content}")?;
+        let breaks = |byte: &u8| matches!(byte, b',' | b'"' | b'\n' | b'\r');
+        if self.text[start..].iter().any(breaks) {
+            let content = self.text.split_off(start);
+            self.text.push(b'"');
+            for byte in content {
+                self.text.extend(core::iter::repeat_n(byte, if byte == b'"' { 2 } else { 1 }));
+            }
+            self.text.push(b'"');
+        }
+        Ok(())
+    }
+
+    /// A cell of text.
+    pub fn text(&mut self, text: &str) -> io::Result<()> {
+        self.put(text)
+    }
+
+    /// A number with so many decimals.
+    pub(crate) fn fixed(&mut self, number: f64, decimals: usize) {
+        self.begin();
+        decimal::fixed(&mut self.text, number, decimals);
+    }
+
+    /// A number with one digit before the point, so many behind it, and an exponent of ten.
+    pub(crate) fn scientific(&mut self, number: f64, decimals: usize) {
+        self.begin();
+        decimal::scientific(&mut self.text, number, decimals);
+    }
+
+    /// So many cells with nothing to say.
+    pub(crate) fn empty(&mut self, cells: usize) {
+        (0..cells).for_each(|_| {
+            self.begin();
+        });
+    }
+
+    /// A cell where there may be nothing to say.
+    pub fn maybe(&mut self, content: Option<impl Display>) -> io::Result<()> {
+        match content {
+            Some(content) => self.put(content),
+            None => self.text(""),
+        }
+    }
+
+    /// Cells of text.
+    pub fn texts<'a>(&mut self, texts: impl IntoIterator<Item = &'a str>) -> io::Result<()> {
+        texts.into_iter().try_for_each(|text| self.text(text))
+    }
+
+    /// Ends the row.
+    pub fn end(&mut self) -> io::Result<()> {
+        let cells = core::mem::take(&mut self.begun);
+        let width = *self.width.get_or_insert(cells);
+        if cells != width {
+            return Err(io::Error::other(format!("a row has {cells} cells, the first has {width}")));
+        }
+        self.text.push(b'\n');
+        if self.text.len() >= PIECE {
+            self.pass_on()?;
+        }
+        Ok(())
+    }
+
+    /// Hands on what is held back.
+    fn pass_on(&mut self) -> io::Result<()> {
+        // What fails once is not written again.
+        let written = self.out.write_all(&self.text);
+        self.text.clear();
+        written
+    }
+
+    /// Writes what is held back.
+    pub fn flush(&mut self) -> io::Result<()> {
+        self.pass_on()?;
+        self.out.flush()
+    }
+
+    /// What is written to; what is held back is not there yet.
+    pub(crate) fn sink(&self) -> &W {
+        &self.out
+    }
+
+    /// Writes what is held back, and returns what was written to.
+    pub(crate) fn finish(mut self) -> io::Result<W> {
+        self.flush()?;
+        Ok(self.out)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_with_a_comma_stays_one_cell_and_numbers_are_as_formatted() {
+        let mut bytes = Vec::new();
+        let mut cells = Cells::new(&mut bytes);
+        cells.texts(["t_s", "roof, left", "an \"odd\" name"]).unwrap();
+        cells.end().unwrap();
+        cells.put(format_args!("{:.3e}", 1234.5)).unwrap();
+        cells.maybe(None::<f64>).unwrap();
+        cells.put(-7).unwrap();
+        cells.end().unwrap();
+        cells.fixed(0.125, 2);
+        cells.scientific(-1234.5, 3);
+        cells.empty(1);
+        cells.end().unwrap();
+        cells.flush().unwrap();
+        let expected = "t_s,\"roof, left\",\"an \"\"odd\"\" name\"\n1.234e3,,-7\n0.12,-1.234e3,\n";
+        assert_eq!(String::from_utf8(bytes).unwrap(), expected);
+    }
+
+    #[test]
+    fn a_row_of_another_width_than_the_header_is_an_error() {
+        let mut cells = Cells::new(Vec::new());
+        cells.texts(["a", "b"]).unwrap();
+        cells.end().unwrap();
+        cells.put(1).unwrap();
+        assert!(cells.end().is_err());
+    }
+}

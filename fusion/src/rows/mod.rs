@@ -1,0 +1,30 @@
+//! Rows on their way to the filter, wherever they come from.
+//!
+//! ```text
+//! a recorded source ──▶ Faulted ──▶ Merged ──▶ rows of all sources by time
+//!      RowStream        RowStream
+//! a simulated world  ── the same faults ─────▶ rows of all sensors by time
+//! ```
+//!
+//! A stream holds one row, not the file. What it leaves out it counts, with the reason and the
+//! first examples; nothing is lost without a word.
+
+mod carried;
+mod error;
+mod fault;
+mod feed;
+mod merge;
+mod report;
+mod stream;
+
+pub(crate) use carried::{Again, Carried};
+pub use error::{DataError, SourceError};
+pub use fault::Faulted;
+pub(crate) use fault::{FaultChain, outages};
+pub use feed::{Aboard, Feed, Nobody, Pose, SourceStatistics};
+pub use fusion_core::runner::Row;
+pub use fusion_models::fault::ProvidedChannel;
+pub use merge::{Failed, Merged};
+pub(crate) use report::RowCounts;
+pub use report::{Example, Skipped, SourceReport};
+pub use stream::{RowStream, Stamp, provided, width};

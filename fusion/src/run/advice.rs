@@ -1,0 +1,59 @@
+//! What to look at next, from all advisors that are linked.
+
+use super::Summary;
+use crate::design::Design;
+use core::fmt;
+use serde::Serialize;
+
+/// Something that a designer should look at.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// What it is about: a sensor, a source, or a NEES.
+    pub about: String,
+    /// What was found, with its figures.
+    pub evidence: String,
+    /// What to do.
+    pub advice: String,
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.evidence, self.advice)
+    }
+}
+
+/// Makes findings of a run; every advisor of a linked crate is asked at the end of a run.
+///
+/// ```
+/// use fusion::run::{Advisor, Finding};
+///
+/// fusion::inventory::submit! {
+///     Advisor {
+///         name: "short runs",
+///         advise: |_design, summary| {
+///             let short = (summary.epochs < 10).then(|| Finding {
+///                 about: "run".to_owned(),
+///                 evidence: format!("the run has {} epochs", summary.epochs),
+///                 advice: "record a longer log".to_owned(),
+///             });
+///             short.into_iter().collect()
+///         },
+///     }
+/// }
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct Advisor {
+    /// Advisors are asked in the order of their names.
+    pub name: &'static str,
+    /// The findings, the first to look at first.
+    pub advise: fn(&Design, &Summary) -> Vec<Finding>,
+}
+
+crate::inventory::collect!(Advisor);
+
+/// What all advisors find.
+pub(super) fn findings(design: &Design, summary: &Summary) -> Vec<Finding> {
+    let mut all: Vec<_> = crate::inventory::iter::<Advisor>.into_iter().collect();
+    all.sort_by_key(|advisor| advisor.name);
+    all.into_iter().flat_map(|advisor| (advisor.advise)(design, summary)).collect()
+}

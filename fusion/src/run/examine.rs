@@ -1,0 +1,212 @@
+//! All mistakes of a design in one go: of reading, assembling and opening, and those of the variants
+//! that are not asked for.
+
+use crate::config::{Diagnostic, Diagnostics, Document, Node, Value};
+use crate::design::{Design, Named, SensorDesign, truth};
+pub use crate::load::build;
+use crate::load::draft;
+use crate::rows::FaultChain;
+use crate::run::{Options, data_dir, open_one};
+use crate::source::OpenContext;
+use fusion_core::geometry::wgs84::Geodetic;
+use fusion_models::block::{Channel, InitialiserSpec, Taken};
+use fusion_models::units::{Axes, dim, range};
+use std::path::{Path, PathBuf};
+
+/// What is said of a data file that is not there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Missing {
+    /// It is a mistake.
+    Told,
+    /// It is none: the design may be checked without its data.
+    Excused,
+}
+
+/// The design of `document`. Where it has a mistake its data files are opened as well, so that
+/// their mistakes are told in the same run.
+///
+/// # Errors
+/// Every mistake of reading, of the declared sources and of assembling; with them those of the data files.
+pub fn examine(document: Document, options: &Options, missing: Missing) -> Result<Design, Diagnostics> {
+    let (draft, mut d) = draft(document);
+    if d.has_errors() {
+        d.extend(opening(&draft, options, missing).iter().cloned());
+        return Err(d);
+    }
+    draft.whole().map_err(|_| d)
+}
+
+/// What may surprise in a design without being a mistake.
+#[must_use]
+pub fn surprises(design: &Design) -> Diagnostics {
+    let mut d = Diagnostics::new();
+    d.extend(design.initialisers.iter().filter_map(|start| counted_twice(design, start)));
+    // A part of a library brings simulated instruments that a recorded log has no use for.
+    if design.simulation.is_some() {
+        d.extend(truth::shared(&design.document).iter().cloned());
+        d.extend(idle_preset(&design.document));
+    }
+    d
+}
+
+/// A first fix with a 1σ of its own, whose slow error a sensor of the same rows estimates.
+fn counted_twice(design: &Design, start: &Named<Box<dyn InitialiserSpec>>) -> Option<Diagnostic> {
+    /// By which factor a 1σ may be too small: a fifth, as the 1σ of a slow error is hardly known better.
+    const TOO_SMALL: f64 = 1.2;
+    let Taken::Position(sigma) = start.block.takes() else { return None };
+    let inputs = start.block.inputs();
+    let taken = inputs.first()?;
+    let reads = |sensor: &&Named<SensorDesign>| {
+        let reading = sensor.block.model.reading();
+        let is_taken = |channel: &Channel| taken.channels.iter().any(|c| c.name == channel.name);
+        sensor.block.common.source == taken.source && reading.channels().iter().any(is_taken)
+    };
+    let factor = |sensor: &Named<SensorDesign>| {
+        let bias = sensor
+            .node
+            .get("bias")
+            .filter(|bias| bias.get("estimate").is_some_and(|e| matches!(e.value(), Value::Boolean(true))))?;
+        let slow: Axes<dim::Length, range::NonNegative> = bias.get("sigma")?.read(&mut Diagnostics::new())?;
+        // A sensor of the horizontal alone does not tell the height.
+        let rows = sensor.block.model.noise().len();
+        let ratios = slow.si().into_iter().zip(sigma).take(rows).map(|(slow, sigma)| slow / sigma);
+        Some(1.0_f64.hypot(ratios.filter(|ratio| ratio.is_finite()).fold(0.0, f64::max)))
+    };
+    let found = design
+        .sensors
+        .iter()
+        .filter(reads)
+        .filter_map(|sensor| Some((&sensor.name, factor(sensor)?)));
+    let (name, factor) = found.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, factor)| *factor > TOO_SMALL)?;
+    let message = format!(
+        "the first fix has the slow error of `{name}` too, its `bias`, and counts as if it had not: the 1σ of the position will be too \
+         small, down to 1/{factor:.2} of the errors"
+    );
+    let help = "leave out `position_sigma`: then the next fixes tell the position, with the error that lasts";
+    Some(Diagnostic::warning(message).at(start.node.place_of("position_sigma")).help(help))
+}
+
+/// A preset of the simulated inertial unit beside figures that leave nothing of it, as those of an included part do.
+fn idle_preset(document: &Document) -> Option<Diagnostic> {
+    let imu = document.root().get("simulation")?.get("imu")?;
+    let preset = imu.get("preset")?;
+    let is_given = |triad: &str| {
+        let figures = ["bias", "markov", "noise"];
+        imu.get(triad)
+            .is_some_and(|triad| figures.iter().all(|figure| triad.get(figure).is_some()))
+    };
+    ["gyro", "accelerometer"].iter().all(|triad| is_given(triad)).then(|| {
+        let message = format!(
+            "the preset {} changes nothing: `gyro` and `accelerometer` have figures of their own, which win over it",
+            preset.inline()
+        );
+        let help = "set what is to differ, such as `simulation.imu.gyro.noise = 0`, or leave out the included part";
+        Diagnostic::warning(message).at(preset.place()).help(help)
+    })
+}
+
+/// Opens the data files of a design: mistakes in their headers, and in the faults declared on them.
+/// A pipe is left to the run.
+#[must_use]
+pub fn opening<P>(design: &Design<P>, options: &Options, missing: Missing) -> Diagnostics {
+    let mut d = Diagnostics::new();
+    let sources = if design.simulation.is_some() { &[][..] } else { &design.sources };
+    // Where [run] has a mistake, its origin is not known to be missing.
+    let elsewhere = || {
+        design.unread.run.then_some(Geodetic {
+            lat: 0.0,
+            lon: 0.0,
+            height: 0.0,
+        })
+    };
+    for named in sources {
+        let context = OpenContext {
+            data_dir: data_dir(design, options),
+            name: named.name.clone(),
+            origin: design.run.origin.map(Into::into).or_else(elsewhere),
+            seed: design.run.seed,
+            rows: options.rows.get(&named.name).cloned(),
+            ..OpenContext::default()
+        };
+        // A wrong declaration has been told.
+        let Ok(channels) = named.block.source.channels() else { continue };
+        let files = named.block.source.files();
+        let mut files = files.iter().map(|f| context.resolve(f));
+        let is_left = |file: PathBuf| {
+            if file.exists() {
+                is_pipe(&file)
+            } else {
+                missing == Missing::Excused
+            }
+        };
+        if context.rows.is_none() && files.any(is_left) {
+            // What can be said of the faults without the file.
+            let faults = FaultChain::new(&named.block.faults, &channels, |fault| context.fault_seed(fault));
+            let mistakes = faults.err().unwrap_or_default();
+            d.extend(mistakes.iter().map(|e| named.node.locate(e)));
+            continue;
+        }
+        if let Err(e) = open_one(&named.block, &context) {
+            d.extend(e.diagnostics(&named.node));
+        }
+    }
+    let is_simulated = design.simulation.is_some() || design.unread.simulation;
+    let recorded = design.reference.as_ref().filter(|_| !is_simulated);
+    // What refers to a source that could not be read is not told as another mistake.
+    let is_unread = |name: &str| design.unread.streams.iter().any(|unread| unread == name);
+    if let Some(r) = recorded.filter(|r| !r.block.source.names().any(is_unread)) {
+        let mistakes = super::reference::check(r, &design.sources).err().unwrap_or_default();
+        d.extend(mistakes.iter().cloned());
+    }
+    d
+}
+
+/// Whether a file can be read only once, by the run itself: neither a regular file nor a folder.
+#[must_use]
+pub fn is_pipe(file: &Path) -> bool {
+    std::fs::metadata(file).is_ok_and(|m| !m.is_file() && !m.is_dir())
+}
+
+/// The mistakes of the variants of `file` besides those in `selected`, each laid over the base
+/// alone; what is wrong with the base itself is not repeated. A variant that is right on top of
+/// another one, as `bank+late`, has none.
+#[must_use]
+pub fn variants(file: &Document, selected: &[&str]) -> Diagnostics {
+    let mut all = Diagnostics::new();
+    let entries = file.root().get("variant").map_or(&[][..], Node::entries);
+    let names: Vec<&str> = entries.iter().map(|e| e.key.as_str()).collect();
+    let with = |layers: &[&str]| {
+        let mut document = file.clone();
+        let mut laid = layers.iter().map(|name| document.overlay(&format!("variant.{name}")));
+        match laid.find_map(Result::err) {
+            None => draft(document).1,
+            Some(mistake) => mistake.into(),
+        }
+    };
+    let mut base: Option<Diagnostics> = None;
+    for name in names.iter().filter(|name| !selected.contains(name)) {
+        let mistakes = with(&[name]);
+        if mistakes.is_empty() {
+            continue;
+        }
+        let base = base.get_or_insert_with(|| with(&[]));
+        let is_new = |mistakes: &Diagnostics| mistakes.iter().any(|m| !is_among(m, base));
+        let others = || names.iter().filter(|other| *other != name);
+        if is_new(&mistakes) && others().any(|other| !is_new(&with(&[other, name]))) {
+            continue;
+        }
+        for mistake in mistakes.iter().filter(|m| !is_among(m, base)) {
+            let message = format!("variant `{name}`: {}", mistake.message);
+            let named = Diagnostic {
+                message,
+                ..mistake.clone()
+            };
+            all.push(named);
+        }
+    }
+    all
+}
+
+fn is_among(mistake: &Diagnostic, known: &Diagnostics) -> bool {
+    known.iter().any(|k| k.message == mistake.message && k.place == mistake.place)
+}

@@ -1,0 +1,145 @@
+//! The recorded sources of a design, opened as the feed of a run.
+
+use super::reference::{Reference, check};
+use super::{Options, RunData, data_dir};
+use crate::assembly::Assembly;
+use crate::config::{Diagnostic, Diagnostics, Node};
+use crate::design::{Design, Named, SourceDesign};
+use crate::rows::{Aboard, Faulted, Feed, Merged, Row, RowStream, SourceError, SourceStatistics};
+use crate::source::{OpenContext, Unread};
+use core::ops::Range;
+use fusion_core::runner::StreamId;
+
+/// Rows of recorded sources.
+#[derive(Debug)]
+struct Recorded {
+    merged: Merged,
+    /// What is still to be read of their files.
+    unread: Unread,
+    /// The same before the first row; none of files that are held in memory.
+    all: u64,
+    /// Of each merged source.
+    origins: Vec<Origin>,
+    /// What the reference delivered, which was read ahead.
+    reference: Vec<SourceStatistics>,
+}
+
+/// Where the rows of a merged source belong.
+#[derive(Debug)]
+struct Origin {
+    name: String,
+    /// Its stream in the assembly.
+    stream: StreamId,
+    /// Its declaration.
+    node: Node,
+}
+
+/// Opens the sources of `design` and reads its reference.
+pub(super) fn open(design: &Design, assembly: &Assembly, options: &Options) -> Result<RunData, Diagnostics> {
+    if design.sources.is_empty() {
+        let place = design.document.root().place();
+        let help = "add [source.NAME] tables for recorded data, or a [simulation]";
+        return Err(Diagnostic::error("this design has no data to run on").at(place).help(help).into());
+    }
+    let unread = Unread::default();
+    let opened = open_all(design, options, &unread)?;
+    let (mut sources, mut origins) = (Vec::new(), Vec::new());
+    let (mut reference, mut reference_statistics) = (Reference::None, Vec::new());
+    let wanted = design
+        .reference
+        .as_ref()
+        .map(|r| check(r, &design.sources))
+        .transpose()?
+        .unwrap_or_default();
+    for (named, mut source) in opened {
+        if let Some(scored) = wanted.iter().find(|scored| scored.name() == named.name) {
+            reference.add(scored, source.as_mut())?;
+            reference_statistics.push(SourceStatistics::new(&named.name, &source.report()));
+        } else if let Some(stream) = assembly.streams.iter().position(|s| s.name == named.name) {
+            sources.push(source);
+            origins.push(Origin {
+                name: named.name.clone(),
+                stream,
+                node: named.node.clone(),
+            });
+        }
+    }
+    Ok(RunData {
+        reference,
+        rows: Box::new(Recorded {
+            merged: Merged::new(sources),
+            all: unread.bytes(),
+            unread,
+            origins,
+            reference: reference_statistics,
+        }),
+    })
+}
+
+type Opened<'a> = (&'a Named<SourceDesign>, Box<dyn RowStream>);
+
+/// All sources with their faults, or what is wrong with any of them.
+fn open_all<'a>(design: &'a Design, options: &Options, unread: &Unread) -> Result<Vec<Opened<'a>>, Diagnostics> {
+    let (mut d, mut opened) = (Diagnostics::new(), Vec::new());
+    let data_dir = data_dir(design, options);
+    for named in &design.sources {
+        let context = OpenContext {
+            data_dir: data_dir.clone(),
+            name: named.name.clone(),
+            origin: design.run.origin.map(Into::into),
+            seed: options.seed.unwrap_or(design.run.seed),
+            unread: unread.clone(),
+            rows: options.rows.get(&named.name).cloned(),
+        };
+        match open_one(&named.block, &context) {
+            Ok(source) => opened.push((named, source)),
+            Err(error) => d.extend(error.diagnostics(&named.node)),
+        }
+    }
+    d.unless_errors(opened)
+}
+
+/// A source with its faults.
+///
+/// # Errors
+/// Mistakes of its declaration, what is wrong with its file.
+pub fn open_one(source: &SourceDesign, context: &OpenContext) -> Result<Box<dyn RowStream>, SourceError> {
+    let rows = match &context.rows {
+        Some(supply) => source.source.open_rows(supply.open()?, context)?,
+        None => source.source.open(context)?,
+    };
+    let faulted = Faulted::new(rows, &source.faults, |fault| context.fault_seed(fault))?;
+    Ok(Box::new(faulted))
+}
+
+impl Feed for Recorded {
+    fn next(&mut self, _: &mut dyn Aboard) -> Result<Option<Row<'_>>, Diagnostics> {
+        match self.merged.next() {
+            Ok(next) => Ok(next.map(|row| Row {
+                stream: self.origins[row.stream].stream,
+                ..row
+            })),
+            Err(failed) => {
+                let mut d = Diagnostics::new();
+                d.extend(failed.error.diagnostics(&self.origins[failed.index].node));
+                Err(d)
+            }
+        }
+    }
+
+    fn share(&self) -> Option<f64> {
+        (self.all > 0).then(|| 1.0 - self.unread.bytes() as f64 / self.all as f64)
+    }
+
+    fn disturbable(&self) -> Vec<(StreamId, Range<usize>)> {
+        let sources = self.origins.iter().zip(self.merged.sources());
+        let columns = sources.flat_map(|(origin, source)| source.disturbable().into_iter().map(|c| (origin.stream, c)));
+        columns.collect()
+    }
+
+    fn statistics(&self) -> Vec<SourceStatistics> {
+        let named = self.origins.iter().zip(self.merged.sources());
+        let fused = named.map(|(origin, source)| SourceStatistics::new(&origin.name, &source.report()));
+        fused.chain(self.reference.clone()).collect()
+    }
+}

@@ -1,0 +1,183 @@
+//! Scores: an estimate against a reference, its drift in outages, its consistency.
+//!
+//! The error of an estimate is computed in one place, [`Comparison`]; whoever wants it takes its
+//! [`EpochError`].
+
+mod attitudes;
+mod blocks;
+mod bounded;
+mod comparison;
+mod consistency;
+mod convergence;
+mod course;
+mod drift;
+mod episodes;
+mod nees;
+mod offset;
+mod reference;
+mod scorer;
+mod series;
+pub mod trajectory;
+mod travelled;
+
+pub use blocks::{BlockScore, BlockScorer};
+pub(crate) use bounded::Quantiles;
+pub use comparison::{AttitudeError, Comparison, Deviation, EpochError, attitude_error};
+pub use consistency::{Consistency, Verdict};
+pub use convergence::{Convergence, Limits};
+pub use course::Course;
+pub use drift::{Drift, Moved, Outage};
+pub use episodes::{Episodes, PartScore};
+pub use nees::of as nees_of;
+pub use offset::Offset;
+pub use reference::{ReferenceEpoch, ReferenceSigma, differentiate};
+pub use scorer::median;
+pub use scorer::{Rules, Scorer};
+pub use series::Series;
+pub use trajectory::{Trajectory, TrajectoryRules};
+pub use travelled::Travelled;
+
+use serde::Serialize;
+
+/// RMS, mean and largest magnitude per axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Axes {
+    /// Root mean square.
+    pub rms: [f64; 3],
+    /// Mean.
+    pub mean: [f64; 3],
+    /// Largest magnitude.
+    pub max: [f64; 3],
+    /// When that was \[s\].
+    pub max_time: [f64; 3],
+    /// Mean of the 3σ that the errors are expected to have: by the filter, and the reference's own.
+    pub three_sigma: [f64; 3],
+    /// Share of the errors inside that 3σ; 0.997 for a consistent Gaussian filter. Not a number
+    /// for an axis that the filter does not estimate.
+    pub inside: [f64; 3],
+}
+
+impl Axes {
+    /// Every number being `value`.
+    #[must_use]
+    pub const fn all(value: f64) -> Self {
+        let three = [value; 3];
+        Self {
+            rms: three,
+            mean: three,
+            max: three,
+            max_time: three,
+            three_sigma: three,
+            inside: three,
+        }
+    }
+}
+
+/// Median and 95 % of the length of an error.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Spread {
+    /// What half of the epochs do not exceed.
+    pub median: f64,
+    /// What 95 % of the epochs do not exceed.
+    pub p95: f64,
+}
+
+impl Spread {
+    pub(crate) fn of(lengths: &mut Quantiles) -> Option<Self> {
+        let [median, p95] = [0.5, 0.95].map(|share| lengths.within(share));
+        let (median, p95) = median.zip(p95)?;
+        Some(Self { median, p95 })
+    }
+
+    /// In another unit.
+    pub(crate) fn times(self, factor: f64) -> Self {
+        Self {
+            median: factor * self.median,
+            p95: factor * self.p95,
+        }
+    }
+}
+
+/// Median and 95 % of each error.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Spreads {
+    /// Length of the position error \[m\].
+    pub position: Option<Spread>,
+    /// Length of its horizontal part \[m\].
+    pub horizontal: Option<Spread>,
+    /// Length of the velocity error \[m/s\].
+    pub velocity: Option<Spread>,
+    /// Angle between the two attitudes \[deg\].
+    pub rotation_deg: Option<Spread>,
+    /// Turn about the vertical \[deg\].
+    pub heading_deg: Option<Spread>,
+}
+
+/// The result.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Score {
+    /// Reference epochs used.
+    pub epochs: usize,
+    /// Position error, north east down \[m\]; not a number along an axis that the reference does not know.
+    pub position: Option<Axes>,
+    /// RMS of the horizontal error \[m\]; not a number without a position.
+    pub horizontal_rms: f64,
+    /// Largest horizontal error \[m\]; not a number without a position.
+    pub horizontal_max: f64,
+    /// Median of the horizontal error \[m\].
+    pub horizontal_median: Option<f64>,
+    /// The horizontal error that 95 % of the epochs do not exceed \[m\].
+    pub horizontal_p95: Option<f64>,
+    /// The change of the horizontal error in proportion to the way travelled; none of less than 50 m.
+    pub travelled: Option<Travelled>,
+    /// What of the horizontal error a constant offset in body axes explains; none without an attitude.
+    pub offset: Option<Offset>,
+    /// Velocity error, north east down \[m/s\].
+    pub velocity: Option<Axes>,
+    /// Attitude error, roll pitch yaw \[deg\].
+    pub attitude_deg: Option<Axes>,
+    /// Which heading goes with the course of the reference's velocity; none without both, or without a way.
+    pub course: Option<Course>,
+    /// Epochs with a pitch beyond 80°, of which roll and yaw are not judged.
+    pub steep: usize,
+    /// RMS of the heading error 2 atan2(|z|, |w|) of q_est ⊗ q_ref* \[deg\]: the turn about the
+    /// vertical. With `inclination_rmse_deg` free of gimbal lock; as Laidig et al. 2021 (BROAD).
+    pub heading_rmse_deg: Option<f64>,
+    /// RMS of the inclination error 2 acos √(w² + z²) \[deg\]: the rest of the turn.
+    pub inclination_rmse_deg: Option<f64>,
+    /// RMS of the length of the position error \[m\].
+    pub position_rmse_m: Option<f64>,
+    /// RMS of the angle of the rotation between the two attitudes \[deg\].
+    pub rotation_rmse_deg: Option<f64>,
+    /// The mean rotation from body to the reference's body that was taken out, roll pitch yaw \[deg\].
+    pub mounting_deg: Option<[f64; 3]>,
+    /// NEES of position; of two degrees of freedom where the reference has no height.
+    pub nees_position: Option<Consistency>,
+    /// NEES of height or depth, where the reference has it alone.
+    pub nees_height: Option<Consistency>,
+    /// NEES of velocity.
+    pub nees_velocity: Option<Consistency>,
+    /// NEES of attitude, where no mounting was taken out.
+    pub nees_attitude: Option<Consistency>,
+    /// Epochs at which the NEES of position, velocity, attitude was not defined: a covariance that
+    /// is not positive semidefinite, a number that is not finite, or fewer directions estimated
+    /// than at other epochs.
+    pub nees_undefined: [usize; 3],
+    /// Median and 95 % of the lengths of the errors.
+    pub spread: Spreads,
+    /// Absolute and relative errors of the trajectory; none of fewer than two positions, and of one run of many
+    /// only where the design asks for it.
+    pub trajectory: Option<Trajectory>,
+    /// Whether the errors stay within the limits declared, and from when on.
+    pub convergence: Option<Convergence>,
+    /// In the declared episodes and outside them; none where none is declared.
+    pub episodes: Option<Episodes>,
+    /// Each block of the state whose truth a simulation knows.
+    pub blocks: Vec<BlockScore>,
+    /// Drift per declared outage.
+    pub drift: Vec<Drift>,
+    /// RMS over the outages of the largest horizontal error \[m\].
+    pub drift_rms: Option<f64>,
+    /// Median over the outages of the largest horizontal error \[m\].
+    pub drift_median: Option<f64>,
+}

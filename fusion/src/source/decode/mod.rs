@@ -1,0 +1,42 @@
+//! From raw rows of any format to rows of the log: stamps, channels, validity, bad rows.
+//!
+//! A format implements [`RawRows`] and declares its table by `format_spec!`, which adds the keys
+//! that are decoded here. See `source/csv/` for the first, `decode/tests.rs` for the smallest.
+//!
+//! Order    of the tests on a row: number in the file (`keep`), form, `valid`, stamp, time order, jumps of
+//!          time (`max_jump`), `start` and `stop`, the cells that channels read, `repeats`. Cells that nobody reads
+//!          are never looked at
+//! Order    of a channel's arithmetic: sign, unit, `scale`, root of a variance, `offset`, increment
+//!          to rate, rotation, mean with the previous sample
+//! Interval of an increment: since the previous stamp in the file, be its row used or not; with a `rate` since that
+//!          of a valid row, or 1/`rate` in the first row, after an unreadable stamp and where the gap exceeds 1.5
+//!          intervals; always 1/`rate` with `interval = "nominal"`
+//! Memory   one row; where its stamp jumps ahead, it and the 20 after it
+//! Not here decimal commas
+
+mod ahead;
+mod channel;
+mod clock;
+mod condition;
+mod header_unit;
+mod instant;
+mod judge;
+mod jump;
+mod one_or_many;
+mod plan;
+mod raw;
+mod spec;
+mod stream;
+#[cfg(test)]
+mod tests;
+
+pub use crate::format_spec;
+pub(super) use clock::decimal_nanos;
+pub(super) use instant::utc_text;
+pub use instant::{Origin, Scale};
+pub use one_or_many::OneOrMany;
+pub use plan::Plan;
+pub use raw::{Cell, Malformed, RawRows};
+pub(crate) use spec::have_rows_in_common;
+pub use spec::{ChannelSpec, Condition, Epoch, Interval, Keep, PlusSpec, Policy, Repeats, RowSpec, Stamp, Ties, TimeSpec, Timing, Wanted};
+pub(super) use spec::{one, time_spec};

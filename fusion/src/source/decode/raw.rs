@@ -1,0 +1,117 @@
+//! What a format has to offer: rows of named columns, one at a time.
+
+use crate::rows::DataError;
+use std::borrow::Cow;
+
+/// Reads the rows of one file in their order; the one read last is at hand.
+pub trait RawRows: Send {
+    /// The names of the columns, as declarations refer to them.
+    fn columns(&self) -> &[String];
+
+    /// Why a name that the file knows is none of its columns.
+    fn absent(&self, _column: &str) -> Option<String> {
+        None
+    }
+
+    /// Whether a column may be called by its number, from 1, too.
+    fn is_numbered(&self) -> bool {
+        false
+    }
+
+    /// Reads the next row; `false` after the last.
+    ///
+    /// # Errors
+    /// The file cannot be read on.
+    fn advance(&mut self) -> Result<bool, DataError>;
+
+    /// Where the row at hand stands in the file, as messages name it: of text the line, from 1.
+    fn place(&self) -> usize;
+
+    /// The cell of the row at hand in the column of this number.
+    fn cell(&self, column: usize) -> Cell<'_>;
+
+    /// Why the row at hand cannot be split into cells; `None` where it can.
+    fn malformed(&self) -> Option<Malformed> {
+        None
+    }
+}
+
+impl<R: RawRows + ?Sized> RawRows for Box<R> {
+    fn columns(&self) -> &[String] {
+        (**self).columns()
+    }
+
+    fn absent(&self, column: &str) -> Option<String> {
+        (**self).absent(column)
+    }
+
+    fn is_numbered(&self) -> bool {
+        (**self).is_numbered()
+    }
+
+    fn advance(&mut self) -> Result<bool, DataError> {
+        (**self).advance()
+    }
+
+    fn place(&self) -> usize {
+        (**self).place()
+    }
+
+    fn cell(&self, column: usize) -> Cell<'_> {
+        (**self).cell(column)
+    }
+
+    fn malformed(&self) -> Option<Malformed> {
+        (**self).malformed()
+    }
+}
+
+/// The content of a cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Cell<'a> {
+    /// As it is written in a text file, in UTF-8 where it is sound.
+    Text(&'a [u8]),
+    /// A number of a binary format.
+    Number(f64),
+    /// A whole number of a binary format, exact where it is a stamp.
+    Integer(i64),
+}
+
+/// What is wrong with the form of a row.
+#[derive(Clone, Debug)]
+pub struct Malformed {
+    /// What it is.
+    pub message: String,
+    /// What to do.
+    pub help: &'static str,
+}
+
+impl<'a> Cell<'a> {
+    /// The text of a sound text cell.
+    pub(super) fn text(self) -> Option<&'a str> {
+        match self {
+            Self::Text(bytes) => core::str::from_utf8(bytes).ok(),
+            Self::Number(_) | Self::Integer(_) => None,
+        }
+    }
+
+    /// The number that it holds, finite or not.
+    #[must_use]
+    pub fn number(self) -> Option<f64> {
+        match self {
+            Self::Text(_) => self.text()?.parse().ok(),
+            Self::Number(number) => Some(number),
+            Self::Integer(number) => Some(number as f64),
+        }
+    }
+
+    /// As messages show it.
+    #[must_use]
+    pub fn shown(self) -> Cow<'a, str> {
+        match self {
+            Self::Text(bytes) => String::from_utf8_lossy(bytes),
+            Self::Number(number) => number.to_string().into(),
+            Self::Integer(number) => number.to_string().into(),
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! Log formats, as `fusion inspect` recognises them.
+
+use super::table::Table;
+use super::{DataFile, OpenContext};
+use crate::rows::SourceError;
+use std::io::Read;
+use std::path::Path;
+
+/// How many bytes of a file are shown to a format that has to recognise it.
+const FIRST: u64 = 4096;
+
+/// A format of logs. A crate that brings a [`SourceSpec`](super::SourceSpec) registers it beside that, and `fusion inspect`
+/// then reads its files and writes designs with sources of this `type`.
+///
+/// ```
+/// use fusion::source::LogFormat;
+/// use fusion::source::table::Table;
+///
+/// static STARS: LogFormat = LogFormat {
+///     name: "stars",
+///     has_own_clock: false,
+///     endings: &[".stars"],
+///     recognises: |first| first.starts_with(b"*****"),
+///     read: |path| {
+///         let table = Table { path: path.to_owned(), format: &STARS, ..Table::default() };
+///         Ok(vec![table])
+///     },
+/// };
+/// fusion::inventory::submit! { STARS }
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct LogFormat {
+    /// The `type` of its sources.
+    pub name: &'static str,
+    /// Whether it knows what its stamps count from, so that a source declares nothing of its clock.
+    pub has_own_clock: bool,
+    /// How names of its files end. A folder is searched for them.
+    pub endings: &'static [&'static str],
+    /// Whether a file is of this format, by its first bytes, of which there are 4096 at most; unpacked, where it is
+    /// gzip-compressed. A name that ends as one of its files is enough.
+    pub recognises: fn(&[u8]) -> bool,
+    /// Reads a whole file: a table for each set of columns that have their rows in common.
+    ///
+    /// # Errors
+    /// It cannot be opened or read.
+    pub read: fn(&Path) -> Result<Vec<Table>, SourceError>,
+}
+
+crate::inventory::collect!(LogFormat);
+
+impl LogFormat {
+    /// All formats that are linked, by name.
+    #[must_use]
+    pub fn all() -> Vec<&'static Self> {
+        let mut all: Vec<_> = crate::inventory::iter::<Self>.into_iter().collect();
+        all.sort_by_key(|format| format.name);
+        all
+    }
+
+    /// The format of a file, by its name or by its first bytes: `csv` where no other recognises it.
+    ///
+    /// # Errors
+    /// It cannot be opened.
+    pub fn of(path: &Path) -> Result<&'static Self, SourceError> {
+        let all = Self::all();
+        let name = path.to_string_lossy();
+        let others = || all.iter().copied().filter(|format| format.name != TEXT.name);
+        if let Some(format) = others().find(|format| format.endings.iter().any(|end| name.ends_with(end))) {
+            return Ok(format);
+        }
+        let context = OpenContext::default();
+        let mut first = Vec::new();
+        // What cannot be unpacked is told by whoever reads all of it.
+        let _ = DataFile::new(path, &context).bytes(&context)?.take(FIRST).read_to_end(&mut first);
+        Ok(others().find(|format| (format.recognises)(&first)).unwrap_or(&TEXT))
+    }
+}
+
+/// Fields with something between them: what any file of text is taken for.
+pub(super) static TEXT: LogFormat = LogFormat {
+    name: "csv",
+    has_own_clock: false,
+    endings: &[".csv", ".csv.gz", ".txt", ".txt.gz"],
+    recognises: |_| false,
+    read: |path| Ok(vec![Table::of_text(path)?]),
+};
+
+crate::inventory::submit! { TEXT }
+
+impl Default for &LogFormat {
+    fn default() -> Self {
+        &TEXT
+    }
+}

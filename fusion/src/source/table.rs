@@ -1,0 +1,322 @@
+//! A file as columns of numbers, before anybody has declared what they are.
+//!
+//! The rows are those of the format's own reader. A cell that is not a number is NaN here; a row that
+//! cannot be split into cells is counted and left out.
+//!
+//! Memory   all of the file, eight bytes for each cell
+
+mod head;
+
+use super::OpenContext;
+use super::csv::CsvSpec;
+use super::decode::{Origin, RawRows, Scale};
+use super::format::{LogFormat, TEXT};
+use crate::rows::{DataError, SourceError};
+use fusion_models::block::BuildError;
+use head::{Head, Names};
+use serde::Deserialize;
+use std::path::{Path, PathBuf};
+
+/// What may separate the fields of a text file, the usual one first.
+const DELIMITERS: [&str; 3] = [",", ";", "\t"];
+/// What separates them where none of these is in the first line.
+const BLANKS: &str = "blanks";
+
+/// A file as columns of numbers.
+#[derive(Clone, Debug, Default)]
+pub struct Table {
+    /// The file.
+    pub path: PathBuf,
+    /// How it is written; text by default.
+    pub format: &'static LogFormat,
+    /// What separates its fields.
+    pub delimiter: String,
+    /// What its comments begin with, where it begins with some.
+    pub comment: Option<&'static str>,
+    /// Whether a line names the columns.
+    pub header: bool,
+    /// Whether that line is the last comment before the first row.
+    pub is_commented: bool,
+    /// Names for the columns, where those of the file stand for several columns each.
+    pub names: Option<Vec<String>>,
+    /// Lines that are passed over: those after the one with the names, with `names` those at the beginning of the file.
+    pub skip: usize,
+    /// The column of the stamps, where more than one may be it.
+    pub stamp: Option<usize>,
+    /// A comment that tells samples per second, and how many.
+    pub told: Option<(String, f64)>,
+    /// Its columns.
+    pub columns: Vec<Column>,
+    /// Samples per second, and the name of the number that says so; the first column then holds their nanoseconds.
+    pub rate: Option<(String, f64)>,
+    /// Of arrays, all of the file, each with its shape.
+    pub arrays: Vec<(String, String)>,
+    /// Rows that cannot be split into as many cells as there are columns.
+    pub malformed: usize,
+}
+
+/// A column.
+#[derive(Clone, Debug, Default)]
+pub struct Column {
+    /// As declarations refer to it.
+    pub name: String,
+    /// Its first cell as it is written.
+    pub first: String,
+    /// What it is called where the name holds an index, as `imu_acc_y` of `imu.acc(:,2)`, where the line below has a unit, or
+    /// where the name is a number because the file has it twice.
+    pub label: Option<String>,
+    /// Whether it holds dates with the time of day.
+    pub calendar: Option<Calendar>,
+    /// Whether it holds times of day, and no column has their dates: they are read as of [`SOME_DAY`].
+    pub is_time_of_day: bool,
+    /// The numbers, of a calendar nanoseconds of GPS time; NaN where a cell is none.
+    pub values: Vec<f64>,
+}
+
+/// Dates with the time of day.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Calendar {
+    /// The scale that is named, as designs write it; `utc` where none is.
+    pub scale: &'static str,
+    /// The column of the date, where the cells hold the time of day alone.
+    pub date: Option<usize>,
+}
+
+/// The day of times of day of which nobody tells the date.
+pub const SOME_DAY: &str = "2000-01-01";
+
+/// A second of GPS time as a date and time of day of UTC, such as `2025-07-08T19:34:18Z`.
+#[must_use]
+pub fn utc_text(gps_seconds: i64) -> String {
+    super::decode::utc_text(gps_seconds)
+}
+
+/// Seconds of GPS time of a date and time of day, of UTC where it names no scale.
+#[must_use]
+pub fn gps_of_text(text: &str) -> Option<f64> {
+    Scale::guessed(text).map(|(_, count)| count as f64 * 1e-9)
+}
+
+/// Seconds of GPS time of seconds since 1970-01-01 UTC, to which leap seconds are added; `None` beyond any log.
+#[must_use]
+pub fn gps_of_unix(seconds: f64) -> Option<f64> {
+    let count = Origin::Unix.instant((seconds * 1e9) as i128)?;
+    Some(count as f64 * 1e-9)
+}
+
+impl Column {
+    /// What it is called.
+    #[must_use]
+    pub fn called(&self) -> &str {
+        self.label.as_deref().unwrap_or(&self.name)
+    }
+}
+
+impl Table {
+    /// Reads all of a file, as its [`LogFormat`] reads it.
+    ///
+    /// # Errors
+    /// It cannot be opened or read.
+    pub fn read_all(path: &Path) -> Result<Vec<Self>, SourceError> {
+        (LogFormat::of(path)?.read)(path)
+    }
+
+    /// Reads the first table of a file.
+    ///
+    /// # Errors
+    /// It cannot be opened or read.
+    pub fn read(path: &Path) -> Result<Self, SourceError> {
+        let first = Self::read_all(path)?.into_iter().next();
+        first.ok_or_else(|| DataError::new(path.display().to_string(), "there is no table in this file").into())
+    }
+
+    /// All rows of a file of this format, which has names for its columns.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn of_rows(path: &Path, format: &'static LogFormat, rows: impl RawRows) -> Result<Self, SourceError> {
+        let table = Self {
+            path: path.to_owned(),
+            format,
+            header: true,
+            ..Self::default()
+        };
+        table.filled(rows)
+    }
+
+    /// Reads all of a text file.
+    ///
+    /// # Errors
+    /// It cannot be opened or read.
+    pub(super) fn of_text(path: &Path) -> Result<Self, SourceError> {
+        let head = Head::read(path)?;
+        let Names { given, skip, labels } = head.names();
+        let mut table = Self {
+            path: path.to_owned(),
+            format: &TEXT,
+            delimiter: head.delimiter.to_owned(),
+            comment: head.comment,
+            header: head.has_header() || head.is_commented,
+            is_commented: head.is_commented,
+            names: given,
+            skip,
+            told: head.rate(),
+            ..Self::default()
+        };
+        let rows = table.spec()?.raw(&OpenContext::default())?;
+        table = table.filled(rows)?;
+        for (column, label) in table.columns.iter_mut().zip(labels) {
+            column.label = Some(label);
+        }
+        table.number_twins();
+        Ok(table)
+    }
+
+    /// Calls columns by their numbers that the file calls alike.
+    fn number_twins(&mut self) {
+        let names: Vec<String> = self.columns.iter().map(|c| c.name.clone()).collect();
+        for (k, column) in self.columns.iter_mut().enumerate() {
+            if names.iter().filter(|name| **name == names[k]).count() > 1 {
+                column.name = (k + 1).to_string();
+                column.label.get_or_insert(names[k].clone());
+            }
+        }
+    }
+
+    /// With all rows.
+    fn filled(mut self, mut rows: impl RawRows) -> Result<Self, SourceError> {
+        let named = rows.columns().iter().map(|name| Column {
+            name: name.clone(),
+            ..Column::default()
+        });
+        self.columns = named.collect();
+        while rows.advance()? {
+            self.take(&rows);
+        }
+        Ok(self)
+    }
+
+    fn take(&mut self, row: &impl RawRows) {
+        if row.malformed().is_some() {
+            self.malformed += 1;
+            return;
+        }
+        if self.rows() == 0 {
+            for (k, column) in self.columns.iter_mut().enumerate() {
+                column.first = row.cell(k).shown().into_owned();
+            }
+            self.find_calendars();
+        }
+        for (k, column) in self.columns.iter_mut().enumerate() {
+            let cell = row.cell(k);
+            let number = match &column.calendar {
+                None => cell.number(),
+                Some(_) if column.is_time_of_day => Scale::guessed_of_day(SOME_DAY, &cell.shown()).map(|(_, count)| count as f64),
+                Some(calendar) => instant(calendar, row, k).map(|count| count as f64),
+            };
+            column.values.push(number.unwrap_or(f64::NAN));
+        }
+    }
+
+    /// Which columns hold dates, by their first cells.
+    fn find_calendars(&mut self) {
+        let first: Vec<String> = self.columns.iter().map(|c| c.first.clone()).collect();
+        for (column, text) in self.columns.iter_mut().zip(&first) {
+            let whole = Scale::guessed(text).map(|(scale, _)| (scale, None));
+            let apart = || {
+                let days = first.iter().enumerate();
+                days.filter_map(|(k, day)| Some((Scale::guessed_of_day(day, text)?.0, Some(k))))
+                    .next()
+            };
+            let alone = || Scale::guessed_of_day(SOME_DAY, text).map(|(scale, _)| (scale, None));
+            column.is_time_of_day = whole.is_none() && apart().is_none() && alone().is_some();
+            let found = whole.or_else(apart).or_else(alone);
+            column.calendar = found.map(|(scale, date)| Calendar { scale: scale.name(), date });
+        }
+    }
+
+    /// How many rows it has.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.columns.first().map_or(0, |c| c.values.len())
+    }
+}
+
+/// The instant in a column of the row at hand, in nanoseconds of GPS time.
+fn instant(calendar: &Calendar, row: &impl RawRows, column: usize) -> Option<i128> {
+    let text = row.cell(column).shown();
+    let read = match calendar.date {
+        None => Scale::guessed(&text),
+        Some(date) => Scale::guessed_of_day(&row.cell(date).shown(), &text),
+    };
+    Some(read?.1)
+}
+
+/// Whether a field is no number but a stamp: a date with its time of day, one of both beside the other among these fields,
+/// or a time of day.
+fn is_stamp(field: &str, fields: &[String]) -> bool {
+    let is_of = |date: &str, time: &str| Scale::guessed_of_day(date, time).is_some();
+    Scale::guessed(field).is_some() || is_of(SOME_DAY, field) || fields.iter().any(|other| is_of(other, field) || is_of(field, other))
+}
+
+impl Table {
+    /// The declaration of a file of which nothing but its head is known; the column of time is not looked at.
+    fn spec(&self) -> Result<CsvSpec, SourceError> {
+        let path = &self.path;
+        let unreadable = |why: String| SourceError::from(DataError::new(path.display().to_string(), why));
+        let Some(name) = path.to_str() else {
+            return Err(BuildError::at("path", "the name of this file is not UTF-8 text").into());
+        };
+        let mut declared = toml::Table::new();
+        let mut declare = |key: &str, value: toml::Value| declared.insert(key.to_owned(), value);
+        declare("path", name.into());
+        declare("delimiter", self.delimiter.as_str().into());
+        let header = if self.is_commented { "comment".into() } else { self.header.into() };
+        declare("header", header);
+        self.comment.map(|comment| declare("comment", comment.into()));
+        self.names.clone().map(|names| declare("names", names.into()));
+        declare("skip", (self.skip as i64).into());
+        declare("time", toml::Table::from_iter([("column".to_owned(), "1".into())]).into());
+        CsvSpec::deserialize(declared).map_err(|e| unreadable(e.to_string()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(name: &str, text: &str) -> Table {
+        let path = std::env::temp_dir().join(format!("fusion-table-{}-{name}", std::process::id()));
+        std::fs::write(&path, text).unwrap();
+        let table = Table::read(&path).unwrap();
+        std::fs::remove_file(path).unwrap();
+        table
+    }
+
+    #[test]
+    fn a_solution_of_rtklib_has_its_stamps_in_nanoseconds() {
+        let header = "% program : RTKPOST\n%  GPST  latitude(deg) longitude(deg) height(m) Q\n";
+        let rows = "2025/07/08 19:34:18.500 40.1 -105.2 1601.4 1\n2374 243259.750 40.2 -105.2 1601.5 2\n2025/07/08 lost\n";
+        let table = of("solution.pos", &format!("{header}{rows}"));
+        assert_eq!((table.format.name, table.rows(), table.malformed), ("rtklib", 2, 1));
+        let names: Vec<&str> = table.columns.iter().map(|c| c.name.as_str()).collect();
+        assert_eq!(names, ["time", "latitude(deg)", "longitude(deg)", "height(m)", "Q"]);
+        // Week 2374 began on 6 July 2025; in double precision a stamp of today is known to 256 ns.
+        let stamps = &table.columns[0].values;
+        assert!((stamps[1] - stamps[0] - 1.25e9).abs() < 512.0, "{stamps:?}");
+        assert_eq!(table.columns[1].values, [40.1, 40.2]);
+    }
+
+    #[test]
+    fn names_are_taken_from_a_header_and_numbers_where_there_is_none() {
+        let named = of("named", "t_s;x\n1;2\n2;lost\n3\n");
+        assert_eq!(
+            (named.delimiter.as_str(), named.header, named.rows(), named.malformed),
+            (";", true, 2, 1)
+        );
+        assert_eq!((named.columns[1].name.as_str(), named.columns[1].first.as_str()), ("x", "2"));
+        assert!(named.columns[1].values[1].is_nan());
+        let bare = of("bare", "1,2\n3,4\n");
+        assert_eq!((bare.header, bare.rows(), bare.columns[1].name.as_str()), (false, 2, "2"));
+    }
+}

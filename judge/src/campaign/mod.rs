@@ -1,0 +1,474 @@
+//! Many runs: Monte Carlo over seeds.
+
+mod history;
+mod runs;
+
+pub use history::{History, Together, together};
+
+use fusion::config::{Diagnostic, Diagnostics};
+use fusion::design::Design;
+use fusion::health::{FilterHealth, State};
+use fusion::observe::{RunObserver, SensorStatistics};
+use fusion::provenance::Provenance;
+use fusion::run::Finding;
+use fusion::run::{Options, Smoothing, Summary, run_sharing};
+use fusion::score::{Axes, BlockScore, Consistency, Convergence, Drift, Episodes, median};
+use fusion_models::sim::{Record, SharedCourse};
+use rayon::prelude::*;
+use serde::Serialize;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+
+/// What is kept of one Monte Carlo run. No timing, so that it is a function of its seed. An error
+/// that has no reference is NaN.
+#[derive(Clone, Debug, Serialize)]
+pub struct RunRow {
+    /// Its number.
+    pub run: u64,
+    /// Its seed.
+    pub seed: u64,
+    /// Estimates of the filter.
+    pub epochs: u64,
+    /// Position error RMS, north east down \[m\].
+    pub rms: [f64; 3],
+    /// Largest position error, north east down \[m\].
+    pub max: [f64; 3],
+    /// Velocity error RMS \[m/s\].
+    pub velocity_rms: [f64; 3],
+    /// Attitude error RMS, roll pitch yaw \[deg\].
+    pub attitude_rms: [f64; 3],
+    /// RMS of the length of the position error \[m\].
+    pub position_rmse: f64,
+    /// RMS of the angle of the attitude error \[deg\].
+    pub rotation_rmse: f64,
+    /// NEES of position, velocity, attitude.
+    pub nees: [Option<Consistency>; 3],
+    /// The score in declared episodes and outside them.
+    pub episodes: Option<Episodes>,
+    /// RMS over declared outages of the largest horizontal error \[m\].
+    pub drift_rms: Option<f64>,
+    /// The change of the horizontal error in % of the way travelled, from the origin.
+    pub drift_percent: Option<f64>,
+    /// What the filter said of itself.
+    pub health: RunHealth,
+    /// Whether it has converged; none where the design does not say when a run has.
+    pub convergence: Option<Convergence>,
+    /// Each block of the state against its drawn truth.
+    pub blocks: Vec<BlockScore>,
+    /// What became of the measurements of each sensor.
+    pub sensors: Vec<SensorStatistics>,
+    /// How well a controlled vehicle did what it was to do; none where nothing is steered.
+    pub control: Option<Record>,
+    /// Samples of the input that were taken for spikes.
+    pub spikes: u64,
+    /// The drift in each declared outage.
+    pub drift: Vec<Drift>,
+    /// What to look at next.
+    #[serde(skip)]
+    pub findings: Vec<Finding>,
+}
+
+/// What the filter of a run said of itself.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct RunHealth {
+    /// The worst state since the filter was good for the first time; of one that never was, the worst of all.
+    #[serde(serialize_with = "fusion::health::word")]
+    pub worst: State,
+    /// The state at the end.
+    #[serde(serialize_with = "fusion::health::word")]
+    pub at_the_end: State,
+    /// Share of the time in a state worse than aligning.
+    pub ill: f64,
+    /// Whether it was degraded or lost within declared outages alone.
+    pub as_declared: bool,
+}
+
+impl RunHealth {
+    fn of(health: &FilterHealth) -> Self {
+        let total = health.spent.total();
+        let worse = State::ALL.into_iter().filter(|s| *s > State::Aligning);
+        Self {
+            // One that never was good is aligning at best, whatever else holds.
+            worst: if health.aligned.is_some() {
+                health.worst
+            } else {
+                health.worst.max(State::Aligning)
+            },
+            at_the_end: health.state,
+            ill: if total > 0.0 {
+                worse.map(|s| health.spent.of(s)).sum::<f64>() / total
+            } else {
+                0.0
+            },
+            as_declared: health.is_ill_as_declared(),
+        }
+    }
+}
+
+impl RunRow {
+    fn new(run: u64, seed: u64, summary: &Summary) -> Self {
+        let score = summary.score.clone().unwrap_or_default();
+        const UNKNOWN: Axes = Axes::all(f64::NAN);
+        let axes = |a: Option<Axes>| a.unwrap_or(UNKNOWN);
+        Self {
+            run,
+            seed,
+            epochs: summary.epochs,
+            rms: axes(score.position).rms,
+            max: axes(score.position).max,
+            velocity_rms: axes(score.velocity).rms,
+            attitude_rms: axes(score.attitude_deg).rms,
+            position_rmse: score.position_rmse_m.unwrap_or(f64::NAN),
+            rotation_rmse: score.rotation_rmse_deg.unwrap_or(f64::NAN),
+            nees: [score.nees_position, score.nees_velocity, score.nees_attitude],
+            episodes: score.episodes,
+            drift_rms: score.drift_rms,
+            drift_percent: score.travelled.map(|t| t.from_origin_percent),
+            health: summary.health.first().map(RunHealth::of).unwrap_or_default(),
+            convergence: score.convergence,
+            blocks: score.blocks,
+            sensors: summary.sensors.clone(),
+            control: summary.control.clone(),
+            spikes: summary.spikes,
+            drift: score.drift,
+            findings: summary.findings.clone(),
+        }
+    }
+}
+
+/// The result of a Monte Carlo campaign.
+#[derive(Clone, Debug)]
+pub struct Campaign {
+    /// One row per run, in order of their numbers; all of them have the same sensors and blocks.
+    pub rows: Vec<RunRow>,
+    /// How far the runs are independent of each other.
+    pub independence: Independence,
+    /// How fast it was.
+    pub pace: Pace,
+    /// What the runs were made of; its seed is that of the campaign.
+    pub provenance: Provenance,
+    /// The design's own line about itself.
+    pub description: String,
+}
+
+/// How fast a campaign was, all of it: simulating or reading the data, filtering, scoring.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pace {
+    /// Epochs of the filter, over all runs.
+    pub epochs: u64,
+    /// By the clock \[s\].
+    pub seconds: f64,
+    /// Threads.
+    pub threads: usize,
+}
+
+impl Pace {
+    /// Epochs of the filter per second, of all threads together.
+    #[must_use]
+    pub fn per_second(&self) -> f64 {
+        self.epochs as f64 / self.seconds
+    }
+}
+
+/// How far the runs of a campaign are independent of each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Independence {
+    /// Each run is a world of its own.
+    Full,
+    /// The runs share a recorded log: its motion and its errors are the same in all of them.
+    SharedLog,
+    /// All runs are the same: nothing in the design is random. They count as one.
+    Identical,
+}
+
+impl Independence {
+    fn of(design: &Design, rows: &[RunRow]) -> Self {
+        let is_same = |row: &RunRow| {
+            let compared = RunRow {
+                run: rows[0].run,
+                seed: rows[0].seed,
+                ..row.clone()
+            };
+            // By what is printed: NaN is not equal to itself.
+            format!("{compared:?}") == format!("{:?}", rows[0])
+        };
+        match rows {
+            [_, others @ ..] if !others.is_empty() && others.iter().all(is_same) => Self::Identical,
+            _ if design.simulation.is_none() => Self::SharedLog,
+            _ => Self::Full,
+        }
+    }
+}
+
+/// The seed of run number `run`: it depends on nothing else.
+#[must_use]
+pub fn seed_of(seed: u64, run: u64) -> u64 {
+    fusion_models::fault::derive_seed(seed, &["run", &run.to_string()])
+}
+
+/// Runs the design `count` times, each with a seed of its own; on `threads` threads, 0 for as
+/// many as there are cores. The rows do not depend on the number of threads.
+///
+/// # Errors
+/// What the first failing run reports.
+pub fn monte_carlo(
+    design: &Design,
+    options: &Options,
+    count: u64,
+    seed: u64,
+    threads: usize,
+    progress: &(dyn Fn(usize) + Sync),
+) -> Result<Campaign, Diagnostics> {
+    let nothing = |_: &Design| None;
+    Ok(runs_of(design, options, (count, seed), threads, progress, nothing)?.0)
+}
+
+/// The same, with the errors of every run over time.
+///
+/// # Errors
+/// Those of [`monte_carlo`].
+pub fn monte_carlo_over_time(
+    design: &Design,
+    options: &Options,
+    count: u64,
+    seed: u64,
+    threads: usize,
+    progress: &(dyn Fn(usize) + Sync),
+) -> Result<(Campaign, Vec<History>), Diagnostics> {
+    let history = |design: &Design| Some(History::new(design));
+    runs_of(design, options, (count, seed), threads, progress, history)
+}
+
+/// The runs, and those of their histories that are wanted.
+fn runs_of(
+    design: &Design,
+    options: &Options,
+    (count, seed): (u64, u64),
+    threads: usize,
+    progress: &(dyn Fn(usize) + Sync),
+    history: impl Fn(&Design) -> Option<History> + Sync,
+) -> Result<(Campaign, Vec<History>), Diagnostics> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let pool = pool.map_err(|e| Diagnostics::from(Diagnostic::error(format!("no threads to run on: {e}"))))?;
+    let begun = Instant::now();
+    let (done, course) = (AtomicUsize::new(0), SharedCourse::default());
+    let one = |number: u64| -> Result<(RunRow, Option<History>), Diagnostics> {
+        let seed = seed_of(seed, number);
+        let options = Options {
+            seed: Some(seed),
+            data: options.data.clone(),
+            base: options.base.clone(),
+            // No row of a campaign tells of it.
+            smooth: Smoothing::Never,
+            ..Options::default()
+        };
+        let mut history = history(design);
+        let mut observers: Vec<&mut dyn RunObserver> = Vec::new();
+        observers.extend(history.as_mut().map(|h| h as &mut dyn RunObserver));
+        let summary = run_sharing(design, &options, &course, &mut observers)?;
+        progress(done.fetch_add(1, Ordering::Relaxed) + 1);
+        Ok((RunRow::new(number, seed, &summary), history))
+    };
+    let runs: Result<Vec<_>, Diagnostics> = pool.install(|| (0..count).into_par_iter().map(one).collect());
+    let (rows, histories): (Vec<RunRow>, Vec<Option<History>>) = runs?.into_iter().unzip();
+    let pace = Pace {
+        epochs: rows.iter().map(|row| row.epochs).sum(),
+        seconds: begun.elapsed().as_secs_f64(),
+        threads: pool.current_num_threads(),
+    };
+    let independence = Independence::of(design, &rows);
+    let campaign = Campaign {
+        rows,
+        independence,
+        pace,
+        provenance: Provenance::of(design, Some(seed)),
+        description: design.run.description.clone(),
+    };
+    Ok((campaign, histories.into_iter().flatten().collect()))
+}
+
+/// Two campaigns run by run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Duel {
+    /// Runs with the smaller error.
+    pub better: usize,
+    /// Those with the larger one.
+    pub worse: usize,
+    /// Those that both have; the rest are equal.
+    pub runs: usize,
+}
+
+impl Duel {
+    /// The 95 % interval of the share of runs that are better, of those that differ: Wilson 1927. None where all are
+    /// equal.
+    #[must_use]
+    pub fn interval(&self) -> Option<(f64, f64)> {
+        crate::stress::draw::wilson(self.better, self.better + self.worse)
+    }
+}
+
+/// Mean, standard deviation, smallest and largest over the runs.
+#[derive(Clone, Copy, Debug)]
+pub struct Spread {
+    /// Mean.
+    pub mean: f64,
+    /// Standard deviation.
+    pub std: f64,
+    /// Smallest.
+    pub min: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+/// The figures of all runs together, as benchmarks of filters print them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pooled {
+    /// RMS over all times and runs of the angle of the attitude error \[deg\].
+    pub attitude: Option<f64>,
+    /// RMS over all times and runs of the length of the position error \[m\].
+    pub position: Option<f64>,
+    /// Mean NEES of position, velocity, attitude over its degrees of freedom: 1 is ideal.
+    pub nees: [Option<f64>; 3],
+    /// Mean over the runs of the change of the horizontal error in % of the way travelled.
+    pub drift_percent: Option<f64>,
+    /// RMS over the outages of all runs of the largest horizontal error \[m\].
+    pub drift: Option<f64>,
+    /// Share of the runs that have converged, as the design declares it.
+    pub converged: Option<f64>,
+    /// Median over the runs that have of the time from the start to there \[s\].
+    pub after: Option<f64>,
+}
+
+impl Campaign {
+    /// The figures of all runs together. Every run counts alike.
+    #[must_use]
+    pub fn pooled(&self) -> Pooled {
+        let mean = |values: &mut dyn Iterator<Item = f64>| {
+            let (count, sum) = values.filter(|v| !v.is_nan()).fold((0.0, 0.0), |(n, s), v| (n + 1.0, s + v));
+            (count > 0.0).then_some(sum / count)
+        };
+        let rms = |figure: fn(&RunRow) -> f64| mean(&mut self.rows.iter().map(|row| figure(row).powi(2))).map(f64::sqrt);
+        // A run in which the filter never started has none, and has not converged.
+        let runs = || self.rows.iter().filter_map(|row| row.convergence);
+        let (declared, converged) = (runs().next().is_some(), || runs().filter(|c| c.converged));
+        Pooled {
+            attitude: rms(|row| row.rotation_rmse),
+            position: rms(|row| row.position_rmse),
+            nees: [0, 1, 2].map(|k| {
+                let runs = self.rows.iter().filter_map(|row| row.nees[k]);
+                mean(&mut runs.map(|c| c.mean / c.dof as f64))
+            }),
+            drift_percent: mean(&mut self.rows.iter().filter_map(|row| row.drift_percent)),
+            drift: mean(&mut self.rows.iter().filter_map(|row| row.drift_rms).map(|d| d * d)).map(f64::sqrt),
+            converged: declared.then(|| converged().count() as f64 / self.rows.len() as f64),
+            after: median(converged().filter_map(|c| c.after).collect()),
+        }
+    }
+
+    /// In how many runs some figure, an error, is smaller than in the runs of `other` with the same seeds. None where
+    /// the two have no run in common that has one.
+    #[must_use]
+    pub fn against(&self, other: &Self, error: impl Fn(&RunRow) -> f64) -> Option<Duel> {
+        let pair = |row: &RunRow| {
+            let same = other.rows.iter().find(|o| o.seed == row.seed)?;
+            error(row).partial_cmp(&error(same))
+        };
+        let pairs = self.rows.iter().filter_map(pair);
+        let duel = pairs.fold(Duel::default(), |duel, order| Duel {
+            better: duel.better + usize::from(order.is_lt()),
+            worse: duel.worse + usize::from(order.is_gt()),
+            runs: duel.runs + 1,
+        });
+        (duel.runs > 0).then_some(duel)
+    }
+
+    /// The runs whose worst state was this one, but for those that were in ill health within declared outages alone.
+    pub fn undeclared(&self, state: State) -> impl Iterator<Item = &RunRow> {
+        self.with_worst(state).filter(|row| !row.health.as_declared)
+    }
+
+    /// The declared outages of all runs, in order of their beginnings, each with its drift in every run that has it.
+    #[must_use]
+    pub fn outages(&self) -> Vec<Vec<Drift>> {
+        let mut all: Vec<Vec<Drift>> = Vec::new();
+        for drift in self.rows.iter().flat_map(|row| &row.drift) {
+            match all.iter_mut().find(|known| (known[0].from, known[0].to) == (drift.from, drift.to)) {
+                Some(known) => known.push(drift.clone()),
+                None => all.push(vec![drift.clone()]),
+            }
+        }
+        all.sort_by(|a, b| a[0].from.total_cmp(&b[0].from).then(a[0].to.total_cmp(&b[0].to)));
+        all
+    }
+
+    /// The run in the middle by its position error, or by its attitude error where no run has a position; the first one where
+    /// nothing tells.
+    #[must_use]
+    pub fn middle(&self) -> Option<&RunRow> {
+        let by = |error: fn(&RunRow) -> f64| {
+            let mut known: Vec<&RunRow> = self.rows.iter().filter(|row| error(row).is_finite()).collect();
+            known.sort_by(|a, b| error(a).total_cmp(&error(b)));
+            known.get(known.len() / 2).copied()
+        };
+        by(|row| row.position_rmse)
+            .or_else(|| by(|row| row.rotation_rmse))
+            .or(self.rows.first())
+    }
+
+    /// What to look at next by the run in the middle, in how many runs something was said of the same: of at least half of them,
+    /// for what fewer say is chance, or an accident of theirs.
+    #[must_use]
+    pub fn findings(&self) -> Vec<(&Finding, usize)> {
+        let said_by = |about: &str| self.rows.iter().filter(|row| row.findings.iter().any(|f| f.about == about)).count();
+        let middle = self.middle().into_iter().flat_map(|row| &row.findings);
+        let counted = middle.map(|finding| (finding, said_by(&finding.about)));
+        counted.filter(|(_, runs)| 2 * runs >= self.rows.len()).collect()
+    }
+
+    /// The runs whose worst state was this one.
+    pub fn with_worst(&self, state: State) -> impl Iterator<Item = &RunRow> {
+        self.rows.iter().filter(move |row| row.health.worst == state)
+    }
+
+    /// The spread over the runs of some figure of a run; `None` without finite figures.
+    #[must_use]
+    pub fn spread(&self, figure: impl Fn(&RunRow) -> f64) -> Option<Spread> {
+        let values: Vec<f64> = self.rows.iter().map(figure).filter(|v| v.is_finite()).collect();
+        let n = values.len() as f64;
+        if values.is_empty() {
+            return None;
+        }
+        let mean = values.iter().sum::<f64>() / n;
+        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+        let (min, max) = values.iter().fold((f64::MAX, f64::MIN), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
+        Some(Spread {
+            mean,
+            std: variance.sqrt(),
+            min,
+            max,
+        })
+    }
+
+    /// Judges the mean over the runs of a statistic that each run averages over time. Runs that are
+    /// not independent have together no more independent samples than one of them.
+    #[must_use]
+    pub fn judge(&self, figure: impl Fn(&RunRow) -> Option<Consistency>) -> Option<Consistency> {
+        let runs = self.rows.iter().filter_map(figure);
+        match self.independence {
+            Independence::Full => Consistency::of_runs(runs),
+            Independence::SharedLog | Independence::Identical => Consistency::of_repeats(runs),
+        }
+    }
+
+    /// The blocks of every run, as the first one has them.
+    #[must_use]
+    pub fn blocks(&self) -> &[BlockScore] {
+        self.rows.first().map_or(&[], |row| &row.blocks)
+    }
+
+    /// The sensors of every run, as the first one has them.
+    #[must_use]
+    pub fn sensors(&self) -> &[SensorStatistics] {
+        self.rows.first().map_or(&[], |row| &row.sensors)
+    }
+}

@@ -1,0 +1,117 @@
+//! runs.csv.
+
+use super::{Campaign, RunHealth};
+use fusion::observe::SensorStatistics;
+use fusion::output::Cells;
+use fusion::score::BlockScore;
+use std::io::{self, Write};
+
+impl Campaign {
+    /// Writes runs.csv: one row per run and no timing, the same file for any number of threads.
+    ///
+    /// Innovations are in SI units, per residual row from 1. A cell is empty where there is
+    /// nothing to say: `missed` and `false` of a sensor that no declared fault disturbs, say.
+    ///
+    /// # Errors
+    /// What the writer reports.
+    pub fn write(&self, out: impl Write) -> io::Result<()> {
+        let mut cells = Cells::new(out);
+        cells.texts(["run", "seed", "rms_n_m", "rms_e_m", "rms_d_m", "max_n_m", "max_e_m", "max_d_m"])?;
+        cells.texts([
+            "rms_vn_mps",
+            "rms_ve_mps",
+            "rms_vd_mps",
+            "rms_roll_deg",
+            "rms_pitch_deg",
+            "rms_yaw_deg",
+        ])?;
+        cells.texts(["nees_position", "nees_velocity", "nees_attitude"])?;
+        cells.texts(["worst_health", "health_at_end", "ill_share", "drift_percent", "drift_m"])?;
+        self.blocks().iter().try_for_each(|block| block_header(&mut cells, block))?;
+        self.sensors().iter().try_for_each(|sensor| sensor_header(&mut cells, sensor))?;
+        cells.end()?;
+        for row in &self.rows {
+            cells.put(row.run)?;
+            cells.put(row.seed)?;
+            let nees = row.nees.map(|c| c.map_or(f64::NAN, |c| c.mean));
+            for values in [row.rms, row.max, row.velocity_rms, row.attitude_rms, nees] {
+                values.into_iter().try_for_each(|value| real(&mut cells, value))?;
+            }
+            let RunHealth {
+                worst, at_the_end, ill, ..
+            } = &row.health;
+            cells.texts([worst.word(), at_the_end.word()])?;
+            for value in [Some(*ill), row.drift_percent, row.drift_rms] {
+                real(&mut cells, value.unwrap_or(f64::NAN))?;
+            }
+            for block in &row.blocks {
+                let nees = block.nees.map_or(f64::NAN, |c| c.mean);
+                let ends = block.error.iter().zip(&block.sigma).flat_map(|(error, sigma)| [*error, *sigma]);
+                [nees].into_iter().chain(ends).try_for_each(|value| real(&mut cells, value))?;
+            }
+            row.sensors.iter().try_for_each(|sensor| sensor_cells(&mut cells, sensor))?;
+            cells.end()?;
+        }
+        cells.flush()
+    }
+}
+
+/// A number, or an empty cell where there is none.
+fn real(cells: &mut Cells<impl Write>, value: f64) -> io::Result<()> {
+    if value.is_finite() {
+        cells.put(format_args!("{value:.9e}"))
+    } else {
+        cells.text("")
+    }
+}
+
+/// The columns of a block of the state in runs.csv: its NEES, and per axis from 1 its last error and
+/// the filter's 1σ of it, SI.
+fn block_header(cells: &mut Cells<impl Write>, block: &BlockScore) -> io::Result<()> {
+    cells.put(format_args!("{}_nees", block.name))?;
+    (1..=block.error.len()).try_for_each(|k| {
+        cells.put(format_args!("{}_error_{k}", block.name))?;
+        cells.put(format_args!("{}_sigma_{k}", block.name))
+    })
+}
+
+/// The columns of a sensor in runs.csv.
+fn sensor_header(cells: &mut Cells<impl Write>, s: &SensorStatistics) -> io::Result<()> {
+    let columns = [
+        "nis",
+        "accepted",
+        "rejected",
+        "reacquired",
+        "missed",
+        "false",
+        "longest_rejection_streak",
+        "longest_rejection_streak_s",
+        "ends_denied",
+    ];
+    columns
+        .iter()
+        .try_for_each(|column| cells.put(format_args!("{}_{column}", s.name)))?;
+    for what in ["rms", "max"] {
+        let mut rows = 1..=s.innovations.unit.len();
+        rows.try_for_each(|k| cells.put(format_args!("{}_innovation_{what}_{k}", s.name)))?;
+    }
+    Ok(())
+}
+
+/// The cells of a sensor in runs.csv.
+fn sensor_cells(cells: &mut Cells<impl Write>, s: &SensorStatistics) -> io::Result<()> {
+    real(cells, s.nis.map_or(f64::NAN, |nis| nis.mean))?;
+    [s.accepted, s.rejected, s.reacquired]
+        .into_iter()
+        .try_for_each(|count| cells.put(count))?;
+    cells.maybe(s.disturbed.map(|d| d.missed))?;
+    cells.maybe(s.disturbed.map(|d| d.false_rejections))?;
+    let (measurements, seconds) = s.longest_rejection_streak.map_or((0, 0.0), |r| (r.measurements, r.seconds));
+    cells.put(measurements)?;
+    real(cells, seconds)?;
+    cells.put(u8::from(s.ends_denied))?;
+    let innovations = &s.innovations;
+    let known = |value: f64| if innovations.count > 0 { value } else { f64::NAN };
+    let mut values = innovations.rms.iter().chain(&innovations.max);
+    values.try_for_each(|value| real(cells, known(*value)))
+}

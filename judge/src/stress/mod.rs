@@ -1,0 +1,279 @@
+//! Stress: a design under a declared catalogue of faults, one at a time and in random pairs.
+//!
+//! ```text
+//! catalogue.toml ◀─ [stress] of the design
+//!        │
+//!        ▼                  survey: the undisturbed run ─┐
+//!    catalogue ──▶ cases: what `--set` adds to the design │ in parallel
+//!                          └──▶ watch: the disturbed run ◀┘──▶ outcome
+//! ```
+//!
+//! A filter fails a case if it is wrong beyond 3σ, or gives no estimate, for longer than its
+//! recovery time while its health is good. Being wrong and saying so is no failure.
+
+mod cases;
+mod catalogue;
+pub mod draw;
+mod errors;
+mod survey;
+mod table;
+mod watch;
+
+pub use cases::Case;
+pub(crate) use catalogue::TABLE;
+pub use catalogue::{Catalogue, CatalogueSpec};
+pub use watch::{Outcome, Said};
+
+use fusion::assembly::Assembly;
+use fusion::config::{Diagnostic, Diagnostics};
+use fusion::design::Design;
+use fusion::health::Names;
+use fusion::observe::Filters;
+use fusion::provenance::Provenance;
+use fusion::run::examine::build;
+use fusion::run::{Finished, Options, Run, Smoothing};
+use fusion_core::time::Time;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use survey::Survey;
+use watch::{Record, Watch};
+
+/// A case with what became of the filter.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// The case.
+    pub case: Case,
+    /// What became of the filter.
+    pub outcome: Outcome,
+}
+
+/// What is to be said of a case.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// The filter was wrong for too long without a word.
+    Failed,
+    /// So it was, and the design declares it.
+    Known,
+    /// The design declares it, and it was not so.
+    Passed,
+    /// It was, but nothing had a row any more by which the filter could know.
+    NoClock,
+}
+
+impl Verdict {
+    /// As it is shown.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Failed => "FAILED",
+            Self::Known => "known",
+            Self::Passed => "passes now",
+            Self::NoClock => "no clock",
+        }
+    }
+}
+
+impl Row {
+    /// Whether the filter failed, or was declared to; `None` where all is well.
+    #[must_use]
+    pub fn verdict(&self) -> Option<Verdict> {
+        let is_wrong = self.outcome.stopped.is_some() || self.outcome.unsaid > self.case.recovery;
+        match (is_wrong, self.case.is_known) {
+            // What hears nothing cannot know that time goes on.
+            (true, _) if self.outcome.hears_nothing && self.outcome.stopped.is_none() => Some(Verdict::NoClock),
+            (true, true) => Some(Verdict::Known),
+            (true, false) => Some(Verdict::Failed),
+            (false, true) if self.case.sets.len() == 1 => Some(Verdict::Passed),
+            (false, _) => None,
+        }
+    }
+}
+
+/// The result.
+#[derive(Clone, Debug)]
+pub struct Stress {
+    /// The design's own line about itself.
+    pub description: String,
+    /// What was put under stress.
+    pub provenance: Provenance,
+    /// The undisturbed run, judged as the others are.
+    pub undisturbed: Row,
+    /// A row per case.
+    pub rows: Vec<Row>,
+    /// The moment of the faults.
+    pub at: Time,
+    /// Whether it is apart from declared faults, with enough time to recover before the log ends.
+    pub is_free: bool,
+    /// Whether there is a reference; else the undisturbed run is one.
+    pub has_reference: bool,
+    /// Faults of the catalogue that fit no stream of the design.
+    pub unfit: Vec<String>,
+}
+
+impl Stress {
+    /// How many cases failed.
+    #[must_use]
+    pub fn failures(&self) -> usize {
+        self.rows.iter().filter(|r| r.verdict() == Some(Verdict::Failed)).count()
+    }
+}
+
+/// Tells `d` the mistakes of the table `[stress]`, if there is one.
+fn check(document: &fusion::config::Document, d: &mut Diagnostics) {
+    if document.root().get(TABLE).is_some()
+        && let Err(mistakes) = Catalogue::read(Catalogue::built_in(), document)
+    {
+        d.extend(mistakes.iter().cloned());
+    }
+}
+
+fusion::inventory::submit! {
+    fusion::design::FurtherTable {
+        name: TABLE,
+        schema: || schemars::schema_for!(CatalogueSpec),
+        check,
+    }
+}
+
+/// Runs `design` undisturbed, then each case of `catalogue` on `threads` threads, 0 for as many as
+/// there are cores; `progress` hears how many of how many cases are done. `seed` draws directions and
+/// pairs. The rows do not depend on the number of threads.
+///
+/// # Errors
+/// Mistakes of the design or of the catalogue, what is wrong with the data.
+pub fn stress(
+    design: &Design,
+    catalogue: &Catalogue,
+    options: &Options,
+    seed: u64,
+    threads: usize,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<Stress, Diagnostics> {
+    let survey = surveyed(design, options)?;
+    let at = survey.moment(
+        catalogue,
+        design
+            .reference
+            .as_ref()
+            .and_then(|r| r.block.from)
+            .map(|t| Time::from_seconds(t.si())),
+    );
+    let run = Run::open(design, options)?;
+    let cases::Cases { cases, unfit } = cases::cases(design, run.assembly(), catalogue, &survey, at, seed)?;
+    drop(run);
+    let undisturbed = Case::undisturbed(at);
+    let pool = pool(threads)?;
+    let (done, total) = (AtomicUsize::new(0), cases.len());
+    let one = |case: Case| -> Result<Row, Diagnostics> {
+        let outcome = outcome(design, &case, catalogue.watch, options, &survey)?;
+        progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
+        Ok(Row { case, outcome })
+    };
+    let rows: Result<Vec<Row>, Diagnostics> = pool.install(|| cases.into_par_iter().map(one).collect());
+    Ok(Stress {
+        description: design.run.description.clone(),
+        provenance: Provenance::of(design, Some(seed)),
+        undisturbed: Row {
+            outcome: outcome(design, &undisturbed, catalogue.watch, options, &survey)?,
+            case: undisturbed,
+        },
+        rows: rows?,
+        at,
+        is_free: survey.is_free(catalogue, at),
+        has_reference: !survey.errors.is_empty(),
+        unfit,
+    })
+}
+
+/// The undisturbed run.
+fn surveyed(design: &Design, options: &Options) -> Result<Survey, Diagnostics> {
+    let run = Run::open(design, options)?;
+    let mut survey = Survey::new(run.assembly().streams.clone());
+    let Finished { summary, .. } = run.go(&mut [&mut survey], &mut |_| {})?;
+    survey.finish(&summary);
+    if survey.started.is_none() {
+        let message = "the undisturbed filter never starts: there is nothing to disturb";
+        return Err(Diagnostic::error(message).help("`fusion run` says what it waits for").into());
+    }
+    Ok(survey)
+}
+
+/// So many threads, 0 for as many as there are cores.
+fn pool(threads: usize) -> Result<rayon::ThreadPool, Diagnostics> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    pool.map_err(|e| Diagnostic::error(format!("no threads to run on: {e}")).into())
+}
+
+/// Runs the design with the faults of a case and watches it for `watch` seconds after them. Returns the record, and why the
+/// run stopped before its end.
+fn watched(design: &Design, case: &Case, watch: f64, options: &Options, survey: &Survey) -> Result<(Record, Option<String>), Diagnostics> {
+    let (watch, _, stopped) = disturbed(design, case, watch, options, survey)?;
+    Ok((watch.record(), stopped))
+}
+
+/// Runs the design with the faults of a case, and judges the filter.
+fn outcome(design: &Design, case: &Case, watch: f64, options: &Options, survey: &Survey) -> Result<Outcome, Diagnostics> {
+    let (watch, names, stopped) = disturbed(design, case, watch, options, survey)?;
+    Ok(Outcome {
+        stopped,
+        ..watch.finish(case.to, &names)
+    })
+}
+
+/// Runs the design with the faults of a case, to the end of the watch; the names of its filter, and why it stopped before.
+fn disturbed<'a>(
+    design: &Design,
+    case: &Case,
+    watch: f64,
+    options: &Options,
+    survey: &'a Survey,
+) -> Result<(Watch<'a>, Names, Option<String>), Diagnostics> {
+    let mut document = design.document.clone();
+    case.sets.iter().try_for_each(|set| document.set(set))?;
+    let disturbed = build(document)?;
+    let options = Options {
+        data: options.data.clone(),
+        base: options.base.clone(),
+        seed: options.seed,
+        smooth: Smoothing::Never,
+        ..Options::default()
+    };
+    let run = Run::open(&disturbed, &options)?;
+    let mut watch = Watch::new(survey, case, watch, run.assembly().runner.lag());
+    let names = names(run.assembly());
+    let ran = run.go(&mut [&mut watch], &mut |_| {});
+    let stopped = ran.err().filter(|_| !watch.is_over).map(|d| d.to_string());
+    Ok((watch, names, stopped))
+}
+
+/// The names of the filter's sensors, blocks and streams.
+fn names(assembly: &Assembly) -> Names {
+    let filters = Filters::of(assembly);
+    filters
+        .outermost()
+        .map_or_else(Names::default, |filter| Names::new(filter, assembly))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_filter_that_hears_nothing_any_more_has_no_clock_and_did_not_fail() {
+        let row = |hears_nothing, unsaid| Row {
+            case: Case {
+                recovery: 30.0,
+                ..Case::undisturbed(Time::default())
+            },
+            outcome: Outcome {
+                hears_nothing,
+                unsaid,
+                ..Outcome::default()
+            },
+        };
+        assert_eq!(row(true, 37.5).verdict(), Some(Verdict::NoClock));
+        assert_eq!(row(false, 37.5).verdict(), Some(Verdict::Failed));
+        // A fault at the end of the log, after which nothing was to come.
+        assert_eq!(row(true, 0.0).verdict(), None);
+    }
+}

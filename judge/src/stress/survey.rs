@@ -1,0 +1,279 @@
+//! The undisturbed run: what its streams are like, when it moves, how wrong it is.
+
+use super::catalogue::Catalogue;
+use super::errors::Errors;
+use fusion::assembly::StreamLayout;
+use fusion::observe::{RunEvent, RunObserver};
+use fusion::run::Summary;
+use fusion::score::{EpochError, ReferenceEpoch};
+use fusion_core::geometry::so3;
+use fusion_core::geometry::wgs84::Geodetic;
+use fusion_core::runner::{Event, Halt};
+use fusion_core::state::Manifold;
+use fusion_core::time::{Time, nanos};
+use fusion_models::block::Shape;
+use nalgebra::UnitQuaternion;
+
+/// Estimates are kept so far apart \[ns\]: they take the place of a reference, and tell of motion.
+const SPACING: i64 = 100_000_000;
+
+/// What is learnt of a stream.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Learnt {
+    /// The stamps of its rows: in order of arrival during the run, each once and in order of time after it.
+    pub(super) times: Vec<Time>,
+    /// Rows whose numbers are all finite.
+    count: usize,
+    /// Per number of a row: sum, sum of squares about the first, sum of squared changes.
+    sums: Vec<[f64; 3]>,
+    first: Vec<f64>,
+    last: Vec<f64>,
+    /// Squared metres between rows, by channel.
+    moved: Vec<f64>,
+}
+
+impl Learnt {
+    fn add(&mut self, time: Time, values: &[f64], layout: &StreamLayout) {
+        self.times.push(time);
+        if !values.iter().all(|v| v.is_finite()) {
+            return;
+        }
+        if self.count == 0 {
+            self.first = values.to_vec();
+            self.last = values.to_vec();
+            self.sums = vec![[0.0; 3]; values.len()];
+            self.moved = vec![0.0; layout.channels.len()];
+        }
+        self.count += 1;
+        for (k, sums) in self.sums.iter_mut().enumerate() {
+            let (off, change) = (values[k] - self.first[k], values[k] - self.last[k]);
+            *sums = [sums[0] + off, sums[1] + off * off, sums[2] + change * change];
+        }
+        for (moved, channel) in self.moved.iter_mut().zip(&layout.channels) {
+            let range = channel.offset..channel.offset + channel.width;
+            *moved += match channel.shape {
+                Shape::Geodetic => Geodetic::read(&values[range.clone()])
+                    .difference(&Geodetic::read(&self.last[range]))
+                    .norm_squared(),
+                Shape::Angle => so3::wrap_angle(values[range.start] - self.last[range.start]).powi(2),
+                Shape::Vector | Shape::Quaternion => 0.0,
+            };
+        }
+        self.last.copy_from_slice(values);
+    }
+
+    /// The greatest standard deviation of a channel's numbers.
+    pub(super) fn spread(&self, layout: &StreamLayout, channel: usize) -> f64 {
+        let n = self.count.max(1) as f64;
+        self.greatest(layout, channel, |[sum, squares, _]| squares / n - (sum / n).powi(2))
+    }
+
+    /// The root mean square change between two rows; metres of a place, an angle of an attitude.
+    pub(super) fn change(&self, layout: &StreamLayout, channel: usize) -> f64 {
+        let n = (self.count.max(2) - 1) as f64;
+        match layout.channels[channel].shape {
+            Shape::Geodetic | Shape::Angle => (self.moved.get(channel).copied().unwrap_or(0.0) / n).sqrt(),
+            Shape::Vector => self.greatest(layout, channel, |[.., changes]| changes / n),
+            // A rotation by φ changes a component by φ/2 at most.
+            Shape::Quaternion => 2.0 * self.greatest(layout, channel, |[.., changes]| changes / n),
+        }
+    }
+
+    fn greatest(&self, layout: &StreamLayout, channel: usize, variance: impl Fn([f64; 3]) -> f64) -> f64 {
+        let c = &layout.channels[channel];
+        let sums = self.sums.get(c.offset..c.offset + c.width).unwrap_or_default();
+        sums.iter().map(|s| variance(*s).max(0.0).sqrt()).fold(0.0, f64::max)
+    }
+}
+
+/// Observes the undisturbed run.
+#[derive(Debug)]
+pub(super) struct Survey {
+    layouts: Vec<StreamLayout>,
+    /// By stream.
+    pub(super) streams: Vec<Learnt>,
+    pub(super) started: Option<Time>,
+    /// Its estimates, some 0.1 s apart.
+    pub(super) estimates: Vec<ReferenceEpoch>,
+    /// The greatest pause between two of all its estimates \[s\].
+    pub(super) longest_pause: f64,
+    last_estimate: Option<Time>,
+    epochs: Vec<EpochError>,
+    /// Taken out of the attitude errors.
+    pub(super) mounting: UnitQuaternion<f64>,
+    /// Root mean square of the innovations of each sensor.
+    pub(super) innovations: Vec<(String, Vec<f64>)>,
+    /// In order of time; empty where there is no reference.
+    pub(super) errors: Vec<Errors>,
+    /// When declared faults are at work \[s\].
+    declared: Vec<(f64, f64)>,
+}
+
+impl Survey {
+    pub(super) fn new(layouts: Vec<StreamLayout>) -> Self {
+        Self {
+            streams: vec![Learnt::default(); layouts.len()],
+            layouts,
+            started: None,
+            estimates: Vec::new(),
+            longest_pause: 0.0,
+            last_estimate: None,
+            epochs: Vec::new(),
+            mounting: UnitQuaternion::identity(),
+            innovations: Vec::new(),
+            errors: Vec::new(),
+            declared: Vec::new(),
+        }
+    }
+
+    /// The run is over, with this result.
+    pub(super) fn finish(&mut self, summary: &Summary) {
+        for learnt in &mut self.streams {
+            learnt.times.sort_unstable();
+            learnt.times.dedup();
+        }
+        let told = summary.sensors.iter().filter(|s| s.innovations.count > 0);
+        self.innovations = told.map(|s| (s.name.clone(), s.innovations.rms.clone())).collect();
+        self.declared = summary.faults.iter().map(|w| (w.from, w.to)).collect();
+        let mounting = summary.score.as_ref().and_then(|score| score.mounting_deg);
+        let [roll, pitch, yaw] = mounting.unwrap_or_default().map(f64::to_radians);
+        self.mounting = so3::from_rpy(roll, pitch, yaw);
+        let epochs = core::mem::take(&mut self.epochs);
+        self.errors = epochs.iter().map(|e| Errors::of(e, &self.mounting)).collect();
+    }
+
+    /// Its errors at this epoch.
+    pub(super) fn errors_at(&self, time: Time) -> Option<&Errors> {
+        let at = self.errors.binary_search_by_key(&time, |e| e.time).ok()?;
+        self.errors.get(at)
+    }
+
+    /// The last of its stamps.
+    pub(super) fn end(&self) -> Time {
+        let last = self.streams.iter().filter_map(|s| s.times.last());
+        last.copied().max().unwrap_or_default()
+    }
+
+    /// The last moment at which the undisturbed run has an error; without a reference the end.
+    pub(super) fn judged_end(&self) -> Time {
+        self.errors.last().map_or(self.end(), |e| e.time)
+    }
+
+    /// The moment of the faults: the declared one, or the first that [is free](Self::is_free) at which the vehicle has
+    /// been moving for 5 s and goes on for 5 s, once the filter has converged; where none is free, the first of them,
+    /// and where it never moves, half-way.
+    pub(super) fn moment(&self, catalogue: &Catalogue, from: Option<Time>) -> Time {
+        if let Some(at) = catalogue.at {
+            return Time::from_seconds(at);
+        }
+        let started = self.started.unwrap_or_default();
+        // A log, or a reference, that ends too soon gives the filter less time to converge.
+        let latest = self.judged_end().shifted(-nanos(catalogue.span())).max(started);
+        let settled = started.shifted(nanos(catalogue.settle)).min(latest);
+        let earliest = settled.max(from.unwrap_or(Time::MIN));
+        let speeds: Vec<(Time, f64)> = self.estimates.iter().filter_map(|e| Some((e.time, e.velocity?.norm()))).collect();
+        let squares = speeds.iter().map(|(_, v)| v * v).sum::<f64>();
+        let moving = 0.5 * (squares / speeds.len().max(1) as f64).sqrt();
+        let (mut since, mut found) = (None, None);
+        for (time, speed) in speeds {
+            if speed < moving {
+                since = None;
+                continue;
+            }
+            let since = *since.get_or_insert(time);
+            let middle = time.shifted(-5_000_000_000);
+            if since.max(earliest) <= middle && time.seconds_since(since) >= 10.0 {
+                if self.is_free(catalogue, middle) {
+                    return middle;
+                }
+                found.get_or_insert(middle);
+            }
+        }
+        let end = self.judged_end();
+        found.unwrap_or_else(|| Time::from_seconds(0.5 * (earliest.min(end).seconds() + end.seconds())))
+    }
+
+    /// Whether no declared fault is at work, nor the log at its end, while the faults that begin `at` this moment last and
+    /// the filter recovers.
+    pub(super) fn is_free(&self, catalogue: &Catalogue, at: Time) -> bool {
+        let (from, to) = (at.seconds(), at.seconds() + catalogue.span());
+        let is_apart = |(begin, end): &(f64, f64)| *end <= from || to <= *begin;
+        to <= self.judged_end().seconds() && self.declared.iter().all(is_apart)
+    }
+}
+
+impl RunObserver for Survey {
+    fn on(&mut self, event: &RunEvent<'_>) -> Result<(), Halt> {
+        match event {
+            RunEvent::Row(row) => {
+                if let (Some(learnt), Some(layout)) = (self.streams.get_mut(row.stream), self.layouts.get(row.stream)) {
+                    learnt.add(row.time, row.values, layout);
+                }
+            }
+            RunEvent::Filter { filter, event } => {
+                if let Event::Started { belief, .. } = event
+                    && filter.is_outermost()
+                {
+                    self.started.get_or_insert(belief.time);
+                }
+            }
+            RunEvent::Estimate { filter, solution, belief } if filter.is_outermost() => {
+                if let Some(last) = self.last_estimate.replace(belief.time) {
+                    self.longest_pause = self.longest_pause.max(belief.time.seconds_since(last));
+                }
+                let is_next = |last: &ReferenceEpoch| belief.time.nanos().saturating_sub(last.time.nanos()) >= SPACING;
+                if self.estimates.last().is_none_or(is_next) {
+                    self.estimates.push(ReferenceEpoch {
+                        time: belief.time,
+                        position: solution.position.map(|(p, _)| p),
+                        velocity: solution.velocity.map(|(v, _)| v),
+                        attitude: solution.attitude.map(|(q, _)| q),
+                        ..ReferenceEpoch::default()
+                    });
+                }
+            }
+            RunEvent::Reference {
+                filter,
+                error: Some(error),
+                ..
+            } if filter.is_outermost() => self.epochs.push(**error),
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fusion::config::Document;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn faults_begin_apart_from_declared_ones_and_leave_the_time_to_recover() {
+        let at = |seconds: f64, declared: Vec<(f64, f64)>| {
+            let mut survey = Survey::new(Vec::new());
+            survey.started = Some(Time::default());
+            survey.declared = declared;
+            let epoch = |k: i32| ReferenceEpoch {
+                time: Time::from_seconds(f64::from(k)),
+                velocity: Some(Vector3::new(1.0, 0.0, 0.0)),
+                ..ReferenceEpoch::default()
+            };
+            survey.estimates = (0..seconds as i32).map(epoch).collect();
+            survey.streams = vec![Learnt {
+                times: vec![Time::from_seconds(seconds)],
+                ..Learnt::default()
+            }];
+            let catalogue = Catalogue::read(Catalogue::built_in(), &Document::parse("empty", "").0).unwrap();
+            let at = survey.moment(&catalogue, None);
+            // Rounding of a share of the run.
+            (at.seconds().round(), survey.is_free(&catalogue, at))
+        };
+        assert_eq!(at(600.0, Vec::new()), (60.0, true));
+        // Each lasts for 45 s at most, and 30 s are left to recover.
+        assert_eq!(at(600.0, vec![(80.0, 200.0)]), (200.0, true));
+        assert_eq!(at(95.0, Vec::new()), (20.0, true));
+        assert_eq!(at(600.0, vec![(0.0, 600.0)]), (60.0, false));
+    }
+}
