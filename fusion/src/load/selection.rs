@@ -15,7 +15,7 @@ pub const BASE: &str = "base";
 ///
 /// let selection = Selection {
 ///     backend: Some("iekf".to_owned()),
-///     set: vec!["sensor.position.noise.sigma=3 m".to_owned()],
+///     set: vec!["sensor.position.lever_arm=[0, 0, 0]".to_owned()],
 ///     ..Selection::default()
 /// };
 /// let design = selection.load("../examples/embed.toml")?;

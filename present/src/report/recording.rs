@@ -53,7 +53,7 @@ pub struct Frame {
 /// Collects one run.
 ///
 /// ```
-/// use fusion::report::{Frame, Recording};
+/// use fusion_present::report::{Frame, Recording};
 /// let mut recording = Recording::new(Frame::default());
 /// recording.input("heading", "deg", fusion::core::time::Time::from_seconds(0.1), &[90.0]);
 /// ```
