@@ -19,7 +19,7 @@ pub const BASE: &str = "base";
 ///     ..Selection::default()
 /// };
 /// let design = selection.load("../examples/embed.toml")?;
-/// assert_eq!(design.filter.backend_name(), "iekf");
+/// assert_eq!(design.filter.backend_name(), "body / iterated / joseph");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug, Default)]
